@@ -1,0 +1,141 @@
+"""The messages that travel between nodes: frozen dataclasses on numpy arrays.
+
+A message is never changed after it was made, so it passes between threads by reference.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+Pixels = npt.NDArray[np.generic]
+
+_BAYER = ("rggb", "bggr", "gbrg", "grbg")
+ENCODINGS: dict[str, tuple[str, int]] = {
+    "mono8": ("uint8", 1),
+    "mono16": ("uint16", 1),
+    "bgr8": ("uint8", 3),
+    "rgb8": ("uint8", 3),
+    "bgra8": ("uint8", 4),
+    "rgba8": ("uint8", 4),
+    "bgr16": ("uint16", 3),
+    "rgb16": ("uint16", 3),
+    **{f"bayer_{pattern}8": ("uint8", 1) for pattern in _BAYER},
+    **{f"bayer_{pattern}16": ("uint16", 1) for pattern in _BAYER},
+}
+"""Encoding name of sensor_msgs/image_encodings -> (numpy dtype, channels)."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """When and where a message was taken.
+
+    ``stamp_ns`` is the time of capture in nanoseconds; ``frame_id`` the frame of the data, for an
+    image the camera's optical frame (z forward, x right, y down).
+    """
+
+    stamp_ns: int = 0
+    frame_id: str = ""
+
+
+class Deferred:
+    """Pixels that are made when somebody first asks for them, once, whichever thread asks.
+
+    Args:
+        shape: (height, width) or (height, width, channels) of the array that ``make`` returns.
+        dtype: its type.
+        make: called at most once.
+    """
+
+    def __init__(
+        self, shape: tuple[int, ...], dtype: npt.DTypeLike, make: Callable[[], Pixels]
+    ) -> None:
+        self.shape = shape
+        self.dtype = np.dtype(dtype)
+        self._make: Callable[[], Pixels] | None = make
+        self._pixels: Pixels | None = None
+        self._lock = threading.Lock()
+
+    def __call__(self) -> Pixels:
+        if self._pixels is None:
+            with self._lock:
+                if self._make is not None:
+                    self._pixels = _read_only(self._make())
+                    self._make = None  # lets go of what it was made from
+        assert self._pixels is not None
+        return self._pixels
+
+
+@dataclass(frozen=True)
+class CameraInfo:
+    """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
+
+    ``K`` is 3x3, ``R`` 3x3 and ``P`` 3x4, row-major and in pixels, origin at the centre of the
+    top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``.
+    """
+
+    height: int
+    width: int
+    K: npt.NDArray[np.float64]
+    D: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
+    R: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    P: npt.NDArray[np.float64] | None = None
+    distortion_model: str = "plumb_bob"
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """One image and, where the camera is calibrated, the calibration that goes with it.
+
+    ``data`` is an array of shape (height, width) for one channel or (height, width, channels), or
+    a `Deferred` that makes one; take the array from ``pixels``, which is read-only. ``encoding``
+    is one of `ENCODINGS`.
+
+    Raises:
+        ValueError: shape or type do not fit the encoding.
+    """
+
+    data: npt.NDArray[np.generic] | Deferred
+    encoding: str
+    header: Header = Header()
+    camera_info: CameraInfo | None = None
+
+    def __post_init__(self) -> None:
+        if self.encoding not in ENCODINGS:
+            raise ValueError(f"unknown encoding {self.encoding!r}")
+        dtype, channels = ENCODINGS[self.encoding]
+        depth = self.data.shape[2:] or (1,)
+        if self.data.dtype != dtype or depth != (channels,) or len(self.data.shape) > 3:
+            raise ValueError(f"{self.encoding} is not {self.data.dtype} of {self.data.shape}")
+        if not isinstance(self.data, Deferred):
+            object.__setattr__(self, "data", _read_only(self.data))
+
+    @property
+    def pixels(self) -> npt.NDArray[np.generic]:
+        """The pixels: (height, width) or (height, width, channels), read-only."""
+        return self.data() if isinstance(self.data, Deferred) else self.data
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return int(self.data.shape[0])
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return int(self.data.shape[1])
+
+    @property
+    def is_color(self) -> bool:
+        """More than one channel."""
+        return len(self.data.shape) == 3
+
+
+def _read_only(pixels: Pixels) -> Pixels:
+    view = pixels.view()
+    view.flags.writeable = False
+    return view

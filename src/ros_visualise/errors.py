@@ -1,0 +1,39 @@
+"""What can go wrong, as a person meets it: each is one line that says what to do next.
+
+- RosVisualiseError            the work failed or lost something            (exit status 1)
+  - RecordingError             a recording could not be written to its end
+  - UnsupportedImage           a node cannot process images of this encoding
+  - UsageError                 wrong usage                                  (exit status 2)
+    - ParameterError           no such parameter, or a value out of its range
+    - OpenError                an input or a target that cannot be opened
+
+Anything else that is raised is a bug and prints its traceback.
+"""
+
+
+class RosVisualiseError(Exception):
+    """Base of all that this package raises on purpose."""
+
+    exit_status = 1
+
+
+class RecordingError(RosVisualiseError):
+    """A recording could not be written to its end; what was written stays readable."""
+
+
+class UnsupportedImage(RosVisualiseError):
+    """A node cannot process images of this encoding."""
+
+
+class UsageError(RosVisualiseError):
+    """The call is wrong: the message says what would be right."""
+
+    exit_status = 2
+
+
+class ParameterError(UsageError):
+    """An unknown parameter, or a value of the wrong type or out of its range."""
+
+
+class OpenError(UsageError):
+    """An input or a recording target that cannot be opened."""

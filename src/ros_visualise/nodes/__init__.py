@@ -1,0 +1,183 @@
+"""The registry: a node or a source is declared once, with a decorator, in a file of its own.
+
+    @node("edge_detector", params=EdgeParams, inputs={"image": Image}, outputs={"edges": Image})
+    def edge_detector(image, params):
+        '''Canny edges of one image.'''
+        return ...
+
+A node is a function or, where it keeps a state, a class with
+
+- ``__init__(params)``,
+- ``step(<its inputs by name>, params)``, called for each message, and where needed
+- ``reset()``, when time has jumped backwards,
+- ``finish()``, at the end of the stream,
+- ``report()``, figures of its own for the run report.
+
+``step`` answers with the message of its only output, with a dict of output name to message, or
+with None: nothing for this one.
+
+A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
+``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
+closed; and ``close()``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Protocol, TypeVar
+
+from ros_visualise.errors import OpenError, UsageError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """The parameters of a node that has none."""
+
+
+@dataclass(frozen=True)
+class NodeType:
+    """A declared node.
+
+    ``on_demand`` names the outputs that are only made while somebody wants them; ``drops`` is the
+    reason under which an answer of None is counted, where that means a dropped message.
+    """
+
+    name: str
+    make: Callable[[Any], Any]
+    params: type
+    inputs: Mapping[str, type]
+    outputs: Mapping[str, type]
+    on_demand: frozenset[str] = frozenset()
+    drops: str | None = None
+    doc: str = ""
+
+
+@dataclass(frozen=True)
+class SourceType:
+    """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera."""
+
+    name: str
+    make: Callable[[Any, Any], Source]
+    params: type
+    outputs: Mapping[str, type]
+    live: bool = False
+    doc: str = ""
+    inputs: Mapping[str, type] = field(default_factory=dict)
+    on_demand: frozenset[str] = frozenset()
+
+
+class Source(Protocol):
+    """What a declared source class offers to a runtime."""
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """(Output name, message) until the end."""
+
+    def close(self) -> None:
+        """Let go of what is open; may be called from any thread."""
+
+
+class _Stateless:
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.step = function
+
+
+def node(
+    name: str,
+    *,
+    inputs: Mapping[str, type],
+    outputs: Mapping[str, type],
+    params: type = NoParams,
+    on_demand: tuple[str, ...] = (),
+    drops: str | None = None,
+) -> Callable[[T], T]:
+    """Declare the decorated function or class as a node; see the module's docstring."""
+
+    def declare(target: T) -> T:
+        make = target if isinstance(target, type) else lambda params: _Stateless(target)  # type: ignore[arg-type]
+        declared = NodeType(
+            name, make, params, inputs, outputs, frozenset(on_demand), drops, _first_line(target)
+        )
+        target.declared = declared  # type: ignore[attr-defined]
+        return target
+
+    return declare
+
+
+def source(
+    name: str, *, params: type, outputs: Mapping[str, type], live: bool = False
+) -> Callable[[T], T]:
+    """Declare the decorated class as a source; see the module's docstring."""
+
+    def declare(target: T) -> T:
+        declared = SourceType(name, target, params, outputs, live, _first_line(target))  # type: ignore[arg-type]
+        target.declared = declared  # type: ignore[attr-defined]
+        return target
+
+    return declare
+
+
+def find(name: str) -> NodeType | SourceType:
+    """The built-in node or source of that name, from its file ``nodes/<name>.py``."""
+    module = importlib.import_module(f"{__name__}.{name}")
+    return _declared_in(module)[name]
+
+
+def find_all() -> list[NodeType | SourceType]:
+    """Every built-in source and node, by name."""
+    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
+    return [find(name) for name in names]
+
+
+def load(path: str, name: str) -> NodeType:
+    """A node of one's own, from ``path``; ``name`` is the function's, the class's or the node's.
+
+    Raises:
+        OpenError: there is no such file, or it does not run.
+        UsageError: it declares no such node; those that it does are listed.
+    """
+    declared = _declared_in(_run_file(path))
+    if name not in declared:
+        there = ", ".join(sorted(declared)) or "none: decorate a function with @node"
+        raise UsageError(f"{path} declares no node {name!r}; there is {there}")
+    found = declared[name]
+    if not isinstance(found, NodeType):
+        raise UsageError(f"{path}: {name} is a source, not a node")
+    return found
+
+
+def _run_file(path: str) -> ModuleType:
+    if not Path(path).is_file():
+        raise OpenError(f"{path}: no such file; give a node as FILE.py:NAME")
+    spec = importlib.util.spec_from_file_location(f"own_{Path(path).stem}", path)
+    if spec is None or spec.loader is None:
+        raise OpenError(f"{path}: not a Python file; give a node as FILE.py:NAME")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise OpenError(f"{path}: {type(error).__name__}: {error}") from error
+    return module
+
+
+def _declared_in(module: ModuleType) -> dict[str, NodeType | SourceType]:
+    found: dict[str, NodeType | SourceType] = {}
+    for attribute, value in vars(module).items():
+        declared = getattr(value, "declared", None)
+        if isinstance(declared, NodeType | SourceType):
+            found[attribute] = found[declared.name] = declared
+    return found
+
+
+def _first_line(target: Any) -> str:
+    return (inspect.getdoc(target) or "").partition("\n")[0]

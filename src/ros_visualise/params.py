@@ -1,0 +1,179 @@
+"""A node's parameters, declared once as a frozen dataclass.
+
+    @dataclass(frozen=True)
+    class EdgeParams:
+        low: int = param(200, "hysteresis low threshold", min=0, max=800)
+
+Sliders, command line, YAML keys, ROS parameters and documentation are all made from `specs`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import typing
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Generic, TypeVar
+
+from ros_visualise.errors import ParameterError
+
+Value = int | float | bool | str | Enum
+P = TypeVar("P")
+
+
+def param(
+    default: Any,
+    help: str,
+    *,
+    min: float | None = None,
+    max: float | None = None,
+    slider: tuple[float, float] | None = None,
+    restart: bool = False,
+) -> Any:
+    """Declare one parameter of type int, float, bool, str or Enum.
+
+    Args:
+        default: the value that it starts with.
+        help: one line for people.
+        min, max: the hard limits of a number, both included.
+        slider: a smaller range for the slider than the hard limits.
+        restart: a change reopens the source.
+    """
+    metadata = {"help": help, "min": min, "max": max, "slider": slider, "restart": restart}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Spec:
+    """One declared parameter."""
+
+    name: str
+    type: type
+    default: Value
+    help: str
+    min: float | None
+    max: float | None
+    slider: tuple[float, float] | None
+    restart: bool
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The values of an Enum as text, else empty."""
+        return tuple(str(c.value) for c in self.type) if issubclass(self.type, Enum) else ()
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """The slider's range: ``slider`` where declared, else the hard limits."""
+        if self.slider is not None:
+            return self.slider
+        return None if self.min is None or self.max is None else (self.min, self.max)
+
+    def coerce(self, value: Any) -> Value:
+        """The value in this parameter's own type, from that type or from text.
+
+        Raises:
+            ParameterError: not of this type or out of range; the message names what is allowed.
+        """
+        if issubclass(self.type, Enum):
+            return self._choose(value)
+        if self.type is bool:
+            return self._switch(value)
+        if self.type is str:
+            return str(value)
+        return self._number(value)
+
+    def _choose(self, value: Any) -> Enum:
+        text = str(value.value if isinstance(value, Enum) else value)
+        for choice in self.type:  # type: ignore[attr-defined]
+            if text == str(choice.value):
+                return typing.cast(Enum, choice)
+        raise ParameterError(f"{self.name}={text}: choose one of {', '.join(self.choices)}")
+
+    def _switch(self, value: Any) -> bool:
+        words = {"true": True, "1": True, "on": True, "yes": True}
+        words |= {"false": False, "0": False, "off": False, "no": False}
+        text = str(value).lower()
+        if text not in words:
+            raise ParameterError(f"{self.name}={value}: choose true or false")
+        return words[text]
+
+    def _number(self, value: Any) -> int | float:
+        try:
+            number = float(value)
+            if self.type is int and number != int(number):
+                raise ValueError
+        except (TypeError, ValueError, OverflowError):
+            kind = "a whole number" if self.type is int else "a number"
+            raise ParameterError(f"{self.name}={value}: must be {kind}{self._limits()}") from None
+        low = float("-inf") if self.min is None else self.min
+        high = float("inf") if self.max is None else self.max
+        if not low <= number <= high:
+            raise ParameterError(f"{self.name}={value}: must be{self._limits()}")
+        return int(number) if self.type is int else number
+
+    def _limits(self) -> str:
+        if self.min is not None and self.max is not None:
+            return f" from {self.min:g} to {self.max:g}"
+        if self.min is not None:
+            return f" at least {self.min:g}"
+        return "" if self.max is None else f" at most {self.max:g}"
+
+
+def specs(params: Any) -> tuple[Spec, ...]:
+    """The declared parameters of a params class (or of an instance of it), in order."""
+    cls = params if isinstance(params, type) else type(params)
+    types = typing.get_type_hints(cls)
+    fields = dataclasses.fields(cls)
+    return tuple(Spec(f.name, types[f.name], f.default, **f.metadata) for f in fields)
+
+
+def update(params: P, changes: Mapping[str, Any]) -> P:
+    """A copy of ``params`` with the changes, checked as one whole.
+
+    Raises:
+        ParameterError: an unknown name (the known ones are listed) or a refused value; then nothing
+            is changed.
+    """
+    known = {spec.name: spec for spec in specs(params)}
+    for name in changes:
+        if name not in known:
+            raise ParameterError(f"no parameter {name!r}; there are {', '.join(known) or 'none'}")
+    values = {name: known[name].coerce(value) for name, value in changes.items()}
+    return dataclasses.replace(params, **values)  # type: ignore[type-var]
+
+
+class Parameters(Generic[P]):
+    """A node's live parameters: a frozen object that is swapped as a whole, never changed.
+
+    ``current`` may be read from any thread without a lock.
+    """
+
+    def __init__(self, initial: P) -> None:
+        self.current = initial
+        self._lock = threading.RLock()
+        self._listeners: list[Callable[[P, Mapping[str, Value]], None]] = []
+
+    def update(self, changes: Mapping[str, Any]) -> P:
+        """Apply all changes or none; listeners are told what really changed.
+
+        Raises:
+            ParameterError: as `update`.
+        """
+        with self._lock:
+            before = self.current
+            after = update(before, changes)
+            values = {name: getattr(after, name) for name in changes}
+            changed = {n: v for n, v in values.items() if v != getattr(before, n)}
+            if changed:
+                self.current = after
+                for listener in tuple(self._listeners):
+                    listener(after, changed)
+            return self.current
+
+    def on_change(self, listener: Callable[[P, Mapping[str, Value]], None]) -> Callable[[], None]:
+        """Call ``listener(current, changed)`` after each change; returns the call that ends it."""
+        with self._lock:
+            self._listeners.append(listener)
+        return lambda: self._listeners.remove(listener)

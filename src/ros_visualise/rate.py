@@ -1,0 +1,56 @@
+"""Time and pacing. Clocks are objects, so that a test brings its own."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """What tells the time."""
+
+    def now_ns(self) -> int:
+        """Nanoseconds since the epoch of this clock."""
+
+
+class WallClock:
+    """The time of day."""
+
+    def now_ns(self) -> int:
+        """Nanoseconds since 1970."""
+        return time.time_ns()
+
+
+class Pacer:
+    """Chooses which messages of a stream pass, so that they pass at a requested rate.
+
+    A phase accumulator over the messages' own stamps: due times lie one period apart, and for each
+    the nearest message passes. So the mean rate is the requested one and no gap is off by more
+    than one period of the input, whatever the ratio of the two rates; nothing is ever repeated.
+    """
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the phase: the next message passes."""
+        self._last_ns: int | None = None
+        self._passed_ns = 0
+        self._due_ns = 0.0
+        self._period_ns = 0.0
+
+    def passes(self, stamp_ns: int, rate_hz: float) -> bool:
+        """Whether the message of that stamp passes at ``rate_hz``; to be asked once for each."""
+        period_ns = 1e9 / rate_hz
+        if self._last_ns is None or stamp_ns < self._last_ns:
+            self._last_ns, self._due_ns = stamp_ns, stamp_ns
+        elif period_ns != self._period_ns:
+            self._due_ns = self._passed_ns + period_ns
+        half_step_ns = (stamp_ns - self._last_ns) / 2
+        self._last_ns, self._period_ns = stamp_ns, period_ns
+        if stamp_ns + half_step_ns < self._due_ns:
+            return False
+        self._passed_ns = stamp_ns
+        behind = self._due_ns + period_ns <= stamp_ns
+        self._due_ns = (stamp_ns if behind else self._due_ns) + period_ns
+        return True

@@ -1,0 +1,50 @@
+"""The seam between the nodes, what runs them, and who looks on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Protocol
+
+from ros_visualise.params import Parameters
+from ros_visualise.pipelines import Graph
+from ros_visualise.sources.playback import Playback
+
+
+class Subscription(Protocol):
+    """The newest message of one topic, for whoever looks on; it never holds up a node."""
+
+    def take(self, timeout_s: float) -> Any | None:
+        """The newest message not taken yet; None if none came in time or the topic ended."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class Runtime(Protocol):
+    """A running graph, as page, windows and command line see it."""
+
+    graph: Graph
+    parameters: Mapping[str, Parameters[Any]]
+    """Node name -> its live parameters."""
+    playback: Playback | None
+    """None where the source cannot be paused or sought from here."""
+
+    def subscribe(self, topic: str) -> Subscription:
+        """Look at a topic; an on-demand output is made from now on."""
+
+    def report(self, window_s: float | None = None) -> dict[str, Any]:
+        """Topics and nodes: counts of the whole run; rates and latencies of it or of its last seconds.
+
+        The layout is that of the ``--json`` run report.
+        """
+
+    def start_recording(self, target: str | Path) -> None:
+        """Record to a file from now on.
+
+        Raises:
+            OpenError: it exists or cannot be written.
+        """
+
+    def stop_recording(self) -> None:
+        """End and close all recordings."""

@@ -1,0 +1,1 @@
+"""Image processing as pure functions on numpy arrays: no ROS, no threads, no state."""

@@ -1,0 +1,18 @@
+"""What the tests share."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def recordings() -> Path:
+    """The folder of real recordings; a test that needs it is skipped where it is absent."""
+    default = Path(__file__).parents[2] / "shared" / "data"
+    folder = Path(os.environ.get("ROS_VISUALISE_DATA", default))
+    if not folder.is_dir():
+        if os.environ.get("CI"):
+            pytest.fail(f"no recordings in {folder}: set ROS_VISUALISE_DATA")
+        pytest.skip(f"no recordings in {folder}: set ROS_VISUALISE_DATA to run this")
+    return folder
