@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Protocol
 
 
 class Clock(Protocol):
-    """What tells the time."""
+    """What tells the time and waits for it."""
 
     def now_ns(self) -> int:
-        """Nanoseconds since the epoch of this clock."""
+        """The time that stamps are made of, in nanoseconds since 1970."""
+
+    def monotonic_ns(self) -> int:
+        """Nanoseconds that only ever grow, for measuring and waiting."""
+
+    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
+        """Wait, holding ``condition``, until it is notified or its monotonic time has come.
+
+        It may return early; None waits without an end.
+        """
 
 
 class WallClock:
@@ -19,6 +29,16 @@ class WallClock:
     def now_ns(self) -> int:
         """Nanoseconds since 1970."""
         return time.time_ns()
+
+    def monotonic_ns(self) -> int:
+        """Nanoseconds that only ever grow."""
+        return time.monotonic_ns()
+
+    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
+        """Wait for a notification or until a monotonic time."""
+        timeout_s = None if until_ns is None else (until_ns - time.monotonic_ns()) / 1e9
+        if timeout_s is None or timeout_s > 0:
+            condition.wait(timeout_s)
 
 
 class Pacer:

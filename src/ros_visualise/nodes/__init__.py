@@ -49,7 +49,8 @@ class NodeType:
     """A declared node.
 
     ``on_demand`` names the outputs that are only made while somebody wants them; ``drops`` is the
-    reason under which an answer of None is counted, where that means a dropped message.
+    reason under which an answer of None is counted, where that means a dropped message;
+    ``stateless`` where the same message and parameters always give the same answer.
     """
 
     name: str
@@ -59,6 +60,7 @@ class NodeType:
     outputs: Mapping[str, type]
     on_demand: frozenset[str] = frozenset()
     drops: str | None = None
+    stateless: bool = True
     doc: str = ""
 
 
@@ -86,7 +88,7 @@ class Source(Protocol):
         """Let go of what is open; may be called from any thread."""
 
 
-class _Stateless:
+class _Function:
     def __init__(self, function: Callable[..., Any]) -> None:
         self.step = function
 
@@ -103,11 +105,17 @@ def node(
     """Declare the decorated function or class as a node; see the module's docstring."""
 
     def declare(target: T) -> T:
-        make = target if isinstance(target, type) else lambda params: _Stateless(target)  # type: ignore[arg-type]
-        declared = NodeType(
-            name, make, params, inputs, outputs, frozenset(on_demand), drops, _first_line(target)
+        target.declared = NodeType(  # type: ignore[attr-defined]
+            name,
+            target if isinstance(target, type) else lambda params: _Function(target),  # type: ignore[arg-type]
+            params,
+            inputs,
+            outputs,
+            frozenset(on_demand),
+            drops,
+            stateless=not isinstance(target, type),
+            doc=_first_line(target),
         )
-        target.declared = declared  # type: ignore[attr-defined]
         return target
 
     return declare

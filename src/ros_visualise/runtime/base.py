@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from ros_visualise.errors import RecordingError
 from ros_visualise.params import Parameters
 from ros_visualise.pipelines import Graph
 from ros_visualise.sources.playback import Playback
@@ -21,6 +22,16 @@ class Subscription(Protocol):
         """End it."""
 
 
+class Recording(Protocol):
+    """A file that is being written."""
+
+    path: Path
+    written: int
+    dropped: int
+    error: RecordingError | None
+    """What ended it early, if anything did."""
+
+
 class Runtime(Protocol):
     """A running graph, as page, windows and command line see it."""
 
@@ -34,12 +45,12 @@ class Runtime(Protocol):
         """Look at a topic; an on-demand output is made from now on."""
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
-        """Topics and nodes: counts of the whole run; rates and latencies of it or of its last seconds.
+        """Topics and nodes with their counts, and rates of the whole run or of its last seconds.
 
         The layout is that of the ``--json`` run report.
         """
 
-    def start_recording(self, target: str | Path) -> None:
+    def start_recording(self, target: str | Path, overwrite: bool = False) -> Recording:
         """Record to a file from now on.
 
         Raises:

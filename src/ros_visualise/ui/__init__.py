@@ -1,1 +1,42 @@
-"""What a person sees and moves: the page, the windows."""
+"""What a person sees and moves: the page, the windows, or nothing but a progress bar."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ros_visualise.runtime.base import Runtime
+
+
+class View(Protocol):
+    """One way to look at a running graph. All calls come from the main thread."""
+
+    stays: bool
+    """Whether it stays open when the source has ended."""
+
+    def open(self, runtime: Runtime) -> None:
+        """Show this graph from now on."""
+
+    def spin(self, timeout_s: float) -> None:
+        """Do what has to be done on the main thread, for so long or shorter."""
+
+    def close(self) -> None:
+        """Take it away."""
+
+
+def open_view(name: str, host: str, port: int) -> View:
+    """The view called ``web``, ``windows`` or ``none``.
+
+    Raises:
+        OpenError: the port is in use, or there is no screen for windows.
+    """
+    if name == "web":
+        from ros_visualise.ui.page import Page
+
+        return Page(host, port)
+    if name == "windows":
+        from ros_visualise.ui.windows import Windows
+
+        return Windows()
+    from ros_visualise.ui.progress import Progress
+
+    return Progress()

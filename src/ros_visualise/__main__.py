@@ -1,0 +1,7 @@
+"""``python -m ros_visualise`` is ``ros-visualise``."""
+
+import sys
+
+from ros_visualise.cli import main
+
+sys.exit(main())

@@ -1,0 +1,161 @@
+"""The command line: what can be asked for. Light to import; `ros_visualise.commands` does it."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from ros_visualise.errors import RosVisualiseError
+
+_EXAMPLES = """examples:
+  ros-visualise demo
+  ros-visualise video flight.mp4 --set filters.threshold=90
+  ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
+  ros-visualise camera rtsp://192.168.1.10/stream
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit status.
+
+    0 done; 1 the work failed or lost something; 2 wrong usage or an input that cannot be opened;
+    130 stopped by Ctrl-C.
+    """
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        args = _parser().parse_args(arguments)
+        from ros_visualise import commands
+
+        status: int = getattr(commands, args.command)(args)
+        return status
+    except RosVisualiseError as error:
+        print(f"ros-visualise: {error}", file=sys.stderr)
+        return error.exit_status
+    except KeyboardInterrupt:
+        return 130
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="ros-visualise",
+        description="See what a robot sees.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, help="show the version and exit")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    playing = _playing_options()
+
+    demo = commands.add_parser(
+        "demo", parents=[playing], help="a moving scene, with nothing to hand"
+    )
+    demo.set_defaults(source="demo")
+    video = commands.add_parser("video", parents=[playing], help="a video file")
+    video.add_argument("input", metavar="FILE")
+    video.set_defaults(source="streamer")
+    camera = commands.add_parser("camera", parents=[playing], help="a camera")
+    camera.add_argument(
+        "input",
+        metavar="DEVICE|URL|test",
+        nargs="?",
+        default="0",
+        help="a device by path or number (default: 0), a stream's URL, or a test pattern",
+    )
+    camera.set_defaults(source="camera")
+
+    info = commands.add_parser("info", help="what a file holds")
+    info.add_argument("input", metavar="FILE")
+    info.add_argument("--json", action="store_true", help="as one JSON object")
+    nodes = commands.add_parser("nodes", help="every node, its topics and its parameters")
+    nodes.add_argument("--json", action="store_true", help="as one JSON object")
+    return parser
+
+
+def _checked(
+    kind: type[int] | type[float], accept: Callable[[float], bool], words: str
+) -> Callable[[str], float]:
+    def parse(text: str) -> float:
+        try:
+            number = kind(text)
+        except ValueError:
+            number = math.nan
+        if not accept(number):
+            raise argparse.ArgumentTypeError(f"{text!r} is not {words}")
+        return number
+
+    return parse
+
+
+_not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
+_positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
+_count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
+_port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
+
+
+def _playing_options() -> argparse.ArgumentParser:
+    options = argparse.ArgumentParser(add_help=False)
+    view = options.add_argument_group("viewing")
+    view.add_argument("--view", choices=("web", "windows", "none"), default="web")
+    view.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
+    view.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
+    play = options.add_argument_group("playing")
+    play.add_argument(
+        "--rate", type=_not_negative, help="speed (1); 0: as fast as it goes, lossless"
+    )
+    play.add_argument("--loop", action="store_true", help="start over at the end")
+    play.add_argument(
+        "--start", type=_not_negative, metavar="S", help="begin at this time, seconds"
+    )
+    play.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
+    play.add_argument("--frames", type=_count, metavar="N", help="end after so many frames")
+    play.add_argument("--size", metavar="WxH", default="", help="scale the images to this size")
+    work = options.add_argument_group("nodes")
+    work.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.PARAM=VALUE",
+        help="start with this value; see `ros-visualise nodes`; repeatable",
+    )
+    work.add_argument("--params", type=Path, metavar="FILE.yaml", help="values from a file")
+    work.add_argument(
+        "--node",
+        action="append",
+        default=[],
+        metavar="FILE.py:NAME[@AFTER]",
+        help="insert a node of your own, after `filters` unless it says; repeatable",
+    )
+    output = options.add_argument_group("output")
+    output.add_argument(
+        "--record",
+        action="append",
+        default=[],
+        metavar="OUT[@TOPIC,...]",
+        help="record to .mcap, or one image topic to .mp4 (default: /edges); repeatable",
+    )
+    output.add_argument("--overwrite", action="store_true", help="replace recordings that exist")
+    output.add_argument(
+        "--json", action="store_true", help="print the run report as JSON at the end"
+    )
+    return options
+
+
+class _Version(argparse.Action):
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"{parser.prog} {version('ros_visualise')}")
+        parser.exit()

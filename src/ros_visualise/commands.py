@@ -1,0 +1,209 @@
+"""What the commands do."""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import sys
+import threading
+from argparse import Namespace
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ros_visualise import nodes as registry
+from ros_visualise import sources
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.messages import type_name
+from ros_visualise.nodes import NodeType, SourceType
+from ros_visualise.params import Spec, specs
+from ros_visualise.pipelines import Graph, image_pipeline, parse_node
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import View, open_view
+
+T = TypeVar("T")
+
+_SPIN_S = 0.05
+
+
+def demo(args: Namespace) -> int:
+    """Play a moving scene made by the program."""
+    return _play(args)
+
+
+def video(args: Namespace) -> int:
+    """Play a video file."""
+    return _play(args, path=args.input)
+
+
+def camera(args: Namespace) -> int:
+    """Play a camera."""
+    if args.rate is not None or args.loop or args.start is not None:
+        raise UsageError("a camera is live: it takes no --rate, --loop or --start")
+    return _play(args, uri=args.input)
+
+
+def info(args: Namespace) -> int:
+    """Print what a file holds."""
+    found = _interruptible(lambda: sources.info(args.input))
+    if args.json:
+        print(json.dumps(found))
+        return 0
+    topics = found.pop("topics")
+    for key, value in found.items():
+        print(f"{key + ':':<12}{value}")
+    for name, topic in topics.items():
+        print(f"{name}  {topic['type']}  {topic['messages']} messages  {topic['hz']} Hz")
+    return 0
+
+
+def nodes(args: Namespace) -> int:
+    """Print every node, its topics and its parameters."""
+    described = {found.name: _describe(found) for found in registry.find_all()}
+    if args.json:
+        print(json.dumps(described))
+        return 0
+    for name, node in described.items():
+        print(f"{name}: {node['doc']}")
+        for way in ("inputs", "outputs"):
+            if node[way]:
+                print(f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items()))
+        for param, about in node["params"].items():
+            print(f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}")
+        print()
+    return 0
+
+
+def _play(args: Namespace, **settings: Any) -> int:
+    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
+    if args.size:
+        settings["size"] = args.size
+    graph = _graph(args, settings)
+    view = open_view(args.view, args.host, args.port)
+    try:
+        return _run(args, graph, view)
+    finally:
+        view.close()
+
+
+def _graph(args: Namespace, settings: dict[str, Any]) -> Graph:
+    graph = image_pipeline(args.source, **settings)
+    for text in args.node:
+        path, name, after = parse_node(text)
+        graph = graph.insert(registry.load(path, name), after)
+    if args.params:
+        graph = graph.configured(_read_yaml(args.params))
+    for text in args.set:
+        key, equals, value = text.partition("=")
+        node, dot, param = key.partition(".")
+        if not (equals and dot):
+            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
+        graph = graph.configured({node: {param: value}})
+    return graph
+
+
+def _run(args: Namespace, graph: Graph, view: View) -> int:
+    playback = Playback(
+        rate=1.0 if args.rate is None else args.rate,
+        loop=args.loop,
+        start_s=args.start or 0.0,
+        duration_s=args.duration,
+        frames=args.frames,
+        hold=view.stays and args.duration is None and args.frames is None,
+    )
+    lossless = args.rate == 0 or bool(args.record)
+    runtime = _interruptible(lambda: LocalRuntime(graph, playback, lossless))
+    interrupted = False
+    try:
+        recordings = [runtime.start_recording(one, args.overwrite) for one in args.record]
+        runtime.start()
+        view.open(runtime)
+        while not runtime.wait(0) and not any(recording.error for recording in recordings):
+            view.spin(_SPIN_S)
+    except KeyboardInterrupt:
+        interrupted = True
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        view.close()
+        runtime.stop()
+    report = runtime.report()
+    _say_summary(report)
+    if args.json:
+        print(json.dumps(report))
+    return 130 if interrupted else int(runtime.failed)
+
+
+def _interruptible(make: Callable[[], T]) -> T:
+    """What ``make`` returns, made on a thread, so that Ctrl-C need not wait for it."""
+    results: list[T] = []
+    errors: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            results.append(make())
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_SPIN_S)
+    if errors:
+        raise errors[0]
+    return results[0]
+
+
+def _say_summary(report: dict[str, Any]) -> None:
+    for name, topic in report["topics"].items():
+        rates = f"{topic['hz'] or 0:g} Hz by the stamps, {topic['wall_hz'] or 0:g} per second"
+        print(f"{name}: {topic['messages']} messages, {rates}", file=sys.stderr)
+    for name, recording in report["recordings"].items():
+        dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
+        print(f"{name}: {recording['messages']} messages recorded{dropped}", file=sys.stderr)
+
+
+def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
+    try:
+        values = YAML(typ="safe").load(path.read_text())
+    except OSError as error:
+        raise OpenError(
+            f"{path}: {error.strerror}; give a YAML file as NODE: {{PARAM: VALUE}}"
+        ) from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise OpenError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
+        raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
+    return values
+
+
+def _describe(found: NodeType | SourceType) -> dict[str, Any]:
+    return {
+        "doc": found.doc,
+        "source": isinstance(found, SourceType),
+        "inputs": {port: type_name(kind) for port, kind in found.inputs.items()},
+        "outputs": {port: type_name(kind) for port, kind in found.outputs.items()},
+        "params": {spec.name: _describe_param(spec) for spec in specs(found.params)},
+    }
+
+
+def _describe_param(spec: Spec) -> dict[str, Any]:
+    return {
+        "type": "enum" if spec.choices else spec.type.__name__,
+        "default": getattr(spec.default, "value", spec.default),
+        "min": spec.min,
+        "max": spec.max,
+        "choices": list(spec.choices),
+        "help": spec.help,
+    }
+
+
+def _allowed(about: dict[str, Any]) -> str:
+    if about["choices"]:
+        return ", ".join(about["choices"])
+    if about["min"] is not None and about["max"] is not None:
+        return f"{about['type']} {about['min']:g} to {about['max']:g}"
+    return str(about["type"])

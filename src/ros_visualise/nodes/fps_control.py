@@ -1,0 +1,61 @@
+"""Rate control: lets the messages of a stream pass at a requested rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from ros_visualise.data import Image
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.rate import Clock, Pacer, WallClock
+
+
+@dataclass(frozen=True)
+class FpsParams:
+    """Parameters of `FpsControl`."""
+
+    fps: int = param(
+        30, "frames per second to let pass; 0 counts as 1", min=0, max=240, slider=(0, 30)
+    )
+    enabled: bool = param(True, "control the rate; off lets every frame pass")
+
+
+@node(
+    "fps_control",
+    params=FpsParams,
+    inputs={"image": Image},
+    outputs={"image": Image},
+    drops="rate",
+)
+class FpsControl:
+    """Lets frames pass at a requested rate, going by their stamps; repeats and delays none."""
+
+    def __init__(self, params: FpsParams, clock: Clock | None = None) -> None:
+        self._clock = clock or WallClock()
+        self._pacer = Pacer()
+        self._first_arrival_ns: int | None = None
+        self._requested_hz: float | None = None
+
+    def step(self, image: Image, params: FpsParams) -> Image | None:
+        """The image itself, or None where the rate leaves it out."""
+        self._requested_hz = max(params.fps, 1) if params.enabled else None
+        if self._requested_hz is None:
+            self._pacer.reset()
+            return image
+        stamp_ns = image.header.stamp_ns or self._since_first_arrival_ns()
+        return image if self._pacer.passes(stamp_ns, self._requested_hz) else None
+
+    def _since_first_arrival_ns(self) -> int:
+        now_ns = self._clock.now_ns()
+        if self._first_arrival_ns is None:
+            self._first_arrival_ns = now_ns
+        return now_ns - self._first_arrival_ns
+
+    def reset(self) -> None:
+        """Time has jumped back: the next frame passes."""
+        self._pacer.reset()
+
+    def report(self) -> dict[str, Any]:
+        """What was asked for; None while everything passes."""
+        return {"requested_hz": self._requested_hz}

@@ -1,0 +1,295 @@
+"""The runtime with no ROS: every node is a thread of one process, images pass by reference."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.messages import type_name
+from ros_visualise.nodes import SourceType
+from ros_visualise.params import Parameters, Value
+from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.recording import RecorderThread, TopicInbox
+from ros_visualise.runtime.runner import NOTHING, NodeRunner
+from ros_visualise.runtime.stats import TopicStats
+from ros_visualise.sinks import open_recorder
+from ros_visualise.sources.playback import Playback
+
+log = logging.getLogger(__name__)
+
+Consumer = Inbox | TopicInbox
+_STOP_TIMEOUT_S = 1.0
+
+
+class LocalRuntime:
+    """Runs a graph in this process; see `ros_visualise.runtime.base.Runtime`.
+
+    Args:
+        graph: what to run.
+        playback: how its source is played.
+        lossless: no node drops what it has no time for; the source waits instead. A live source
+            cannot wait, so there it has no effect.
+
+    Raises:
+        OpenError: the source cannot be opened.
+    """
+
+    def __init__(self, graph: Graph, playback: Playback, lossless: bool = False) -> None:
+        assert isinstance(graph.source.type, SourceType)
+        self.graph = graph
+        self.playback = playback
+        self.parameters: Mapping[str, Parameters[Any]] = {
+            node.name: Parameters(node.params) for node in graph.nodes
+        }
+        self._can_wait = not graph.source.type.live
+        self._lossless = lossless and self._can_wait
+        self._topics = {name: _Topic(topic.on_demand) for name, topic in graph.topics.items()}
+        self._recordings: list[RecorderThread] = []
+        self._source = graph.source.type.make(graph.source.params, playback)
+        self._source_failed = False
+        self._nodes = [self._join(node) for node in graph.nodes[1:]]
+        self._threads = [threading.Thread(target=self._feed, name="source", daemon=True)]
+        self._threads += [threading.Thread(target=node.run, daemon=True) for node in self._nodes]
+        for name, parameters in self.parameters.items():
+            parameters.on_change(partial(self._parameters_changed, name))
+
+    def start(self) -> None:
+        """Begin; the source is open already."""
+        for thread in self._threads:
+            thread.start()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for the end of the stream; True when everything has passed every node."""
+        deadline_s = time.monotonic() + timeout_s
+        alive = [thread for thread in self._threads if thread.is_alive()]
+        for thread in alive:
+            thread.join(max(deadline_s - time.monotonic(), 0))
+        return not any(thread.is_alive() for thread in alive)
+
+    def stop(self) -> None:
+        """End now and close all recordings; what is still on its way to a node is let go."""
+        self.playback.close()
+        for node in self._nodes:
+            node.inbox.close(discard=True)
+        self.stop_recording()
+        self.wait(_STOP_TIMEOUT_S)
+        self._source.close()
+
+    @property
+    def failed(self) -> bool:
+        """Something was lost: the source broke, a node raised, a recording could not go on."""
+        return (
+            self._source_failed
+            or any(node.runner.failed for node in self._nodes)
+            or any(recording.error for recording in self._recordings)
+        )
+
+    def subscribe(self, topic: str) -> Subscription:
+        """Look at a topic, beginning with its last message."""
+        inbox = Inbox(lossless=False)
+        self._topics[topic].connect(inbox, latched=True)
+        return Subscription(inbox, partial(self._topics[topic].disconnect, inbox))
+
+    def report(self, window_s: float | None = None) -> dict[str, Any]:
+        """The run report; see `ros_visualise.runtime.base.Runtime`."""
+        topics = {
+            name: {"type": type_name(topic.type), **self._topics[name].report(window_s)}
+            for name, topic in self.graph.topics.items()
+            if self._topics[name].wanted
+        }
+        source = getattr(self._source, "report", dict)()
+        nodes = {
+            self.graph.source.name: source,
+            **{n.runner.node.name: n.report() for n in self._nodes},
+        }
+        for node in self.graph.nodes:
+            main = self._topics[next(iter(node.outputs.values()))]
+            nodes[node.name]["achieved_hz"] = main.report(window_s)["hz"]
+        return {"topics": topics, "nodes": nodes, "recordings": self._recording_report()}
+
+    def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
+        """Record to a file from now on; a source that can wait then waits for the disk.
+
+        Raises:
+            OpenError: it exists or cannot be written.
+            UsageError: it names a topic that there is not, or no known kind of file.
+        """
+        topics = {name: topic.type for name, topic in self.graph.topics.items()}
+
+        recording = RecorderThread(
+            open_recorder(str(target), topics, overwrite), self.graph, self._can_wait
+        )
+        for name, parameters in self.parameters.items():
+            recording.parameters_changed(name, vars(parameters.current), initial=True)
+        self._recordings.append(recording)
+        for topic, inbox in recording.inboxes.items():
+            self._topics[topic].connect(inbox)
+        self._wait_for_disk(self._can_wait)
+        return recording
+
+    def stop_recording(self) -> None:
+        """End and close all recordings."""
+        for recording in self._recordings:
+            recording.close()
+            for topic, inbox in recording.inboxes.items():
+                self._topics[topic].disconnect(inbox)
+        self._wait_for_disk(self._lossless)
+
+    def _feed(self) -> None:
+        node = self.graph.source
+        try:
+            for number, (port, message) in enumerate(self._source.messages()):
+                packet = Packet(number, message, time.monotonic_ns())
+                self._topics[node.outputs[port]].publish(packet)
+        except RosVisualiseError as error:
+            log.error("%s", error)
+            self._source_failed = True
+        except Exception:
+            log.exception("%s broke", node.name)
+            self._source_failed = True
+        for topic in node.outputs.values():
+            self._topics[topic].finish()
+
+    def _join(self, node: Node) -> _NodeThread:
+        [(port, topic)] = node.inputs.items()
+        outputs = {name: self._topics[output] for name, output in node.outputs.items()}
+        runner = NodeRunner(node, self.parameters[node.name])
+        thread = _NodeThread(runner, port, outputs, self._lossless)
+        self._topics[topic].connect(thread.inbox)
+        return thread
+
+    def _wait_for_disk(self, lossless: bool) -> None:
+        for node in self._nodes:
+            node.inbox.lossless = lossless
+
+    def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
+        for recording in self._recordings:
+            recording.parameters_changed(name, changed)
+        if not self.playback.state.playing:
+            for node in self._nodes:
+                if node.runner.node.name == name:
+                    node.repeat_last()
+
+    def _recording_report(self) -> dict[str, Any]:
+        return {
+            str(r.path): {"messages": r.written, "dropped": r.dropped} for r in self._recordings
+        }
+
+
+class Subscription:
+    """The newest message of one topic; see `ros_visualise.runtime.base.Subscription`."""
+
+    def __init__(self, inbox: Inbox, disconnect: Callable[[], None]) -> None:
+        self._inbox = inbox
+        self._disconnect = disconnect
+
+    def take(self, timeout_s: float) -> Any | None:
+        """The newest message not taken yet; None if none came in time or the topic ended."""
+        packet = self._inbox.take(timeout_s)
+        return None if packet is None else packet.message
+
+    def close(self) -> None:
+        """End it."""
+        self._disconnect()
+        self._inbox.close(discard=True)
+
+
+class _Topic:
+    """Hands what one output publishes to whoever listens."""
+
+    def __init__(self, on_demand: bool) -> None:
+        self.on_demand = on_demand
+        self._stats = TopicStats()
+        self._listeners: tuple[Consumer, ...] = ()
+        self._last: Packet | None = None
+        self._finished = False
+        self._lock = threading.Lock()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether messages that come count as published."""
+        return not self.on_demand or bool(self._listeners) or self._stats.messages > 0
+
+    def publish(self, packet: Packet) -> None:
+        """Hand on a packet."""
+        listeners = self._listeners
+        if packet.message is not None:
+            self._last = packet
+            if listeners or not self.on_demand:
+                self._stats.count(packet.message.header.stamp_ns)
+        for listener in listeners:
+            listener.put(packet)
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        with self._lock:
+            self._finished = True
+        for listener in self._listeners:
+            listener.close()
+
+    def connect(self, listener: Consumer, latched: bool = False) -> None:
+        """Add a listener; ``latched``: give it the last message at once."""
+        with self._lock:
+            self._listeners += (listener,)
+            if latched and self._last is not None:
+                listener.put(self._last)
+            if self._finished:
+                listener.close()
+
+    def disconnect(self, listener: Consumer) -> None:
+        """Remove a listener."""
+        with self._lock:
+            self._listeners = tuple(one for one in self._listeners if one is not listener)
+
+    def report(self, window_s: float | None) -> dict[str, Any]:
+        """Counts and rates."""
+        return {"messages": self._stats.messages, **self._stats.rates(window_s)}
+
+
+class _NodeThread:
+    """Takes one node's messages, runs its steps, publishes what comes out."""
+
+    def __init__(
+        self, runner: NodeRunner, port: str, outputs: Mapping[str, _Topic], lossless: bool
+    ) -> None:
+        self.runner = runner
+        self.inbox = Inbox(lossless)
+        self._port = port
+        self._outputs = outputs
+        self._last: Packet | None = None
+
+    def run(self) -> None:
+        """Until the inbox is closed and empty."""
+        number = arrival_ns = 0
+        while (packet := self.inbox.take()) is not None:
+            number, message, arrival_ns = self._last = packet
+            answer = NOTHING
+            if message is not None:
+                answer = self.runner.step({self._port: message}, arrival_ns)
+            self._publish(number, answer, arrival_ns)
+        self._publish(number, self.runner.finish(), arrival_ns)
+        for topic in self._outputs.values():
+            topic.finish()
+
+    def repeat_last(self) -> None:
+        """Process the last message once more, with the parameters as they are now."""
+        if self._last is not None and self.inbox.is_empty and self.runner.stateless:
+            self.inbox.put(self._last)
+
+    def report(self) -> dict[str, Any]:
+        """Counts, latencies and the node's own figures."""
+        report = self.runner.report()
+        if self.inbox.dropped:
+            report["dropped"]["queue"] = self.inbox.dropped
+        return report
+
+    def _publish(self, number: int, answer: Mapping[str, Any], arrival_ns: int) -> None:
+        for port, topic in self._outputs.items():
+            topic.publish(Packet(number, answer.get(port), arrival_ns))

@@ -1,0 +1,84 @@
+"""The queues between threads: what joins one node to the next inside a process."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Any, NamedTuple
+
+
+class Packet(NamedTuple):
+    """A message on its way through the graph; None: the node had nothing for this number.
+
+    ``number`` counts what the source published; what nodes make of it keeps the number, so that a
+    recorder can put all topics in order. ``arrival_ns`` is the monotonic time at the source.
+    """
+
+    number: int
+    message: Any | None
+    arrival_ns: int
+
+
+class Inbox:
+    """The packets that wait for one consumer.
+
+    ``lossless``: whoever puts waits for room. Otherwise only the newest message is kept and those
+    it replaces are counted in ``dropped``. May be switched at any time.
+    """
+
+    def __init__(self, lossless: bool, depth: int = 2) -> None:
+        self.dropped = 0
+        self._lossless = lossless
+        self._depth = depth
+        self._packets: deque[Packet] = deque()
+        self._closed = False
+        self._changed = threading.Condition()
+
+    @property
+    def lossless(self) -> bool:
+        """Whether whoever puts waits for room."""
+        return self._lossless
+
+    @lossless.setter
+    def lossless(self, lossless: bool) -> None:
+        with self._changed:
+            self._lossless = lossless
+            self._changed.notify_all()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits to be taken."""
+        return not self._packets
+
+    def put(self, packet: Packet) -> None:
+        """Add a packet; after `close` it is let go."""
+        with self._changed:
+            while self._lossless and len(self._packets) >= self._depth and not self._closed:
+                self._changed.wait()
+            if self._closed:
+                return
+            if not self._lossless:
+                if packet.message is None and self._packets:
+                    return  # nothing new must not push out something
+                self.dropped += sum(1 for p in self._packets if p.message is not None)
+                self._packets.clear()
+            self._packets.append(packet)
+            self._changed.notify_all()
+
+    def take(self, timeout_s: float | None = None) -> Packet | None:
+        """The oldest packet; None when none came in time, or when closed and empty."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._packets or self._closed, timeout_s)
+            if not self._packets:
+                return None
+            packet = self._packets.popleft()
+            self._changed.notify_all()
+            return packet
+
+    def close(self, discard: bool = False) -> None:
+        """Nothing more comes in; what is there can still be taken unless discarded."""
+        with self._changed:
+            self._closed = True
+            if discard:
+                self._packets.clear()
+            self._changed.notify_all()

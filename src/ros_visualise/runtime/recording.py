@@ -1,0 +1,159 @@
+"""Recording a running graph: puts the messages of all topics in order and writes them."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import Header, ParameterEvent
+from ros_visualise.errors import RecordingError
+from ros_visualise.params import Value
+from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.sinks import Recorder
+
+log = logging.getLogger(__name__)
+
+PARAMETER_EVENTS = "/parameter_events"
+_FINISHED = 2**63
+
+
+class TopicInbox:
+    """Hands the packets of one topic to a recorder, as `ros_visualise.runtime.queues.Inbox`."""
+
+    def __init__(self, recording: RecorderThread, topic: str) -> None:
+        self._recording = recording
+        self._topic = topic
+
+    def put(self, packet: Packet) -> None:
+        """Take a packet."""
+        self._recording.put(self._topic, packet)
+
+    def close(self) -> None:
+        """Nothing more comes."""
+        self._recording.finish(self._topic)
+
+
+class RecorderThread:
+    """One file that is being written, on a thread of its own.
+
+    Messages are written by the number that the source gave them and then by the order of the nodes,
+    so that the same input makes the same file however the threads run. A message is written as soon
+    as every recorded node has answered its number.
+
+    ``lossless``: whoever publishes waits while too much is pending; otherwise the message is
+    dropped and counted.
+
+    Attributes:
+        error: what ended it early, if anything did.
+        path: the file.
+        written: messages that were recorded.
+        dropped: messages that were not.
+        inboxes: topic -> where its packets go.
+    """
+
+    def __init__(self, recorder: Recorder, graph: Graph, lossless: bool, depth: int = 4) -> None:
+        self.error: RecordingError | None = None
+        self.dropped = 0
+        self.lossless = lossless
+        self.path = recorder.path
+        self.written = 0
+        self.topics = tuple(t for t in graph.topics if t in recorder.topics)
+        self.inboxes = {topic: TopicInbox(self, topic) for topic in self.topics}
+        self._recorder = recorder
+        self._depth = depth
+        self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
+        self._answered = dict.fromkeys(self.topics, -1)
+        self._events: deque[ParameterEvent] = deque()
+        self._stamp_ns = 0
+        self._stopped = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
+        self._thread.start()
+
+    def put(self, topic: str, packet: Packet) -> None:
+        """Take the publisher's answer for one number."""
+        pending = self._pending[topic]
+        with self._changed:
+            while self.lossless and len(pending) >= self._depth and not self._stopped:
+                self._changed.wait()
+            if self._stopped:
+                return
+            self._answered[topic] = packet.number
+            if packet.message is not None:
+                if len(pending) < self._depth:
+                    pending.append((packet.number, packet.message))
+                else:
+                    self.dropped += 1
+            self._changed.notify_all()
+
+    def finish(self, topic: str) -> None:
+        """Nothing more comes on this topic."""
+        with self._changed:
+            self._answered[topic] = _FINISHED
+            self._changed.notify_all()
+
+    def parameters_changed(
+        self, node: str, values: Mapping[str, Value], initial: bool = False
+    ) -> None:
+        """Record the values that a node starts with or was given."""
+        with self._changed:
+            key = "new" if initial else "changed"
+            self._events.append(ParameterEvent(node=node, **{key: dict(values)}))
+
+    def close(self) -> None:
+        """Write what is pending and close the file."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _write_all(self) -> None:
+        try:
+            while (found := self._next()) is not None:
+                self._write(*found)
+            self._write_events()
+            self._recorder.close()
+        except RecordingError as error:
+            log.error("%s", error)
+            self.error = error
+            self._recorder.close()
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+
+    def _next(self) -> tuple[str, Any] | None:
+        """The next message in order; None at the end."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._first_ready() or self._is_over())
+            topic = self._first_ready()
+            if topic is None:
+                return None
+            _, message = self._pending[topic].popleft()
+            self._changed.notify_all()
+            return topic, message
+
+    def _first_ready(self) -> str | None:
+        waiting = [topic for topic in self.topics if self._pending[topic]]
+        topic = min(waiting, key=lambda topic: self._pending[topic][0][0], default=None)
+        if topic is None or self._stopped:
+            return topic
+        return topic if self._pending[topic][0][0] <= min(self._answered.values()) else None
+
+    def _is_over(self) -> bool:
+        return self._stopped or min(self._answered.values(), default=_FINISHED) == _FINISHED
+
+    def _write(self, topic: str, message: Any) -> None:
+        self._stamp_ns = message.header.stamp_ns
+        self._write_events()
+        self._recorder.write(topic, message)
+        self.written += 1
+
+    def _write_events(self) -> None:
+        while self._events:
+            event = replace(self._events.popleft(), header=Header(self._stamp_ns))
+            self._recorder.write(PARAMETER_EVENTS, event)

@@ -1,0 +1,89 @@
+"""Runs one node's steps, whichever runtime brings the messages."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.nodes import NodeType
+from ros_visualise.params import Parameters
+from ros_visualise.pipelines import Node
+from ros_visualise.runtime.stats import NodeStats
+
+log = logging.getLogger(__name__)
+
+NOTHING: Mapping[str, Any] = {}
+"""A node's answer when it has nothing for this message."""
+
+
+class NodeRunner:
+    """One node at work: its state, its live parameters, its counts.
+
+    An error in a step costs that one message: it is said once, counted under ``error``, and
+    ``failed`` stays set.
+    """
+
+    def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
+        assert isinstance(node.type, NodeType)
+        self.node = node
+        self.stats = NodeStats()
+        self.failed = False
+        self.stateless = node.type.stateless
+        self._type = node.type
+        self._parameters = parameters
+        self._state = node.type.make(parameters.current)
+        self._last_stamp_ns = 0
+        self._said: set[str] = set()
+
+    def step(self, inputs: Mapping[str, Any], arrival_ns: int) -> Mapping[str, Any]:
+        """What the node makes of these messages: output name -> message.
+
+        Args:
+            inputs: input name -> message.
+            arrival_ns: monotonic time at which the source let go of what this was made from.
+        """
+        self.stats.received += 1
+        started_ns = time.monotonic_ns()
+        self._reset_if_time_went_back(inputs)
+        try:
+            answer = self._state.step(**inputs, params=self._parameters.current)
+        except Exception as error:
+            self._say(error)
+            return NOTHING
+        if answer is None:
+            if self._type.drops:
+                self.stats.dropped[self._type.drops] += 1
+            return NOTHING
+        self.stats.answered(arrival_ns, started_ns)
+        return self._by_output(answer)
+
+    def finish(self) -> Mapping[str, Any]:
+        """What the node still has at the end of the stream."""
+        answer = self._state.finish() if hasattr(self._state, "finish") else None
+        return NOTHING if answer is None else self._by_output(answer)
+
+    def report(self) -> dict[str, Any]:
+        """Counts and latencies, and the node's own figures."""
+        own = self._state.report() if hasattr(self._state, "report") else {}
+        return {**self.stats.report(), **own}
+
+    def _by_output(self, answer: Any) -> Mapping[str, Any]:
+        return answer if isinstance(answer, dict) else {next(iter(self._type.outputs)): answer}
+
+    def _reset_if_time_went_back(self, inputs: Mapping[str, Any]) -> None:
+        stamp_ns = max(message.header.stamp_ns for message in inputs.values())
+        if stamp_ns < self._last_stamp_ns and hasattr(self._state, "reset"):
+            self._state.reset()
+        self._last_stamp_ns = stamp_ns
+
+    def _say(self, error: Exception) -> None:
+        self.failed = True
+        self.stats.dropped["error"] += 1
+        text = f"{self.node.name}: {error}"
+        if text not in self._said:
+            self._said.add(text)
+            bug = not isinstance(error, RosVisualiseError)
+            log.error("%s (said once)", text, exc_info=error if bug else None)
