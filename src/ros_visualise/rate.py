@@ -54,23 +54,25 @@ class Pacer:
 
     def reset(self) -> None:
         """Forget the phase: the next message passes."""
-        self._last_ns: int | None = None
-        self._passed_ns = 0
-        self._due_ns = 0.0
-        self._period_ns = 0.0
+        self._origin_ns: int | None = None
+        self._last_ns = self._passed_ns = 0
+        self._due_ns = self._period_ns = 0.0
 
     def passes(self, stamp_ns: int, rate_hz: float) -> bool:
         """Whether the message of that stamp passes at ``rate_hz``; to be asked once for each."""
-        period_ns = 1e9 / rate_hz
-        if self._last_ns is None or stamp_ns < self._last_ns:
-            self._last_ns, self._due_ns = stamp_ns, stamp_ns
-        elif period_ns != self._period_ns:
+        if self._origin_ns is None or stamp_ns < self._origin_ns + self._last_ns:
+            self.reset()
+            self._origin_ns = stamp_ns
+        return self._passes(stamp_ns - self._origin_ns, 1e9 / rate_hz)
+
+    def _passes(self, time_ns: int, period_ns: float) -> bool:
+        if period_ns != self._period_ns and time_ns:
             self._due_ns = self._passed_ns + period_ns
-        half_step_ns = (stamp_ns - self._last_ns) / 2
-        self._last_ns, self._period_ns = stamp_ns, period_ns
-        if stamp_ns + half_step_ns < self._due_ns:
+        half_step_ns = (time_ns - self._last_ns) / 2
+        self._last_ns, self._period_ns = time_ns, period_ns
+        if time_ns + half_step_ns < self._due_ns:
             return False
-        self._passed_ns = stamp_ns
-        behind = self._due_ns + period_ns <= stamp_ns
-        self._due_ns = (stamp_ns if behind else self._due_ns) + period_ns
+        self._passed_ns = time_ns
+        behind = self._due_ns + period_ns <= time_ns
+        self._due_ns = (time_ns if behind else self._due_ns) + period_ns
         return True

@@ -1,5 +1,329 @@
-"""Playing a source: pause, step, seek, rate and loop, driven by page, command line and ROS alike."""
+"""Playing a source: pause, step, seek, rate and loop, driven by page, command line and ROS."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import closing
+from typing import NamedTuple, Protocol, TypeVar
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.rate import Clock, WallClock
+
+T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+_LATE_NS = 500_000_000  # further behind than this, time is lost rather than caught up with
+_ROUNDING_NS = 1_000
+_DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
+
+
+class Recording(Protocol[T_co]):
+    """What can be played."""
+
+    @property
+    def duration_ns(self) -> int | None:
+        """Its length as far as it is known; it may prove wrong."""
+
+    def read(self, start_ns: int) -> Generator[tuple[int, T_co], None, None]:
+        """(Time since its start, item) in order of time, from the item shown at ``start_ns`` on.
+
+        That is the last one not after ``start_ns``; past the end it is the last one of all.
+        """
+
+
+class PlaybackState(NamedTuple):
+    """What a page shows of a playback; ``duration_s`` is None where it is not known."""
+
+    position_s: float
+    duration_s: float | None
+    playing: bool
+    ended: bool
+    rate: float
+    loop: bool
 
 
 class Playback:
-    """To come with the sources."""
+    """Decides when each message of a source passes; all of it may be called from any thread.
+
+    Args:
+        rate: speed of playing; 0 is as fast as it goes, and then stamps start at zero.
+        loop: start over at the end; the stamps keep increasing.
+        start_s: where to start.
+        duration_s: how much to play in all, over loops and seeks.
+        frames: how many messages to play in all.
+        hold: stay at the end, seekable, until it is closed.
+        clock: what tells the time.
+    """
+
+    def __init__(
+        self,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        start_s: float = 0.0,
+        duration_s: float | None = None,
+        frames: int | None = None,
+        hold: bool = False,
+        clock: Clock | None = None,
+    ) -> None:
+        self._clock = clock or WallClock()
+        self._changed = threading.Condition()
+        self._rate, self._loop, self._hold = _checked_rate(rate), loop, hold
+        self._start_ns = round(start_s * 1e9)
+        self._limit_ns = None if duration_s is None else round(duration_s * 1e9)
+        self._limit_frames = frames
+        self._playing, self._closed = True, False
+        self._ended = False  # all is read and nobody wants more
+        self._again = False  # somebody wants it from the start again
+        self._done = False  # all that was asked for is played
+        self._steps = self._steps_back = 0
+        self._target_ns: int | None = None
+        self._duration_ns: int | None = None
+        self._position_ns = self._start_ns
+        self._period_ns = 0
+        self._cycle_ns = 0  # where the present loop starts on the line of all loops
+        self._line_ns = 0  # where the last message was on that line
+        self._base_ns = 0  # the stamp of that line's start
+        self._fresh = True  # the next message is shown at once, and time goes on from it
+        self._anchor = (0, 0)  # (monotonic time, place on the line) that go together
+        self._played_ns = self._played_frames = 0
+
+    @property
+    def closed(self) -> bool:
+        """It was closed: a source ends."""
+        return self._closed
+
+    @property
+    def state(self) -> PlaybackState:
+        """What it does now."""
+        with self._changed:
+            position_ns = self._position_ns if self._target_ns is None else self._target_ns
+            duration_s = None if self._duration_ns is None else self._duration_ns / 1e9
+            playing = self._playing and not self._ended
+            return PlaybackState(
+                position_ns / 1e9, duration_s, playing, self._ended, self._rate, self._loop
+            )
+
+    def play(self) -> None:
+        """Go on; at the end, start over."""
+        with self._changed:
+            if not self._playing:
+                self._anchor = (self._clock.monotonic_ns(), self._anchor[1])
+            self._playing, self._steps = True, 0
+            self._again = self._ended
+            self._changed.notify_all()
+
+    def pause(self) -> None:
+        """Stop at the message shown now."""
+        with self._changed:
+            self._anchor = (self._clock.monotonic_ns(), self._reached_ns())
+            self._playing = False
+            self._changed.notify_all()
+
+    def toggle(self) -> None:
+        """Pause or go on."""
+        with self._changed:
+            self.pause() if self.state.playing else self.play()
+
+    def step(self, frames: int = 1) -> None:
+        """Pause, and show the next messages, or go that many back."""
+        with self._changed:
+            self.pause()
+            if frames >= 0:
+                self._steps += frames
+            else:
+                self._steps, self._steps_back = 0, self._steps_back - frames
+            self._changed.notify_all()
+
+    def seek(self, time_s: float) -> None:
+        """Go to a time since the start; paused, the message of that time is shown."""
+        with self._changed:
+            end_ns = math.inf if self._duration_ns is None else self._duration_ns
+            self._target_ns = int(max(0, min(round(time_s * 1e9), end_ns)))
+            self._steps = self._steps_back = 0
+            self._changed.notify_all()
+
+    def set_rate(self, rate: float) -> None:
+        """Change the speed, at once.
+
+        Raises:
+            ParameterError: it is negative or not a number.
+        """
+        with self._changed:
+            self._anchor = (self._clock.monotonic_ns(), self._reached_ns())
+            self._rate = _checked_rate(rate)
+            self._changed.notify_all()
+
+    def set_loop(self, loop: bool) -> None:
+        """Start over at the end, or not."""
+        with self._changed:
+            self._loop = loop
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """End the source and every wait."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def wait(self, seconds: float) -> bool:
+        """Wait that long, or until it is closed; whether it is closed."""
+        with self._changed:
+            until_ns = self._clock.monotonic_ns() + round(seconds * 1e9)
+            while not self._closed and self._clock.monotonic_ns() < until_ns:
+                self._clock.wait(self._changed, until_ns)
+            return self._closed
+
+    def run(self, recording: Recording[T]) -> Iterator[tuple[int, T]]:
+        """(Stamp, item) of a recording, each when its time has come."""
+        start_ns = self._begin(recording)
+        while start_ns is not None:
+            at_end = yield from self._play_from(start_ns, recording)
+            start_ns = self._next_start(recording, at_end)
+
+    def follow(self, items: Iterable[T | None]) -> Iterator[T]:
+        """The items of a live source; those that come while it is paused are dropped.
+
+        ``items`` gives None now and then while there is nothing new, so that an end is noticed.
+        """
+        start_ns = self._clock.monotonic_ns()
+        for item in items:
+            live_ns = self._clock.monotonic_ns() - start_ns
+            if self._closed or self._is_done(live_ns):
+                break
+            if item is not None and self._passes_live(live_ns):
+                yield item
+        self._ended = True
+
+    def _passes_live(self, live_ns: int) -> bool:
+        with self._changed:
+            passes = self._playing or self._steps > 0
+            self._steps = max(0, self._steps - 1)
+            self._position_ns = live_ns
+            self._played_frames += passes
+            return passes
+
+    def _begin(self, recording: Recording[T]) -> int | None:
+        with self._changed:
+            self._base_ns = self._clock.now_ns() if self._rate else 0
+            self._duration_ns = recording.duration_ns
+            return None if self._closed else self._start_ns
+
+    def _play_from(
+        self, start_ns: int, recording: Recording[T]
+    ) -> Generator[tuple[int, T], None, bool]:
+        """Returns whether the end was reached."""
+        with closing(recording.read(start_ns)) as items:
+            for time_ns, item in items:
+                if not self._wait_turn(time_ns):
+                    return False
+                yield self._base_ns + self._line_ns, item
+        return True
+
+    def _wait_turn(self, time_ns: int) -> bool:
+        """Wait until the message of that time is due; whether it may pass."""
+        with self._changed:
+            line_ns = self._cycle_ns + time_ns
+            gap_ns = 0 if self._fresh else line_ns - self._line_ns
+            self._done = self._is_done(self._played_ns + gap_ns)
+            if self._done or not self._wait_due(line_ns):
+                return False
+            if gap_ns and time_ns > self._position_ns:
+                self._period_ns = gap_ns
+            self._played_ns += gap_ns
+            self._played_frames += 1
+            self._position_ns, self._line_ns, self._fresh = time_ns, line_ns, False
+            return True
+
+    def _is_done(self, played_ns: int) -> bool:
+        if self._limit_frames is not None and self._played_frames >= self._limit_frames:
+            return True
+        return self._limit_ns is not None and played_ns >= self._limit_ns - _ROUNDING_NS
+
+    def _wait_due(self, line_ns: int) -> bool:
+        while not (self._closed or self._moves()):
+            now_ns = self._clock.monotonic_ns()
+            due_ns = self._due_ns(line_ns, now_ns)
+            if due_ns is None or now_ns < due_ns:
+                self._clock.wait(self._changed, due_ns)
+                continue
+            if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
+                self._anchor = (now_ns, line_ns)
+            self._steps = max(0, self._steps - 1)
+            return True
+        return False
+
+    def _due_ns(self, line_ns: int, now_ns: int) -> int | None:
+        """The monotonic time at which a message is due; None while paused."""
+        if self._fresh or self._steps:
+            return now_ns
+        if not self._playing:
+            return None
+        then_ns, then_line_ns = self._anchor
+        return then_ns + round((line_ns - then_line_ns) / self._rate) if self._rate else now_ns
+
+    def _reached_ns(self) -> int:
+        """The place on the line that playing has come to by now."""
+        then_ns, line_ns = self._anchor
+        if not self._playing or self._fresh:
+            return line_ns
+        return line_ns + round((self._clock.monotonic_ns() - then_ns) * self._rate)
+
+    def _moves(self) -> bool:
+        """Somebody wants another place than the next message."""
+        return self._target_ns is not None or self._steps_back > 0
+
+    def _next_start(self, recording: Recording[T], at_end: bool) -> int | None:
+        """Where to read on; None for nowhere."""
+        with self._changed:
+            if at_end:
+                self._correct_duration()
+                self._wait_at_end()
+            self._ended = self._closed or self._done or not self._wants_more()
+            if self._ended:
+                return None
+            if not self._moves():
+                return self._next_cycle()
+            back, self._steps_back = self._steps_back, 0
+        return self._move(_time_before(recording, self._position_ns, back))
+
+    def _correct_duration(self) -> None:
+        """Whatever was promised, this is the end."""
+        known_ns, period_ns = self._duration_ns or 0, self._period_ns
+        if not self._position_ns < known_ns <= self._position_ns + 2 * period_ns:
+            self._duration_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
+
+    def _wait_at_end(self) -> None:
+        while self._hold and not (self._closed or self._done or self._wants_more()):
+            self._ended, self._steps = True, 0
+            self._clock.wait(self._changed, None)
+
+    def _wants_more(self) -> bool:
+        loops = self._loop and (self._playing or self._steps > 0)
+        return self._moves() or (self._played_frames > 0 and (self._again or loops))
+
+    def _next_cycle(self) -> int:
+        self._cycle_ns += self._duration_ns or 0
+        self._fresh, self._again = self._again, False
+        return 0
+
+    def _move(self, back_ns: int) -> int:
+        with self._changed:
+            target_ns = back_ns if self._target_ns is None else self._target_ns
+            self._target_ns, self._again, self._fresh = None, False, True
+            return target_ns
+
+
+def _time_before(recording: Recording[T], time_ns: int, items_back: int) -> int:
+    for _ in range(items_back):
+        with closing(recording.read(max(0, time_ns - 1))) as items:
+            time_ns, _ = next(items, (0, None))
+    return time_ns
+
+
+def _checked_rate(rate: float) -> float:
+    if not 0 <= rate < math.inf:
+        raise ParameterError(f"rate={rate}: must be 0 (as fast as it goes) or more")
+    return float(rate)

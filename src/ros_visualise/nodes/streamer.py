@@ -1,0 +1,43 @@
+"""The node that plays a video file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Header, Image
+from ros_visualise.errors import OpenError
+from ros_visualise.nodes import source
+from ros_visualise.params import param
+from ros_visualise.sources.convert import parse_size
+from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.video import Video
+
+
+@dataclass(frozen=True)
+class StreamerParams:
+    """Which video, and how."""
+
+    path: str = param("", "the video file", restart=True)
+    size: str = param("", "scale to WIDTHxHEIGHT while decoding; empty keeps it", restart=True)
+    frame_id: str = param("camera_optical", "frame of the images")
+
+
+@source("streamer", params=StreamerParams, outputs={"image": Image})
+class Streamer:
+    """Play a video file."""
+
+    def __init__(self, params: StreamerParams, playback: Playback) -> None:
+        if not params.path:
+            raise OpenError("streamer: give the video file, path=FILE")
+        self._params, self._playback = params, playback
+        self._video = Video(params.path, parse_size(params.size))
+
+    def messages(self) -> Iterator[tuple[str, Image]]:
+        """The images, each when its time has come."""
+        for stamp_ns, image in self._playback.run(self._video):
+            yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+
+    def close(self) -> None:
+        """End reading."""
+        self._video.close()

@@ -1,0 +1,100 @@
+"""Opening files with FFmpeg and reading their packets, whatever state they are in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import av
+from av.container import InputContainer
+from av.error import FFmpegError
+from av.packet import Packet
+from av.stream import Disposition
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+from ros_visualise.errors import OpenError
+
+
+def open_container(path: Path) -> InputContainer:
+    """A file of any name, opened by FFmpeg.
+
+    Raises:
+        OpenError: it cannot be opened; the message says what to do.
+    """
+    _check_file(path)
+    try:
+        return av.open(f"file:{path.absolute()}", metadata_errors="replace")
+    except PermissionError:
+        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
+    except (FFmpegError, OSError) as error:
+        raise OpenError(f"{path}: {_what_is_wrong(path, error)}") from None
+
+
+def video_stream(container: InputContainer, path: Path) -> VideoStream:
+    """The first video stream, decoded with all threads; a cover picture is none.
+
+    Raises:
+        OpenError: there is none.
+    """
+    streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
+    if container.format.name == "tty" or not container.streams:
+        raise OpenError(f"{path}: not a video; give a video file")
+    if not streams:
+        kinds = " and ".join(sorted({s.type for s in container.streams} - {"video"})) or "pictures"
+        raise OpenError(f"{path}: holds {kinds} but no video; give a video file")
+    if streams[0].codec_context is None:
+        raise OpenError(f"{path}: of a codec that is not known here; convert it: ffmpeg -i IN OUT")
+    streams[0].thread_type = "AUTO"
+    return streams[0]
+
+
+class Decoder:
+    """Decodes what can be decoded and counts the rest."""
+
+    def __init__(self, container: InputContainer, stream: VideoStream) -> None:
+        self._container, self._stream = container, stream
+        self.packets = self.damaged = 0
+        self.broken = False  # reading failed before the end
+
+    def frames(self) -> Iterator[VideoFrame]:
+        """All frames that there are, in order of presentation."""
+        for packet in self._packets():
+            try:
+                decoded = self._stream.decode(packet)
+            except FFmpegError:
+                self.damaged += 1
+                continue
+            yield from decoded
+
+    def _packets(self) -> Iterator[Packet[VideoStream] | None]:
+        try:
+            for packet in self._container.demux(self._stream):
+                if packet.size:
+                    self.packets += 1
+                    yield packet
+        except FFmpegError:
+            self.broken = True
+        yield None
+
+
+def _check_file(path: Path) -> None:
+    try:
+        if path.is_dir():
+            raise OpenError(f"{path}: a folder; give a video file in it")
+        if not path.exists():
+            raise OpenError(f"{path}: no such file; check the path")
+        if path.is_file() and path.stat().st_size == 0:
+            raise OpenError(f"{path}: an empty file; copy or record it again")
+    except PermissionError:
+        raise OpenError(f"{path}: you may not read its folder; try chmod u+rx") from None
+
+
+def _what_is_wrong(path: Path, error: Exception) -> str:
+    with path.open("rb") as file:
+        is_mp4 = file.read(12)[4:8] == b"ftyp"
+    if is_mp4:
+        return "cut off: its index is missing; copy it again, or repair it with untrunc"
+    if isinstance(error, av.error.InvalidDataError):
+        return "not a video that FFmpeg can read; give a video file"
+    return f"cannot be opened ({getattr(error, 'strerror', None) or error}); give a video file"
