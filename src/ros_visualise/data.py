@@ -6,11 +6,13 @@ A message is never changed after it was made, so it passes between threads by re
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+
+from ros_visualise.params import Value
 
 Pixels = npt.NDArray[np.generic]
 
@@ -133,6 +135,16 @@ class Image:
     def is_color(self) -> bool:
         """More than one channel."""
         return len(self.data.shape) == 3
+
+
+@dataclass(frozen=True)
+class ParameterEvent:
+    """Parameters of one node at a time: ``new`` as it starts, ``changed`` when one is moved."""
+
+    node: str
+    new: Mapping[str, Value] = field(default_factory=dict)
+    changed: Mapping[str, Value] = field(default_factory=dict)
+    header: Header = Header()
 
 
 def _read_only(pixels: Pixels) -> Pixels:
