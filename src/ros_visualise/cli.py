@@ -102,8 +102,8 @@ _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
 _port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
 
 
-def _playing_options() -> argparse.ArgumentParser:
-    options = argparse.ArgumentParser(add_help=False)
+def _playing_options() -> _Parser:
+    options = _Parser(add_help=False)
     view = options.add_argument_group("viewing")
     view.add_argument("--view", choices=("web", "windows", "none"), default="web")
     view.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")

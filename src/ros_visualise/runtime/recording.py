@@ -14,11 +14,10 @@ from ros_visualise.errors import RecordingError
 from ros_visualise.params import Value
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
-from ros_visualise.sinks import Recorder
+from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
 
 log = logging.getLogger(__name__)
 
-PARAMETER_EVENTS = "/parameter_events"
 _FINISHED = 2**63
 
 

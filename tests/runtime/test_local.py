@@ -1,0 +1,316 @@
+"""The local runtime, on small graphs of nodes made for it."""
+
+import threading
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Deferred, Header, Image
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.nodes import node, source
+from ros_visualise.nodes.fps_control import FpsControl
+from ros_visualise.params import param
+from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+
+PERIOD_NS = round(1e9 / 30)
+FRAMES = 40
+
+
+@dataclass(frozen=True)
+class CounterParams:
+    frames: int = param(FRAMES, "how many")
+
+
+class Numbers:
+    """A recording whose images hold their own number."""
+
+    def __init__(self, frames):
+        self.frames = frames
+        self.duration_ns = frames * PERIOD_NS
+
+    def read(self, start_ns):
+        for number in range(start_ns // PERIOD_NS, self.frames):
+            yield number * PERIOD_NS, Image(np.full((2, 3), number % 256, np.uint8), "mono8")
+
+
+class _Counter:
+    def __init__(self, params, playback):
+        self.playback = playback
+        self.recording = Numbers(params.frames)
+
+    def messages(self):
+        for stamp_ns, image in self.playback.run(self.recording):
+            yield "image", replace(image, header=Header(stamp_ns, "camera"))
+
+    def close(self):
+        pass
+
+
+counter = source("counter", params=CounterParams, outputs={"image": Image})(
+    type("Counter", (_Counter,), {})
+)
+live_counter = source("live", params=CounterParams, outputs={"image": Image}, live=True)(
+    type("Live", (_Counter,), {})
+)
+
+
+@dataclass(frozen=True)
+class AddParams:
+    amount: int = param(1, "what is added", min=0, max=100)
+
+
+@node(
+    "add",
+    params=AddParams,
+    inputs={"image": Image},
+    outputs={"sum": Image, "extra": Image},
+    on_demand=("extra",),
+)
+def add(image, params):
+    """The image with something added."""
+    pixels = image.pixels + np.uint8(params.amount)
+    extra = Deferred(pixels.shape, np.uint8, lambda: pixels * 2)
+    return {"sum": replace(image, data=pixels), "extra": replace(image, data=extra)}
+
+
+def graph_of(*types, source_type=counter, **settings):
+    nodes = [Node("counter", source_type.declared, CounterParams(), {}, {"image": "/image_raw"})]
+    for found in types:
+        topic = next(iter(nodes[-1].outputs.values()))
+        declared = found.declared
+        port = next(iter(declared.inputs))
+        outputs = {name: f"/{declared.name}/{name}" for name in declared.outputs}
+        nodes.append(Node(declared.name, declared, declared.params(), {port: topic}, outputs))
+    return Graph(tuple(nodes)).configured(settings)
+
+
+def until(condition):
+    deadline = time.monotonic() + 10
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.001)
+
+
+class Run:
+    """A runtime that is watched by a listener that loses nothing."""
+
+    def __init__(self, graph, lossless=True, **playing):
+        self.playback = Playback(**{"rate": 0, **playing})
+        self.runtime = LocalRuntime(graph, self.playback, lossless)
+
+    def to_the_end(self):
+        self.runtime.start()
+        assert self.runtime.wait(20)
+        self.runtime.stop()
+        return self.runtime.report()
+
+
+def collector(values):
+    @node("collector", inputs={"image": Image}, outputs={"image": Image})
+    def collect(image, params):
+        values.append((int(image.pixels[0, 0]), image.header, image))
+        return image
+
+    return collect
+
+
+def test_every_message_passes_every_node_in_order_when_lossless():
+    seen = []
+    report = Run(graph_of(add, collector(seen))).to_the_end()
+    assert [value for value, _, _ in seen] == list(range(1, FRAMES + 1))
+    stamps = [header.stamp_ns for _, header, _ in seen]
+    assert stamps == [i * PERIOD_NS for i in range(FRAMES)]
+    assert {header.frame_id for _, header, _ in seen} == {"camera"}
+    assert report["topics"]["/add/sum"] == {
+        "type": "sensor_msgs/msg/Image",
+        "messages": FRAMES,
+        "hz": 30.0,
+        "wall_hz": report["topics"]["/add/sum"]["wall_hz"],
+    }
+    add_report = report["nodes"]["add"]
+    assert (add_report["received"], add_report["processed"], add_report["dropped"]) == (
+        FRAMES,
+        FRAMES,
+        {},
+    )
+    assert 0 < add_report["step_ms"] <= add_report["p50_ms"] <= add_report["p99_ms"]
+
+
+def test_images_pass_by_reference():
+    first, second = [], []
+    collect_again = replace(collector(second).declared, name="again")
+    again = type("Again", (), {"declared": collect_again})
+    Run(graph_of(collector(first), again)).to_the_end()
+    assert all(a is b for (_, _, a), (_, _, b) in zip(first, second, strict=True))
+    assert len(first) == FRAMES
+
+
+def test_rate_control_drops_are_counted_by_reason():
+    report = Run(graph_of(FpsControl, add, fps_control={"fps": 10})).to_the_end()
+    control = report["nodes"]["fps_control"]
+    assert control["dropped"] == {"rate": FRAMES - 14}
+    assert (control["requested_hz"], control["achieved_hz"]) == (10, 10.0)
+    assert report["nodes"]["add"]["received"] == 14
+
+
+def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
+    entered, go_on = threading.Event(), threading.Event()
+    seen = []
+
+    @node("slow", inputs={"image": Image}, outputs={"image": Image})
+    def slow(image, params):
+        seen.append(int(image.pixels[0, 0]))
+        entered.set()
+        go_on.wait(10)
+        return image
+
+    run = Run(graph_of(slow), lossless=False, hold=True)
+    run.playback.step()
+    run.runtime.start()
+    assert entered.wait(10)
+    run.playback.play()
+    until(lambda: run.playback.state.ended)
+    go_on.set()
+    until(lambda: len(seen) >= 2)
+    run.runtime.stop()
+    report = run.runtime.report()
+    assert seen[-1] == FRAMES - 1
+    assert report["nodes"]["slow"]["dropped"] == {"queue": FRAMES - len(seen)}
+    assert report["topics"]["/image_raw"]["messages"] == FRAMES
+
+
+def test_a_subscription_starts_with_the_last_message():
+    run = Run(graph_of(add), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    subscription = run.runtime.subscribe("/add/sum")
+    seen = set()
+    while FRAMES not in seen:
+        image = subscription.take(10)
+        seen.add(int(image.pixels[0, 0]))
+    assert subscription.take(0) is None
+    subscription.close()
+    run.runtime.stop()
+
+
+def test_an_output_on_demand_counts_only_while_somebody_looks():
+    unwatched = Run(graph_of(add)).to_the_end()
+    assert "/add/extra" not in unwatched["topics"]
+    run = Run(graph_of(add))
+    subscription = run.runtime.subscribe("/add/extra")
+    report = run.to_the_end()
+    assert report["topics"]["/add/extra"]["messages"] == FRAMES
+    assert subscription.take(0).pixels[0, 0] == 2 * FRAMES
+
+
+def test_parameters_change_between_messages():
+    seen = []
+    run = Run(graph_of(add, collector(seen)), hold=True, rate=1, frames=None)
+    run.playback.pause()
+    run.runtime.start()
+    run.playback.step()
+    until(lambda: seen)
+    run.runtime.parameters["add"].update({"amount": 50})
+    until(lambda: len(seen) >= 2)
+    run.runtime.stop()
+    (before, header, _), (after, again, _) = seen[:2]
+    assert (after - before, again) == (49, header)  # while paused, the same image once more
+
+
+def test_a_node_that_raises_loses_that_message_alone(caplog):
+    @node("fails", inputs={"image": Image}, outputs={"image": Image})
+    def fails(image, params):
+        if image.pixels[0, 0] % 10 == 3:
+            raise RosVisualiseError("does not like threes")
+        return image
+
+    run = Run(graph_of(fails))
+    report = run.to_the_end()
+    assert report["nodes"]["fails"]["dropped"] == {"error": 4}
+    assert report["topics"]["/fails/image"]["messages"] == FRAMES - 4
+    assert run.runtime.failed
+    assert [record.getMessage() for record in caplog.records] == [
+        "fails: does not like threes (said once)"
+    ]
+
+
+def test_a_bug_in_a_node_shows_its_traceback(caplog):
+    @node("broken", inputs={"image": Image}, outputs={"image": Image})
+    def broken(image, params):
+        return image.no_such_thing
+
+    run = Run(graph_of(broken))
+    run.to_the_end()
+    assert "Traceback" in caplog.text
+    assert "no_such_thing" in caplog.text
+
+
+def test_a_stateful_node_is_reset_when_time_jumps_back_and_finishes_at_the_end():
+    log = []
+
+    @node("stateful", inputs={"image": Image}, outputs={"image": Image})
+    class Stateful:
+        def __init__(self, params):
+            self.last = None
+
+        def step(self, image, params):
+            self.last = image
+            log.append(int(image.pixels[0, 0]))
+
+        def reset(self):
+            log.append("reset")
+
+        def finish(self):
+            return self.last
+
+    run = Run(graph_of(Stateful), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    run.playback.seek(38 * PERIOD_NS / 1e9 + 0.001)
+    until(lambda: len(log) >= FRAMES + 3)
+    run.playback.close()
+    assert run.runtime.wait(10)
+    assert log == [*range(FRAMES), "reset", 38, 39]
+    assert run.runtime.report()["topics"]["/stateful/image"]["messages"] == 1
+
+
+def test_stopping_ends_every_thread_even_when_a_queue_is_full():
+    hold = threading.Event()
+
+    @node("stuck", inputs={"image": Image}, outputs={"image": Image})
+    def stuck(image, params):
+        hold.wait(0.2)
+        return image
+
+    run = Run(graph_of(add, stuck), loop=True)
+    run.runtime.start()
+    until(lambda: run.runtime.report()["nodes"]["stuck"]["received"])
+    run.runtime.stop()
+    assert run.runtime.wait(5)
+
+
+def test_a_live_source_is_never_held_up():
+    entered, go_on = threading.Event(), threading.Event()
+
+    @node("slow", inputs={"image": Image}, outputs={"image": Image})
+    def slow(image, params):
+        entered.set()
+        go_on.wait(10)
+        return image
+
+    run = Run(graph_of(slow, source_type=live_counter), lossless=True)
+    run.runtime.start()
+    until(lambda: run.runtime.report()["topics"]["/image_raw"]["messages"] == FRAMES)
+    go_on.set()
+    assert run.runtime.wait(10)
+    assert run.runtime.report()["nodes"]["slow"]["dropped"]["queue"] >= FRAMES - 3
+
+
+@pytest.mark.parametrize("rate", [0, 1])
+def test_a_run_of_no_frames_ends(rate):
+    run = Run(graph_of(add, counter={"frames": 0}), rate=rate)
+    assert run.to_the_end()["topics"]["/image_raw"]["messages"] == 0

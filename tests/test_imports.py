@@ -1,0 +1,65 @@
+"""Imports point one way, ROS stays in its room, and --help is light."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ros_visualise
+
+ROOT = Path(ros_visualise.__file__).parent
+LAYERS = [
+    {"errors", "data", "params", "geometry", "rate"},
+    {"messages", "vision"},
+    {"sources", "sinks"},
+    {"nodes"},
+    {"pipelines"},
+    {"runtime"},
+    {"ui"},
+    {"commands"},
+    {"cli"},
+    {"__main__"},
+]
+ROS = {"rospy", "rosgraph", "roslib", "tf2_ros", "dynamic_reconfigure", "genpy", "rclpy"}
+
+
+def layer_of(room: str) -> int:
+    return next(number for number, rooms in enumerate(LAYERS) if room in rooms)
+
+
+def imported_names(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports are absolute"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names} | {str(node.module)}
+    return names
+
+
+FILES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_imports_point_down(path: Path):
+    own = path.relative_to(ROOT).parts[0].removesuffix(".py")
+    for name in imported_names(path):
+        package, _, rest = name.partition(".")
+        if package == "ros_visualise" and rest:
+            room = rest.partition(".")[0]
+            assert room == own or layer_of(room) <= layer_of(own), f"imports {name}"
+        assert package not in ROS or "ros1" in path.parts, f"imports {name}"
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, ros_visualise.cli as cli\n"
+        "try: cli.main(['video', '--help'])\n"
+        "except SystemExit: pass\n"
+        "print([m for m in ('numpy', 'cv2', 'av', 'viser') if m in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stderr == "[]\n"

@@ -1,0 +1,117 @@
+import pytest
+
+from ros_visualise.data import Image, ParameterEvent
+from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.nodes import load, node
+from ros_visualise.pipelines import image_pipeline, parse_node
+
+OWN = """
+from dataclasses import dataclass
+
+from ros_visualise.data import Image
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class Params:
+    amount: int = param(3, "how much", min=0, max=9)
+
+
+@node("negative", params=Params, inputs={"image": Image}, outputs={"image": Image})
+def Negative(image, params):
+    '''The negative of an image.'''
+    return image
+"""
+
+
+@pytest.fixture
+def own(tmp_path):
+    path = tmp_path / "own.py"
+    path.write_text(OWN)
+    return path
+
+
+def topics_of(graph):
+    return {n.name: (dict(n.inputs), dict(n.outputs)) for n in graph.nodes}
+
+
+def test_the_image_pipeline_has_the_topics_of_the_ros_package():
+    assert topics_of(image_pipeline("demo")) == {
+        "demo": ({}, {"image": "/image_raw"}),
+        "fps_control": ({"image": "/image_raw"}, {"image": "/controlled_stream"}),
+        "filters": ({"image": "/controlled_stream"}, {"image": "/processed_image"}),
+        "edge_detector": (
+            {"image": "/processed_image"},
+            {"edges": "/edges", "edges_overlay": "/edges_overlay"},
+        ),
+    }
+
+
+def test_only_the_overlay_is_made_on_demand():
+    topics = image_pipeline("demo").topics
+    assert [name for name, topic in topics.items() if topic.on_demand] == ["/edges_overlay"]
+
+
+@pytest.mark.parametrize("name", ["negative", "Negative"])
+def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
+    path, found, after = parse_node(f"{own}:{name}")
+    graph = topics_of(image_pipeline("demo").insert(load(path, found), after))
+    assert list(graph) == ["demo", "fps_control", "filters", "negative", "edge_detector"]
+    assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
+    assert graph["edge_detector"][0] == {"image": "/negative"}
+
+
+def test_it_may_stand_elsewhere(own):
+    path, found, after = parse_node(f"{own}:negative@demo")
+    graph = topics_of(image_pipeline("demo").insert(load(path, found), after))
+    assert graph["negative"][0] == {"image": "/image_raw"}
+    assert graph["fps_control"][0] == {"image": "/negative"}
+
+
+def test_at_the_end_it_takes_the_edges(own):
+    graph = topics_of(image_pipeline("demo").insert(load(str(own), "negative"), "edge_detector"))
+    assert graph["negative"][0] == {"image": "/edges"}
+
+
+def test_a_node_that_publishes_something_else_leaves_the_images_as_they_were():
+    @node("measure", inputs={"image": Image}, outputs={"settings": ParameterEvent})
+    def measure(image, params):
+        return ParameterEvent()
+
+    graph = topics_of(image_pipeline("demo").insert(measure.declared, "filters"))
+    assert graph["measure"] == ({"image": "/processed_image"}, {"settings": "/measure"})
+    assert graph["edge_detector"][0] == {"image": "/processed_image"}
+
+
+def test_its_parameters_are_set_like_any_others(own):
+    graph = image_pipeline("demo").insert(load(str(own), "negative"), "filters")
+    assert graph.configured({"negative": {"amount": "5"}}).node("negative").params.amount == 5
+    with pytest.raises(ParameterError, match=r"negative: amount=10: must be from 0 to 9"):
+        graph.configured({"negative": {"amount": 10}})
+
+
+def test_what_is_not_there_is_answered_with_what_is(own):
+    graph = image_pipeline("demo")
+    with pytest.raises(UsageError, match=r"no node 'blur' here; there is demo, fps_control"):
+        graph.configured({"blur": {}})
+    with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; there are fps"):
+        graph.configured({"fps_control": {"rate": 1}})
+    with pytest.raises(UsageError, match=r"declares no node 'Positive'; there is Negative"):
+        load(str(own), "Positive")
+    with pytest.raises(OpenError, match="no such file"):
+        load("missing.py", "Positive")
+    with pytest.raises(UsageError, match="already"):
+        graph.insert(graph.node("filters").type, "filters")
+
+
+@pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])
+def test_a_node_is_given_by_file_and_name(text):
+    with pytest.raises(UsageError, match=r"FILE\.py:NAME"):
+        parse_node(text)
+
+
+def test_a_file_that_does_not_run_says_why(own):
+    own.write_text("import no_such_module")
+    with pytest.raises(OpenError, match="ModuleNotFoundError: No module named 'no_such_module'"):
+        load(str(own), "negative")
