@@ -148,6 +148,6 @@ class ParameterEvent:
 
 
 def _read_only(pixels: Pixels) -> Pixels:
-    view = pixels.view()
+    view: Pixels = pixels.view()
     view.flags.writeable = False
     return view

@@ -25,21 +25,37 @@ class Subscription(Protocol):
 class Recording(Protocol):
     """A file that is being written."""
 
-    path: Path
-    written: int
-    dropped: int
-    error: RecordingError | None
-    """What ended it early, if anything did."""
+    @property
+    def path(self) -> Path:
+        """The file."""
+
+    @property
+    def written(self) -> int:
+        """Messages written so far."""
+
+    @property
+    def dropped(self) -> int:
+        """Messages that there was no time to write."""
+
+    @property
+    def error(self) -> RecordingError | None:
+        """What ended it early, if anything did."""
 
 
 class Runtime(Protocol):
     """A running graph, as page, windows and command line see it."""
 
-    graph: Graph
-    parameters: Mapping[str, Parameters[Any]]
-    """Node name -> its live parameters."""
-    playback: Playback | None
-    """None where the source cannot be paused or sought from here."""
+    @property
+    def graph(self) -> Graph:
+        """What runs."""
+
+    @property
+    def parameters(self) -> Mapping[str, Parameters[Any]]:
+        """Node name -> its live parameters."""
+
+    @property
+    def playback(self) -> Playback | None:
+        """None where the source cannot be paused or sought from here."""
 
     def subscribe(self, topic: str) -> Subscription:
         """Look at a topic; an on-demand output is made from now on."""

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.messages import type_name
 from ros_visualise.nodes import SourceType
@@ -18,7 +19,7 @@ from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread, TopicInbox
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
-from ros_visualise.runtime.stats import TopicStats
+from ros_visualise.runtime.stats import NodeStats, TopicStats
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.playback import Playback
 
@@ -53,6 +54,7 @@ class LocalRuntime:
         self._topics = {name: _Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
         self._source = graph.source.type.make(graph.source.params, playback)
+        self._source_stats = NodeStats()
         self._source_failed = False
         self._nodes = [self._join(node) for node in graph.nodes[1:]]
         self._threads = [threading.Thread(target=self._feed, name="source", daemon=True)]
@@ -104,11 +106,8 @@ class LocalRuntime:
             for name, topic in self.graph.topics.items()
             if self._topics[name].wanted
         }
-        source = getattr(self._source, "report", dict)()
-        nodes = {
-            self.graph.source.name: source,
-            **{n.runner.node.name: n.report() for n in self._nodes},
-        }
+        nodes = {self.graph.source.name: self._report_source()}
+        nodes |= {thread.runner.node.name: thread.report() for thread in self._nodes}
         for node in self.graph.nodes:
             main = self._topics[next(iter(node.outputs.values()))]
             nodes[node.name]["achieved_hz"] = main.report(window_s)["hz"]
@@ -121,13 +120,12 @@ class LocalRuntime:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        topics = {name: topic.type for name, topic in self.graph.topics.items()}
-
-        recording = RecorderThread(
-            open_recorder(str(target), topics, overwrite), self.graph, self._can_wait
-        )
+        types = {name: topic.type for name, topic in self.graph.topics.items()}
+        on_demand = [name for name, topic in self.graph.topics.items() if topic.on_demand]
+        recorder = open_recorder(str(target), types, overwrite, on_demand)
+        recording = RecorderThread(recorder, self.graph, lossless=self._can_wait)
         for name, parameters in self.parameters.items():
-            recording.parameters_changed(name, vars(parameters.current), initial=True)
+            recording.put_event(ParameterEvent(name, new=vars(parameters.current)))
         self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)
@@ -147,6 +145,7 @@ class LocalRuntime:
         try:
             for number, (port, message) in enumerate(self._source.messages()):
                 packet = Packet(number, message, time.monotonic_ns())
+                self._source_stats.received = self._source_stats.processed = number + 1
                 self._topics[node.outputs[port]].publish(packet)
         except RosVisualiseError as error:
             log.error("%s", error)
@@ -171,11 +170,15 @@ class LocalRuntime:
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
         for recording in self._recordings:
-            recording.parameters_changed(name, changed)
+            recording.put_event(ParameterEvent(name, changed=changed))
         if not self.playback.state.playing:
             for node in self._nodes:
                 if node.runner.node.name == name:
                     node.repeat_last()
+
+    def _report_source(self) -> dict[str, Any]:
+        own: dict[str, Any] = getattr(self._source, "report", dict)()
+        return {**self._source_stats.report(), **own}
 
     def _recording_report(self) -> dict[str, Any]:
         return {

@@ -5,13 +5,11 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import Header, ParameterEvent
 from ros_visualise.errors import RecordingError
-from ros_visualise.params import Value
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
@@ -55,7 +53,7 @@ class RecorderThread:
         inboxes: topic -> where its packets go.
     """
 
-    def __init__(self, recorder: Recorder, graph: Graph, lossless: bool, depth: int = 4) -> None:
+    def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
         self.error: RecordingError | None = None
         self.dropped = 0
         self.lossless = lossless
@@ -64,7 +62,7 @@ class RecorderThread:
         self.topics = tuple(t for t in graph.topics if t in recorder.topics)
         self.inboxes = {topic: TopicInbox(self, topic) for topic in self.topics}
         self._recorder = recorder
-        self._depth = depth
+        self._depth = 4 if lossless else 16
         self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
         self._answered = dict.fromkeys(self.topics, -1)
         self._events: deque[ParameterEvent] = deque()
@@ -96,13 +94,9 @@ class RecorderThread:
             self._answered[topic] = _FINISHED
             self._changed.notify_all()
 
-    def parameters_changed(
-        self, node: str, values: Mapping[str, Value], initial: bool = False
-    ) -> None:
-        """Record the values that a node starts with or was given."""
-        with self._changed:
-            key = "new" if initial else "changed"
-            self._events.append(ParameterEvent(node=node, **{key: dict(values)}))
+    def put_event(self, event: ParameterEvent) -> None:
+        """Record that parameters were set, at the time of the next message."""
+        self._events.append(event)
 
     def close(self) -> None:
         """Write what is pending and close the file."""

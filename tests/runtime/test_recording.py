@@ -1,0 +1,142 @@
+"""The order in which a recorder writes, and what it does when it cannot."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Header, Image, ParameterEvent
+from ros_visualise.errors import RecordingError
+from ros_visualise.nodes.fps_control import FpsControl, FpsParams
+from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.recording import RecorderThread
+
+
+class Memory:
+    """A recorder that keeps what it is given."""
+
+    path = Path("memory")
+    topics = ("/c", "/a", "/b")
+
+    def __init__(self, room=1000):
+        self.entries = []
+        self.closed = 0
+        self.room = room
+        self.go_on = threading.Event()
+        self.go_on.set()
+
+    def write(self, topic, message):
+        self.go_on.wait(10)
+        if len(self.entries) == self.room:
+            raise RecordingError("memory: full")
+        self.entries.append((topic, message.header.stamp_ns))
+
+    def close(self):
+        self.closed += 1
+
+
+def chain(*topics):
+    declared = FpsControl.declared
+    nodes = [
+        Node(topic, declared, FpsParams(), {"image": "/in"}, {"image": topic}) for topic in topics
+    ]
+    return Graph(tuple(nodes))
+
+
+GRAPH = chain("/a", "/b", "/c")
+
+
+def packet(number, empty=False):
+    image = Image(np.zeros((1, 1), np.uint8), "mono8", Header(number * 10))
+    return Packet(number, None if empty else image, 0)
+
+
+def test_it_writes_by_number_and_then_by_the_order_of_the_nodes():
+    memory = Memory()
+    recording = RecorderThread(memory, GRAPH, lossless=True)
+    for topic in ("/c", "/b", "/a"):
+        for number in range(3):
+            recording.put(topic, packet(number, empty=topic == "/b" and number == 1))
+    for topic in recording.topics:
+        recording.finish(topic)
+    recording.close()
+    expected = [("/a", 0), ("/b", 0), ("/c", 0), ("/a", 10), ("/c", 10)]
+    expected += [("/a", 20), ("/b", 20), ("/c", 20)]
+    assert memory.entries == expected
+    assert (recording.written, recording.dropped, memory.closed) == (8, 0, 1)
+
+
+def test_however_the_threads_run_the_order_is_the_same():
+    rng = np.random.default_rng(3)
+    seen = set()
+    for _ in range(20):
+        memory = Memory()
+        recording = RecorderThread(memory, GRAPH, lossless=True)
+
+        def publish(topic, pauses, recording=recording):
+            for number, pause in enumerate(pauses):
+                threading.Event().wait(pause)
+                recording.put(topic, packet(number, empty=topic == "/c" and number % 3 > 0))
+            recording.finish(topic)
+
+        threads = [
+            threading.Thread(target=publish, args=(topic, rng.uniform(0, 0.001, 12)))
+            for topic in recording.topics
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        recording.close()
+        seen.add(tuple(memory.entries))
+    assert len(seen) == 1
+    assert len(seen.pop()) == 12 + 12 + 4
+
+
+def test_what_is_pending_is_written_when_it_is_stopped():
+    memory = Memory()
+    recording = RecorderThread(memory, GRAPH, lossless=True)
+    recording.put("/a", packet(0))
+    recording.put("/a", packet(1))
+    recording.put("/b", packet(0))
+    recording.close()
+    assert memory.entries == [("/a", 0), ("/b", 0), ("/a", 10)]
+
+
+def test_a_slow_disk_drops_and_counts_what_a_live_source_gives():
+    memory = Memory()
+    memory.go_on.clear()
+    recording = RecorderThread(memory, chain("/a"), lossless=False)
+    for number in range(100):
+        recording.put("/a", packet(number))
+    memory.go_on.set()
+    recording.close()
+    assert recording.dropped > 0
+    assert recording.written + recording.dropped == 100
+    assert [stamp for _, stamp in memory.entries] == sorted(s for _, s in memory.entries)
+
+
+def test_a_full_disk_ends_the_recording_and_holds_up_nobody(caplog):
+    memory = Memory(room=2)
+    recording = RecorderThread(memory, chain("/a"), lossless=True)
+    for number in range(100):
+        recording.put("/a", packet(number))
+    recording.close()
+    assert str(recording.error) == "memory: full"
+    assert (len(memory.entries), memory.closed) == (2, 1)
+    assert caplog.messages == ["memory: full"]
+
+
+@pytest.mark.parametrize("messages", [0, 2])
+def test_parameters_are_recorded_in_their_place(messages):
+    memory = Memory()
+    memory.topics = ("/a",)
+    recording = RecorderThread(memory, GRAPH, lossless=True)
+    recording.put_event(ParameterEvent("a", new={"fps": 30}))
+    for number in range(messages):
+        recording.put("/a", packet(number + 1))
+    recording.close()
+    images = [("/a", 10 * (number + 1)) for number in range(messages)]
+    assert memory.entries == [("/parameter_events", 10 if messages else 0), *images]
