@@ -67,10 +67,13 @@ class Converter:
             width, height = height, width
         if not hasattr(self._local, "reformatter"):
             self._local.reformatter = VideoReformatter()
-        target = _PIXEL_FORMATS[encoding]
-        scaled = self._local.reformatter.reformat(frame, width, height, target)
+        how = "BICUBIC" if self._size is None else "BILINEAR"  # FFmpeg's own choice for colours
+        scaled = self._local.reformatter.reformat(
+            frame, width, height, _PIXEL_FORMATS[encoding], interpolation=how
+        )
         pixels: Any = _plane(scaled, encoding)
-        return cv2.rotate(pixels, _QUARTER_TURNS[turns]) if turns else pixels
+        upright: Pixels = cv2.rotate(pixels, _QUARTER_TURNS[turns]) if turns else pixels
+        return upright
 
 
 def quarter_turns(frame: VideoFrame) -> int:

@@ -292,7 +292,7 @@ class Playback:
     def _correct_duration(self) -> None:
         """Whatever was promised, this is the end."""
         known_ns, period_ns = self._duration_ns or 0, self._period_ns
-        if not self._position_ns < known_ns <= self._position_ns + 2 * period_ns:
+        if not 0 < known_ns - self._position_ns <= (2 * period_ns or known_ns):
             self._duration_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
 
     def _wait_at_end(self) -> None:

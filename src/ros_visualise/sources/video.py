@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
 import os
-from collections.abc import Generator
-from contextlib import closing
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -25,20 +25,24 @@ log = logging.getLogger(__name__)
 
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
+_SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
 _SHORT_NS = 500_000_000  # a file that ends this much before its promised end was cut
 
 
 @dataclass(frozen=True)
 class VideoInfo:
-    """What a video file says of itself; width and height as they are shown."""
+    """What a video file says of itself; width and height as they are shown.
+
+    ``promised_ns`` is the length where it is that of the video and not that of a longer sound.
+    """
 
     width: int
     height: int
     fps: float
     codec: str
     duration_ns: int | None
+    promised_ns: int | None
     frames: int | None
-    only_video: bool
 
 
 class Video:
@@ -56,11 +60,10 @@ class Video:
         self._path = Path(path)
         self._converter = Converter(size)
         self._closed = self._warned = False
-        with closing(open_container(self._path)) as container:
-            stream = video_stream(container, self._path)
-            first = _first_frame(container, stream, self._path)
-            self._origin = first.pts
-            self.info = _info(container, stream, first, size)
+        self._open()
+        first = _first_frame(self._container, self._stream, self._path)
+        self._origin = first.pts
+        self.info = _info(self._container, self._stream, first, size)
 
     @property
     def duration_ns(self) -> int | None:
@@ -68,17 +71,15 @@ class Video:
         return self.info.duration_ns
 
     def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
-        """(Time since the first frame, image), from the frame shown at ``start_ns`` on."""
+        """(Time since the first frame, image), from the frame shown at ``start_ns`` on.
+
+        One at a time: reading anew ends what was read before.
+        """
         shown: tuple[int, VideoFrame] | None = None
-        with closing(self._frames_from(start_ns)) as frames:
-            for time_ns, frame in frames:
-                if time_ns > start_ns and shown is not None:
-                    yield shown[0], self._converter.image(shown[1])
-                    shown = None
-                if time_ns > start_ns:
-                    yield time_ns, self._converter.image(frame)
-                else:
-                    shown = time_ns, frame
+        for time_ns, frame in self._frames_around(start_ns):
+            if shown is not None and time_ns > start_ns:
+                yield shown[0], self._converter.image(shown[1])
+            shown = time_ns, frame
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
 
@@ -86,53 +87,54 @@ class Video:
         """End what is being read."""
         self._closed = True
 
-    def _frames_from(self, start_ns: int) -> Generator[tuple[int, VideoFrame], None, None]:
-        """Timed frames from the one shown at that time or from one before it."""
-        if start_ns > 0:
-            with closing(self._frames(start_ns)) as frames:
+    def _open(self) -> None:
+        self._container = open_container(self._path)
+        self._stream = video_stream(self._container, self._path)
+
+    def _frames_around(self, start_ns: int) -> Iterator[tuple[int, VideoFrame]]:
+        """Timed frames from the one shown at that time, or from one before it, on."""
+        for earlier_ns in _SEEK_EARLIER_NS:
+            if self._seek(max(0, start_ns - earlier_ns)):
+                frames = self._frames(start_ns, sought=True)
                 first = next(frames, None)
                 if first is not None and first[0] <= start_ns:
-                    yield first
-                    yield from frames
-                    return
-        yield from self._frames(0)
+                    return itertools.chain([first], frames)
+        self._open()
+        return self._frames(0, sought=False)
 
-    def _frames(self, seek_ns: int) -> Generator[tuple[int, VideoFrame], None, None]:
-        """Timed frames from the last keyframe before a time, as far as the file can be sought."""
-        with closing(open_container(self._path)) as container:
-            stream = video_stream(container, self._path)
-            if seek_ns and not self._seek(container, stream, seek_ns):
+    def _frames(self, start_ns: int, sought: bool) -> Iterator[tuple[int, VideoFrame]]:
+        """Timed frames from where the file was sought to; none if its frames have no times."""
+        decoder = Decoder(self._container, self._stream)
+        times = _Times(self._stream.time_base, self._origin, self.info.fps)
+        for frame in decoder.frames():
+            if self._closed or (sought and frame.pts is None):
                 return
-            decoder = Decoder(container, stream)
-            times = _Times(stream.time_base, self._origin, self.info.fps)
-            for frame in decoder.frames():
-                if self._closed or (seek_ns and frame.pts is None):
-                    return
-                yield times.of(frame), frame
-            self._check_end(decoder, times.end_ns, from_start=seek_ns == 0)
+            yield times.of(frame), frame
+        self._check_end(decoder, times.end_ns, from_start=start_ns == 0)
 
-    def _seek(self, container: InputContainer, stream: VideoStream, time_ns: int) -> bool:
-        if self._origin is None or stream.time_base is None:
+    def _seek(self, time_ns: int) -> bool:
+        time_base = self._stream.time_base
+        if self._origin is None or time_base is None:
             return False
+        ticks = self._origin + math.floor(time_ns / (time_base * 10**9))
         try:
-            container.seek(
-                self._origin + math.floor(time_ns / (stream.time_base * 10**9)), stream=stream
-            )
+            self._container.seek(ticks, stream=self._stream)
         except FFmpegError:
             return False
         return True
 
     def _check_end(self, decoder: Decoder, end_ns: int, from_start: bool) -> None:
         """Say once what was missing or damaged."""
-        missing = (self.info.frames or 0) - decoder.packets if from_start else 0
-        cut = (self.info.duration_ns or 0) - end_ns > _SHORT_NS and self.info.only_video
+        late_ns = (self.info.promised_ns or 0) - end_ns
+        lacks_frames = from_start and decoder.packets < (self.info.frames or 0)
         faults = []
         if decoder.damaged:
             faults.append(f"{decoder.damaged} damaged packets were skipped")
-        if missing > 0 or cut or decoder.broken:
-            promised = f"{self.info.frames} frames" if missing > 0 else "more"
-            faults.append(f"it ends after {end_ns / 1e9:.2f} s although it promises {promised}")
-        if faults and not self._warned:
+        if decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
+            faults.append(
+                f"it ends at {end_ns / 1e9:.2f} s, before its header says: is it cut off?"
+            )
+        if faults and end_ns and not self._warned:
             self._warned = True
             log.warning("%s: %s", self._path, "; ".join(faults))
 
@@ -141,26 +143,25 @@ class _Times:
     """The presentation times of frames since the first, always increasing."""
 
     def __init__(self, time_base: Fraction | None, origin: int | None, fps: float) -> None:
-        self._time_base, self._origin = time_base, origin
+        self._tick_ns = (time_base or 0) * 10**9
+        self._origin = origin
         self._period_ns = round(1e9 / fps)
         self._last_ns: int | None = None
         self._shift_ns = 0
-
-    @property
-    def end_ns(self) -> int:
-        """Where the last frame's period ends."""
-        return 0 if self._last_ns is None else self._last_ns + self._period_ns
+        self.end_ns = 0
+        """Where the last frame ends."""
 
     def of(self, frame: VideoFrame) -> int:
         """The time of the next frame; where the file has none, the frame rate gives it."""
         time_ns = self.end_ns
-        if frame.pts is not None and self._origin is not None and self._time_base is not None:
-            time_ns = round((frame.pts - self._origin) * self._time_base * 10**9) + self._shift_ns
+        if frame.pts is not None and self._origin is not None:
+            time_ns = round((frame.pts - self._origin) * self._tick_ns) + self._shift_ns
         if self._last_ns is not None and time_ns <= self._last_ns:
             if self._last_ns - time_ns > _JUMP_BACK_NS:
                 self._shift_ns += self.end_ns - time_ns
-            time_ns = max(time_ns, self._last_ns + self._period_ns // 4)
+            time_ns = self._last_ns + self._period_ns // 4
         self._last_ns = time_ns
+        self.end_ns = time_ns + (round((frame.duration or 0) * self._tick_ns) or self._period_ns)
         return time_ns
 
 
@@ -174,12 +175,12 @@ def _info(
     container: InputContainer, stream: VideoStream, first: VideoFrame, size: Size | None
 ) -> VideoInfo:
     width, height = size or upright_size(first)
-    duration_ns = None
+    duration_ns = promised_ns = None
     if stream.duration and stream.time_base:
-        duration_ns = round(stream.duration * stream.time_base * 10**9)
-    elif container.duration:
+        duration_ns = promised_ns = round(stream.duration * stream.time_base * 10**9)
+    elif container.duration:  # of whatever is the longest in it
         duration_ns = container.duration * 1000
+        promised_ns = None if container.streams.audio else duration_ns
     fps = float(stream.average_rate or stream.guessed_rate or _DEFAULT_FPS)
-    only_video = not container.streams.audio
     codec = stream.codec_context.name
-    return VideoInfo(width, height, fps, codec, duration_ns, stream.frames or None, only_video)
+    return VideoInfo(width, height, fps, codec, duration_ns, promised_ns, stream.frames or None)

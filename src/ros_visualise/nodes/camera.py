@@ -1,0 +1,45 @@
+"""The node that shows a live camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Header, Image
+from ros_visualise.nodes import source
+from ros_visualise.params import param
+from ros_visualise.sources.camera import Camera
+from ros_visualise.sources.convert import parse_size
+from ros_visualise.sources.playback import Playback
+
+
+@dataclass(frozen=True)
+class CameraParams:
+    """Which camera, and how."""
+
+    uri: str = param("0", "device (/dev/video0 or 0), URL, test, or lavfi:GRAPH", restart=True)
+    size: str = param("", "WIDTHxHEIGHT; empty leaves it to the camera", restart=True)
+    fps: float = param(0.0, "frame rate to ask a device for; 0 is its own", min=0, restart=True)
+    timeout: float = param(
+        2.0, "seconds without an image until it is reopened", min=0.1, max=60, restart=True
+    )
+    frame_id: str = param("camera_optical", "frame of the images")
+
+
+@source("camera", params=CameraParams, outputs={"image": Image}, live=True)
+class CameraSource:
+    """Show a live camera."""
+
+    def __init__(self, params: CameraParams, playback: Playback) -> None:
+        self._params, self._playback = params, playback
+        size = parse_size(params.size)
+        self._camera = Camera(params.uri, size, params.fps, params.timeout)
+
+    def messages(self) -> Iterator[tuple[str, Image]]:
+        """The images as they come."""
+        for stamp_ns, image in self._playback.follow(self._camera.images()):
+            yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+
+    def close(self) -> None:
+        """Let go of the camera."""
+        self._camera.close()

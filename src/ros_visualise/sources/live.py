@@ -1,0 +1,125 @@
+"""Addresses of live cameras: what FFmpeg is to open for them, and what its times mean."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from glob import glob
+from pathlib import Path
+
+import av
+from av.container import InputContainer
+from av.error import ExitError, FFmpegError
+from av.video.frame import VideoFrame
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.convert import Size
+
+_OPEN_S = 10.0  # a stream may take that long until its first keyframe
+_LOST_NS = 1_000_000_000
+_DRIFT = 1e-4  # of a camera's clock against ours
+_NETWORK = {"fflags": "nobuffer", "flags": "low_delay", "rtsp_transport": "tcp"}
+_TRY_TEST = "without a camera, try the test picture: ros-visualise camera test"
+
+
+@dataclass(frozen=True)
+class Address:
+    """A camera as FFmpeg is to open it; ``name`` is how a person is told of it."""
+
+    name: str
+    file: str
+    format: str | None = None
+    options: dict[str, str] = field(default_factory=dict)
+    is_paced: bool = False
+    """It gives frames as fast as they are read."""
+    is_absolute: bool = False
+    """Its times are those of the wall clock."""
+
+
+def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address:
+    """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``.
+
+    Raises:
+        OpenError: it is none of these, or no such device; those that there are, are listed.
+    """
+    width, height = size or (640, 480)
+    if uri == "test":
+        graph = f"testsrc2=size={width}x{height}:rate={fps or 30:g}"
+        return Address(uri, graph, "lavfi", is_paced=True)
+    if uri.startswith("lavfi:"):
+        return Address(uri, uri.removeprefix("lavfi:"), "lavfi", is_paced=True)
+    if re.match(r"[a-z][a-z0-9+.]*://", uri):
+        return Address(re.sub(r"(//[^/@:]*):[^/@]*@", r"\1:***@", uri), uri, None, _NETWORK)
+    device = f"/dev/video{int(uri)}" if uri.isascii() and uri.isdecimal() else uri
+    _check_device(device)
+    wanted = {"video_size": f"{width}x{height}"} if size else {}
+    wanted |= {"framerate": f"{fps:g}"} if fps else {}
+    return Address(device, device, "v4l2", {"timestamps": "abs", **wanted}, is_absolute=True)
+
+
+def open_live(address: Address, timeout_s: float) -> InputContainer:
+    """A camera, opened by FFmpeg.
+
+    Raises:
+        OpenError: it cannot be opened, or sends no video.
+    """
+    waits = (max(_OPEN_S, timeout_s), timeout_s)
+    try:
+        container = av.open(
+            address.file, format=address.format, options=address.options, timeout=waits
+        )
+    except (FFmpegError, OSError) as error:
+        raise OpenError(f"{address.name}: {what_failed(error)}; {_TRY_TEST}") from None
+    if not container.streams.video:
+        container.close()
+        raise OpenError(f"{address.name}: sends no video; {_TRY_TEST}")
+    container.streams.video[0].thread_type = "SLICE"  # threads by frame would keep frames back
+    return container
+
+
+def what_failed(error: Exception) -> str:
+    """In a few words, why a camera failed."""
+    if isinstance(error, ExitError):
+        return "it does not answer"
+    return str(getattr(error, "strerror", None) or error)
+
+
+class Stamps:
+    """Times of capture on the wall clock.
+
+    A network stream does not tell them: there they are the stream's own times, shifted by the
+    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone.
+    """
+
+    def __init__(self, address: Address) -> None:
+        self._is_absolute = address.is_absolute
+        self._shift_ns: float | None = None
+        self._last_ns = 0
+
+    def of(self, frame: VideoFrame, arrival_ns: int) -> int:
+        """The stamp of a frame that arrived at that time; always later than the last."""
+        stamp_ns = arrival_ns
+        if frame.pts is not None and frame.time_base is not None:
+            own_ns = round(frame.pts * frame.time_base * 10**9)
+            stamp_ns = own_ns if self._is_absolute else self._shifted(own_ns, arrival_ns)
+        self._last_ns = max(stamp_ns, self._last_ns + 1)
+        return self._last_ns
+
+    def _shifted(self, own_ns: int, arrival_ns: int) -> int:
+        shift_ns = arrival_ns - own_ns
+        before_ns = shift_ns if self._shift_ns is None else self._shift_ns
+        if abs(shift_ns - before_ns) > _LOST_NS:
+            before_ns = shift_ns
+        drift_ns = max(0, arrival_ns - self._last_ns) * _DRIFT if self._last_ns else 0
+        self._shift_ns = min(shift_ns, before_ns + drift_ns)
+        return round(own_ns + self._shift_ns)
+
+
+def _check_device(device: str) -> None:
+    there = "there are: " + (", ".join(sorted(glob("/dev/video*"))) or "none")
+    if Path(device).is_file() or Path(device).is_dir():
+        raise OpenError(f"{device}: not a camera; play a file with: ros-visualise video FILE")
+    if not Path(device).exists() and device.startswith("/dev/"):
+        raise OpenError(f"there is no {device}; {there}; {_TRY_TEST}")
+    if not Path(device).exists():
+        raise OpenError(f"no camera {device!r}: give a device, a URL or test; devices {there}")
