@@ -163,7 +163,8 @@ class _Video:
 
     def encode(self, planes: Bytes, ticks: int, gap: int) -> list[av.Packet[av.VideoStream]]:
         """The packets of the next image."""
-        frame = av.VideoFrame.from_numpy_buffer(planes, format="yuv420p")
+        # not from_numpy_buffer: it loses rows where the height is no multiple of 4
+        frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
         frame.pts, frame.time_base = ticks, Fraction(1, TICKS_PER_SECOND)
         if ticks >= self._next_key:
             frame.pict_type = PictureType.I

@@ -1,0 +1,128 @@
+"""A disk that fills up ends a recording with one line, and what was written stays readable."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections import namedtuple
+from collections.abc import Iterable
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+from mcap.exceptions import EndOfFile
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from rosbags.highlevel import AnyReader
+
+from ros_visualise.data import Header, Image
+from ros_visualise.errors import RecordingError
+from ros_visualise.sinks import Recorder, open_recorder
+
+Usage = namedtuple("Usage", "total used free")
+LIMIT = 1_000_000
+
+
+def noise(stamp_ns: int) -> Image:
+    """An image that no compression makes small."""
+    pixels = np.random.default_rng(stamp_ns).integers(0, 255, (120, 160, 3), np.uint8)
+    return Image(pixels, "bgr8", Header(stamp_ns))
+
+
+def write_all(recorder: Recorder, stamps_ns: Iterable[int]) -> None:
+    for stamp_ns in stamps_ns:
+        recorder.write("/a", noise(stamp_ns))
+
+
+def count_in_mcap(path: Path) -> int:
+    with AnyReader([path]) as reader:
+        return sum(1 for _ in reader.messages())
+
+
+def count_in_cut_mcap(path: Path) -> int:
+    count = 0
+    with path.open("rb") as file:
+        try:
+            for record in StreamReader(file).records:
+                count += isinstance(record, Message)
+        except EndOfFile:
+            return count
+    raise AssertionError("the file is not cut")
+
+
+def count_in_mp4(path: Path) -> int:
+    with av.open(str(path)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+@pytest.mark.parametrize(
+    ("suffix", "count"), [(".mcap", count_in_mcap), (".mp4", count_in_mp4)], ids=["mcap", "mp4"]
+)
+def test_it_stops_while_there_is_room_to_finish(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, count
+) -> None:
+    path = tmp_path / f"r{suffix}"
+
+    def disk_usage(folder: Path) -> Usage:
+        assert folder == tmp_path
+        return Usage(LIMIT, 0, LIMIT - path.stat().st_size)
+
+    monkeypatch.setattr(shutil, "disk_usage", disk_usage)
+    recorder = open_recorder(str(path), {"/a": Image})
+    images = iter(range(0, 10**12, 33_000_000))
+    with pytest.raises(RecordingError) as error:
+        write_all(recorder, images)
+    recorder.close()
+    kept = count(path)
+    assert 5 < kept == next(images) // 33_000_000 - 1
+    assert str(error.value) == (
+        f"{path}: No space left on device; the first {kept} messages were kept"
+    )
+    assert LIMIT // 2 < path.stat().st_size < LIMIT
+
+
+PROGRAM = f"""
+import json, resource, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_full_disk import LIMIT, Image, RecordingError, open_recorder, write_all
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
+errors = []
+for path in sys.argv[1:]:
+    recorder = open_recorder(path, {{"/a": Image}})
+    try:
+        write_all(recorder, range(0, 10**12, 200_000_000))
+    except RecordingError as error:
+        errors.append(str(error))
+    recorder.close()
+    recorder.close()
+print(json.dumps(errors))
+"""
+
+
+@pytest.fixture(scope="module")
+def limited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A folder with r.mcap and r.mp4, whose writes failed at LIMIT bytes, and what was raised."""
+    pytest.importorskip("resource", reason="only POSIX systems can limit the size of a file")
+    folder = tmp_path_factory.mktemp("limited")
+    paths = [str(folder / name) for name in ("r.mcap", "r.mp4")]
+    run = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *paths], stdout=subprocess.PIPE, check=True, timeout=60
+    )
+    return folder, json.loads(run.stdout)
+
+
+@pytest.mark.parametrize(
+    ("name", "count"), [("r.mcap", count_in_cut_mcap), ("r.mp4", count_in_mp4)]
+)
+def test_a_write_that_fails_leaves_whole_messages(
+    limited: tuple[Path, list[str]], name: str, count
+) -> None:
+    folder, errors = limited
+    kept = count(folder / name)
+    assert kept > 3
+    expected = f"{folder / name}: File too large; the first {kept} messages were kept"
+    assert expected in errors
+    assert LIMIT // 2 < (folder / name).stat().st_size < LIMIT

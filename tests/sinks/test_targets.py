@@ -1,0 +1,102 @@
+"""What may be recorded to, and what is said of what may not."""
+
+from pathlib import Path
+
+import pytest
+
+from ros_visualise.data import CameraInfo, Image, ParameterEvent
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder, parse_target
+from ros_visualise.sinks import mp4 as mp4_module
+
+TOPICS = {
+    "/image_raw": Image,
+    "/camera_info": CameraInfo,
+    "/edges": Image,
+    "/edges_overlay": Image,
+}
+ON_DEMAND = ("/edges_overlay",)
+
+
+@pytest.mark.parametrize(
+    ("target", "path", "topics"),
+    [
+        ("edges.mp4", "edges.mp4", ()),
+        ("edges.mp4@/edges", "edges.mp4", ("/edges",)),
+        ("a/run.mcap@/a,/b/c,/a", "a/run.mcap", ("/a", "/b/c")),
+        ("me@home.mp4", "me@home.mp4", ()),
+        ("me@home.mp4@/edges", "me@home.mp4", ("/edges",)),
+    ],
+)
+def test_targets_are_parsed(target: str, path: str, topics: tuple[str, ...]) -> None:
+    assert parse_target(target) == (Path(path), topics)
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ("r.mcap", ("/image_raw", "/camera_info", "/edges", PARAMETER_EVENTS)),
+        ("r.mcap@/edges_overlay,/edges", ("/edges_overlay", "/edges", PARAMETER_EVENTS)),
+        ("r.mp4", ("/edges",)),
+        ("r.MP4@/edges_overlay", ("/edges_overlay",)),
+    ],
+)
+def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...]) -> None:
+    with open_recorder(f"{tmp_path}/{target}", TOPICS, on_demand=ON_DEMAND) as recorder:
+        assert recorder.topics == expected
+
+
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ("r.avi", r"r.avi: a recording's name ends in .mcap or .mp4"),
+        ("r", "ends in .mcap or .mp4"),
+        ("r.mp4@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
+        ("r.mp4@/edges,/image_raw", "holds one topic of images"),
+        ("r.mp4@/camera_info", "holds one topic of images"),
+    ],
+)
+def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> None:
+    with pytest.raises(UsageError, match=expected):
+        open_recorder(f"{tmp_path}/{target}", TOPICS)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_needs_images(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no topic of images"):
+        open_recorder(f"{tmp_path}/r.mp4", {"/parameter_events": ParameterEvent})
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+def test_targets_that_cannot_be_opened(tmp_path: Path, suffix: str) -> None:
+    there = tmp_path / f"there{suffix}"
+    there.write_text("precious")
+    (folder := tmp_path / f"folder{suffix}").mkdir()
+    refused = {
+        there: rf"{there} exists; add --overwrite or choose another name",
+        folder: "is a folder",
+        tmp_path / "no" / f"r{suffix}": rf"there is no folder {tmp_path / 'no'}; create it first",
+        there / f"r{suffix}": "cannot be written: Not a directory",
+    }
+    for path, expected in refused.items():
+        with pytest.raises(OpenError, match=expected) as error:
+            open_recorder(str(path), TOPICS)
+        assert "\n" not in str(error.value)
+    assert there.read_text() == "precious"
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+def test_a_folder_is_never_overwritten(tmp_path: Path, suffix: str) -> None:
+    (folder := tmp_path / f"folder{suffix}").mkdir()
+    with pytest.raises(OpenError, match="is a folder"):
+        open_recorder(str(folder), TOPICS, overwrite=True)
+
+
+def test_a_missing_encoder_is_said_before_a_file_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (there := tmp_path / "r.mp4").write_text("precious")
+    monkeypatch.setattr(mp4_module, "_ENCODER", "libnone264")
+    with pytest.raises(OpenError, match=r"without libnone264; record to \.mcap"):
+        open_recorder(str(there), TOPICS, overwrite=True)
+    assert there.read_text() == "precious"

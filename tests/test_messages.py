@@ -1,0 +1,184 @@
+"""Our data and ROS messages hold the same, through real serialization and back."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_typestore
+
+from ros_visualise.data import ENCODINGS, CameraInfo, Header, Image, ParameterEvent
+from ros_visualise.messages import data_class, from_message, to_message, type_name
+
+ROS1 = get_typestore(Stores.ROS1_NOETIC)
+ROS2 = get_typestore(Stores.ROS2_JAZZY)
+HEADER = Header(1_700_000_000_987_654_321, "cam00_optical")
+
+
+def through_ros1(data: Any, header: Header | None = None) -> Any:
+    name = type_name(type(data))
+    raw = ROS1.serialize_ros1(to_message(data, ROS1.types, header), name)
+    return ROS1.deserialize_ros1(raw, name)
+
+
+def through_ros2(data: Any, header: Header | None = None) -> Any:
+    name = type_name(type(data))
+    raw = ROS2.serialize_cdr(to_message(data, ROS2.types, header), name)
+    return ROS2.deserialize_cdr(raw, name)
+
+
+def random_image(encoding: str, height: int = 3, width: int = 5) -> Image:
+    dtype, channels = ENCODINGS[encoding]
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    pixels = np.random.default_rng(7).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
+    return Image(pixels, encoding, HEADER)
+
+
+@pytest.mark.parametrize("size", [(3, 5), (1, 1), (8, 2)])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("through", [through_ros1, through_ros2])
+def test_images_survive(through: Callable[..., Any], encoding: str, size: tuple[int, int]) -> None:
+    image = random_image(encoding, *size)
+    found = from_message(through(image), Image)
+    assert (found.encoding, found.header) == (encoding, HEADER)
+    assert found.pixels.dtype == image.pixels.dtype
+    np.testing.assert_array_equal(found.pixels, image.pixels)
+
+
+def test_pixels_are_not_copied_on_the_way_out() -> None:
+    image = random_image("bgr16")
+    assert np.shares_memory(to_message(image, ROS2.types).data, image.pixels)
+
+
+def test_a_cut_out_is_written_as_it_looks() -> None:
+    whole = random_image("bgr8", 8, 8)
+    cut = replace(whole, data=whole.pixels[2:5, 1:4])
+    message = through_ros2(cut)
+    assert message.step == 9
+    np.testing.assert_array_equal(from_message(message, Image).pixels, whole.pixels[2:5, 1:4])
+
+
+def message(encoding: str, height: int, width: int, step: int, data: Any, big: int = 0) -> Any:
+    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id="")
+    return SimpleNamespace(
+        header=header,
+        encoding=encoding,
+        height=height,
+        width=width,
+        step=step,
+        is_bigendian=big,
+        data=data,
+    )
+
+
+def test_padding_at_the_rows_ends_is_left_out() -> None:
+    found = from_message(message("mono8", 2, 3, 4, bytes([1, 2, 3, 99, 4, 5, 6, 99])), Image)
+    np.testing.assert_array_equal(found.pixels, [[1, 2, 3], [4, 5, 6]])
+
+
+def test_padding_may_be_odd_for_16_bit() -> None:
+    found = from_message(message("mono16", 2, 1, 3, bytes([1, 2, 99, 3, 4, 99])), Image)
+    np.testing.assert_array_equal(found.pixels, [[0x0201], [0x0403]])
+
+
+def test_big_endian_is_turned() -> None:
+    found = from_message(message("mono16", 1, 2, 4, bytes([1, 2, 3, 4]), big=1), Image)
+    np.testing.assert_array_equal(found.pixels, [[0x0102, 0x0304]])
+    assert found.pixels.dtype == np.uint16
+
+
+@pytest.mark.parametrize(
+    ("step", "size", "expected"),
+    [
+        (6, 11, "12 bytes, but the message holds 11"),
+        (6, 13, "12 bytes, but the message holds 13"),
+        (5, 10, "12 bytes, but the message holds 10"),
+        (0, 0, "12 bytes, but the message holds 0"),
+    ],
+)
+def test_sizes_that_contradict_are_refused(step: int, size: int, expected: str) -> None:
+    with pytest.raises(ValueError, match=expected):
+        from_message(message("bgr8", 2, 2, step, bytes(size)), Image)
+
+
+def test_an_unknown_encoding_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"'yuv422'; known are mono8, mono16"):
+        from_message(message("yuv422", 1, 2, 4, bytes(4)), Image)
+
+
+CAMERA = CameraInfo(
+    height=375,
+    width=1242,
+    K=np.array([[721.5, 0, 609.6], [0, 722.5, 172.9], [0, 0, 1]]),
+    D=np.array([0.1, -0.2, 0.003, 0.004, 0.05]),
+    R=np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+    P=np.arange(12.0).reshape(3, 4),
+)
+
+
+@pytest.mark.parametrize("through", [through_ros1, through_ros2])
+def test_calibrations_survive(through: Callable[..., Any]) -> None:
+    message = through(CAMERA, HEADER)
+    assert message.header.frame_id == "cam00_optical"
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1_700_000_000, 987_654_321)
+    found = from_message(message, CameraInfo)
+    assert (found.height, found.width, found.distortion_model) == (375, 1242, "plumb_bob")
+    for name in "KDRP":
+        np.testing.assert_array_equal(getattr(found, name), getattr(CAMERA, name))
+
+
+def test_an_unrectified_camera_projects_by_its_own_matrix() -> None:
+    found = from_message(through_ros2(replace(CAMERA, P=None)), CameraInfo)
+    np.testing.assert_array_equal(found.P, np.column_stack([CAMERA.K, np.zeros(3)]))
+
+
+class Method(Enum):
+    CANNY = "canny"
+
+
+def test_parameter_events_survive() -> None:
+    event = ParameterEvent(
+        "edge_detector",
+        new={"enabled": True, "aperture": 3, "sigma": 1.5, "note": "ä"},
+        changed={"low": -1, "off": False, "zero": 0.0},
+        header=Header(5_000_000_001),
+    )
+    found = from_message(through_ros2(event), ParameterEvent)
+    assert found == event
+    types = [type(value) for values in (found.new, found.changed) for value in values.values()]
+    assert types == [bool, int, float, str, int, bool, float]
+
+
+def test_a_choice_is_written_as_its_value_and_a_node_by_its_full_name() -> None:
+    message = through_ros2(ParameterEvent("edges", changed={"method": Method.CANNY}))
+    assert message.node == "/edges"
+    (changed,) = message.changed_parameters
+    assert (changed.name, changed.value.type, changed.value.string_value) == ("method", 4, "canny")
+
+
+def test_a_parameter_of_another_kind_is_refused() -> None:
+    message = through_ros2(ParameterEvent("edges", changed={"low": 1}))
+    message.changed_parameters[0].value.type = 7
+    with pytest.raises(ValueError, match="parameter low"):
+        from_message(message, ParameterEvent)
+
+
+def test_types_have_names_both_ways() -> None:
+    assert type_name(Image) == "sensor_msgs/msg/Image"
+    assert data_class("sensor_msgs/msg/Image") is Image
+    assert data_class("sensor_msgs/msg/Imu") is None
+
+
+def test_classes_with_slots_are_filled() -> None:
+    class Slotted:
+        __slots__ = ("data", "encoding", "header", "height", "is_bigendian", "step", "width")
+
+        def __init__(self, **fields: Any) -> None:
+            assert fields.keys() == set(self.__slots__)
+            self.step = fields["step"]
+
+    types = {**ROS1.types, "sensor_msgs/msg/Image": Slotted}
+    assert to_message(random_image("rgba8"), types).step == 20
