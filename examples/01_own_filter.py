@@ -1,0 +1,22 @@
+"""A filter of one's own. Its slider, its flag and its topic come from this declaration:
+
+ros-visualise demo --node examples/01_own_filter.py:posterize --set posterize.levels=3
+"""
+
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Image
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class PosterizeParams:
+    levels: int = param(4, "how many levels of brightness are left", min=2, max=32)
+
+
+@node("posterize", params=PosterizeParams, inputs={"image": Image}, outputs={"image": Image})
+def posterize(image: Image, params: PosterizeParams) -> Image:
+    """Leaves a few levels of brightness."""
+    step = 256 // params.levels
+    return replace(image, data=image.pixels // step * step)
