@@ -1,0 +1,38 @@
+"""The node that plays the program's own scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Header, Image
+from ros_visualise.nodes import source
+from ros_visualise.params import param
+from ros_visualise.sources.convert import parse_size
+from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.scene import Scene
+
+
+@dataclass(frozen=True)
+class DemoParams:
+    """How the scene is shown."""
+
+    size: str = param("640x480", "size of the images, WIDTHxHEIGHT", restart=True)
+    frame_id: str = param("camera_optical", "frame of the images")
+
+
+@source("demo", params=DemoParams, outputs={"image": Image})
+class Demo:
+    """Fly over a landscape made by the program."""
+
+    def __init__(self, params: DemoParams, playback: Playback) -> None:
+        self._params, self._playback = params, playback
+        self._scene = Scene(parse_size(params.size) or (640, 480))
+
+    def messages(self) -> Iterator[tuple[str, Image]]:
+        """The images, each when its time has come."""
+        for stamp_ns, image in self._playback.run(self._scene):
+            yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+
+    def close(self) -> None:
+        """Nothing is open."""
