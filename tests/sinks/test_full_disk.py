@@ -82,6 +82,21 @@ def test_it_stops_while_there_is_room_to_finish(
     assert LIMIT // 2 < path.stat().st_size < LIMIT
 
 
+@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+def test_a_disk_that_was_full_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(LIMIT, LIMIT, 0))
+    recorder = open_recorder(f"{tmp_path}/r{suffix}", {"/a": Image})
+    with pytest.raises(RecordingError, match="No space left on device; the first 0 messages"):
+        recorder.write("/a", noise(0))
+    recorder.close()
+    if suffix == ".mcap":
+        assert count_in_mcap(recorder.path) == 0
+    else:
+        assert not recorder.path.exists()
+
+
 PROGRAM = f"""
 import json, resource, signal, sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})

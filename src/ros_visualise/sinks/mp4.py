@@ -111,9 +111,15 @@ class Mp4Recorder:
         packets = video.encode(planes, ticks, self._timeline.gap)
         size = video.pending + sum(packet.size for packet in packets)
         if not self._file.has_room(size + _INDEX_BYTES * video.count):
-            self.close()
-            raise recording_failed(self.path, DISK_FULL, video.count)
+            raise self._stop(video)
         video.mux(packets)
+
+    def _stop(self, video: _Video) -> RecordingError:
+        """Finish a video that the disk has no more room for."""
+        if not video.count:
+            return self._fail(DISK_FULL)
+        self.close()
+        return recording_failed(self.path, DISK_FULL, video.count)
 
     def _warn_of_scaling(self, image: Image, size: tuple[int, int]) -> None:
         if even_size(image) != size and not self._warned:
