@@ -67,6 +67,10 @@ class Decoder:
                 continue
             yield from decoded
 
+    def count(self) -> int:
+        """The number of frames, without decoding them."""
+        return sum(packet is not None and not packet.is_discard for packet in self._packets())
+
     def _packets(self) -> Iterator[Packet[VideoStream] | None]:
         try:
             for packet in self._container.demux(self._stream):

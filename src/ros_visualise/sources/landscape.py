@@ -45,7 +45,7 @@ def draw_landscape() -> Pixels:
     canvas = _draw_fields(random)
     _draw_river(canvas, random)
     taken = _draw_road(canvas)
-    _draw_helipad(canvas, (SIDE // 2 + 470, SIDE // 2 - 300), taken)
+    _draw_helipad(canvas, (SIDE // 2 + 420, SIDE // 2 - 310), taken)
     _draw_houses(canvas, random, taken)
     _draw_trees(canvas, random, taken)
     return _add_grain(canvas, random)

@@ -10,6 +10,7 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from av.container import InputContainer
 from av.error import FFmpegError
@@ -83,6 +84,16 @@ class Video:
         if shown is not None:
             yield shown[0], self._converter.image(shown[1])
 
+    @property
+    def format(self) -> str:
+        """Name of the file's format, FFmpeg's short one."""
+        return str(self._container.format.name).partition(",")[0]
+
+    def count(self) -> int:
+        """The number of its images, counted without decoding them."""
+        self._open()
+        return Decoder(self._container, self._stream).count()
+
     def close(self) -> None:
         """End what is being read."""
         self._closed = True
@@ -137,6 +148,30 @@ class Video:
         if faults and end_ns and not self._warned:
             self._warned = True
             log.warning("%s: %s", self._path, "; ".join(faults))
+
+
+def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """What a video file holds, its images counted but not decoded."""
+    video = Video(path)
+    shown, images = video.info, video.count()
+    duration_s = (shown.duration_ns or 0) / 1e9
+    if not duration_s or images < (shown.frames or 0):
+        duration_s = images / shown.fps
+    hz = round(images / duration_s, 3)
+    return {
+        "path": str(path),
+        "format": video.format,
+        "start": 0.0,
+        "end": duration_s,
+        "duration": duration_s,
+        "size": Path(path).stat().st_size,
+        "messages": images,
+        "topics": {"/image_raw": {"type": "sensor_msgs/msg/Image", "messages": images, "hz": hz}},
+        "width": shown.width,
+        "height": shown.height,
+        "fps": shown.fps,
+        "codec": shown.codec,
+    }
 
 
 class _Times:
