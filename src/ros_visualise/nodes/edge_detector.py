@@ -1,0 +1,99 @@
+"""Edges of an image, and the edges drawn over it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ros_visualise.data import Deferred, Image, Pixels
+from ros_visualise.errors import UnsupportedImage
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import color
+from ros_visualise.vision.edges import (
+    Aperture,
+    EdgeColor,
+    Method,
+    canny,
+    derivative,
+    draw_over,
+    smooth,
+    to_levels,
+)
+
+
+@dataclass(frozen=True)
+class EdgeParams:
+    """Parameters of `edge_detector`; thresholds count as on 8-bit images at 16 bits too."""
+
+    method: Method = param(
+        Method.CANNY, "canny: thin lines; the others: edge strength, black at low to white at high"
+    )
+    low: int = param(200, "lower (hysteresis) threshold; swapped if above high", min=0, max=800)
+    high: int = param(300, "upper (hysteresis) threshold", min=0, max=800)
+    auto: bool = param(
+        False, "find both from the image: high by Otsu's method on its gradient, low half of it"
+    )
+    aperture: Aperture = param(
+        Aperture.THREE, "kernel size; canny's gradient, so its thresholds, grow with it"
+    )
+    l2_gradient: bool = param(
+        False, "canny: compare the Euclidean norm of the gradient, not |dx| + |dy|"
+    )
+    sigma: float = param(
+        0.0,
+        "Gaussian blur before, in pixels; 0 is off; makes laplacian that of a Gaussian",
+        min=0,
+        max=20,
+        slider=(0, 5),
+    )
+    min_gradient: int = param(
+        0,
+        "an edge stays only where the gradient's Euclidean norm exceeds this; 0 is off",
+        min=0,
+        max=800,
+    )
+    overlay_color: EdgeColor = param(EdgeColor.RED, "colour of the edges in the overlay")
+
+
+@node(
+    "edge_detector",
+    params=EdgeParams,
+    inputs={"image": Image},
+    outputs={"edges": Image, "edges_overlay": Image},
+    on_demand=("edges_overlay",),
+)
+def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
+    """Edges of an image (mono8) and, made when it is read, the image with them drawn over it."""
+    if color.is_bayer(image.encoding):
+        raise UnsupportedImage(
+            f"{image.encoding} has no edges of its own: set filters.demosaic=true"
+        )
+    order = color.order_of(image.encoding)
+    edges = _detect(color.to_gray(image.pixels, order), params)
+    overlay = Deferred(
+        (*edges.shape, 3),
+        np.uint8,
+        lambda: draw_over(image.pixels, order, edges, params.overlay_color),
+    )
+    return {
+        "edges": replace(image, data=edges, encoding="mono8"),
+        "edges_overlay": replace(image, data=overlay, encoding="bgr8"),
+    }
+
+
+def _detect(gray: Pixels, p: EdgeParams) -> Pixels:
+    aperture = p.aperture.value
+    if p.method is Method.CANNY:
+        return canny(
+            smooth(gray, p.sigma),
+            p.low,
+            p.high,
+            aperture,
+            l2_gradient=p.l2_gradient,
+            automatic=p.auto,
+            min_gradient=p.min_gradient,
+        )
+    strength = derivative(gray, p.method, aperture, p.sigma)
+    return to_levels(strength, p.low, p.high, automatic=p.auto, min_gradient=p.min_gradient)

@@ -1,0 +1,173 @@
+"""Image filters that switch on and off, applied in the order of their parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+from ros_visualise.data import CameraInfo, Image, Pixels
+from ros_visualise.errors import UnsupportedImage
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import calibration, color
+from ros_visualise.vision.color import HsvMode
+from ros_visualise.vision.morphology import Morphology, Shape, morph
+from ros_visualise.vision.reshape import Flip, flip, resize, target_size
+from ros_visualise.vision.smoothing import Blur, blur, sharpen
+from ros_visualise.vision.threshold import Threshold, threshold
+from ros_visualise.vision.tone import Equalize, adjust, equalize
+
+
+@dataclass(frozen=True)
+class FiltersParams:
+    """Parameters of `filters`, in the order in which they are applied.
+
+    Values of 0-255 count in steps of 257 on 16-bit images.
+    """
+
+    demosaic: bool = param(
+        True,
+        "make colour of Bayer mosaics; other images stay as they are, mosaics are not filtered",
+    )
+    scale: float = param(1.0, "resize by this factor; 1 is off", min=0.01, max=8, slider=(0.1, 2))
+    width: int = param(
+        0,
+        "resize to this width in pixels; 0 follows from height or scale",
+        min=0,
+        max=16384,
+        slider=(0, 3840),
+    )
+    height: int = param(
+        0,
+        "resize to this height in pixels; 0 follows from width or scale",
+        min=0,
+        max=16384,
+        slider=(0, 2160),
+    )
+    flip: Flip = param(Flip.OFF, "mirror left-right (horizontal), top-bottom (vertical) or both")
+    gray: bool = param(True, "make gray of colour: 0.299 R + 0.587 G + 0.114 B")
+    blur: Blur = param(
+        Blur.OFF, "smooth; a median above size 5 reduces 16-bit images to 256 levels"
+    )
+    blur_size: int = param(
+        5, "width of the blur's window in pixels; even counts as the next odd", min=1, max=31
+    )
+    blur_sigma: float = param(
+        0.0,
+        "standard deviation in pixels of gaussian and bilateral; 0 takes it from the size",
+        min=0,
+        max=20,
+    )
+    bilateral_color: float = param(
+        50.0, "bilateral: difference of values that still mixes, 0-255", min=1, max=255
+    )
+    contrast: float = param(
+        1.0, "contrast x value + brightness; 1 is off", min=0, max=10, slider=(0, 3)
+    )
+    brightness: int = param(0, "contrast x value + brightness; 0 is off", min=-255, max=255)
+    equalize: Equalize = param(
+        Equalize.OFF, "spread the histogram: global, or clahe in tiles; of colour the luma"
+    )
+    clahe_clip: float = param(
+        2.0, "clahe: contrast limit; 0 is none", min=0, max=100, slider=(0, 10)
+    )
+    clahe_tiles: int = param(8, "clahe: tiles along each side", min=1, max=64, slider=(1, 16))
+    sharpen: float = param(0.0, "amount of the unsharp mask; 0 is off", min=0, max=10)
+    sharpen_sigma: float = param(
+        1.5, "sharpen: standard deviation of its blur in pixels", min=0.1, max=20
+    )
+    hsv: HsvMode = param(
+        HsvMode.OFF, "choose colours by range: keep them, others black, or a mask; needs gray=false"
+    )
+    hue_min: int = param(
+        0, "lowest hue, degrees / 2; above hue_max it reaches through red", min=0, max=179
+    )
+    hue_max: int = param(179, "highest hue, degrees / 2", min=0, max=179)
+    saturation_min: int = param(0, "lowest saturation", min=0, max=255)
+    saturation_max: int = param(255, "highest saturation", min=0, max=255)
+    value_min: int = param(0, "lowest value (brightness); 16 bit is compared at 8", min=0, max=255)
+    value_max: int = param(255, "highest value (brightness)", min=0, max=255)
+    threshold_mode: Threshold = param(
+        Threshold.TRUNCATE, "what the threshold does; otsu and adaptive make gray of colour"
+    )
+    threshold: int = param(
+        128, "threshold, of each channel; otsu and adaptive find their own", min=0, max=255
+    )
+    adaptive_size: int = param(
+        11,
+        "adaptive: width of the window in pixels; even counts as the next odd",
+        min=3,
+        max=255,
+        slider=(3, 51),
+    )
+    adaptive_offset: float = param(
+        2.0,
+        "adaptive: the threshold is the window's mean less this",
+        min=-255,
+        max=255,
+        slider=(-50, 50),
+    )
+    morphology: Morphology = param(Morphology.OFF, "change the shapes of bright areas")
+    morphology_shape: Shape = param(Shape.RECT, "morphology: structuring element")
+    morphology_size: int = param(
+        3, "morphology: its width in pixels; even counts as the next odd", min=1, max=31
+    )
+
+
+@node("filters", params=FiltersParams, inputs={"image": Image}, outputs={"image": Image})
+def filters(image: Image, params: FiltersParams) -> Image:
+    """Image filters that switch on and off, applied in the order of their parameters."""
+    image = _demosaic(image, params)
+    order = color.order_of(image.encoding)
+    pixels = _reshape(image.pixels, params)
+    if params.gray:
+        pixels = color.to_gray(pixels, order)
+    pixels = color.keep_alpha(partial(_values, order=order, p=params), pixels)
+    if pixels is image.pixels:
+        return image
+    if color.is_bayer(image.encoding):
+        raise UnsupportedImage(f"{image.encoding} is filtered only with demosaic=true")
+    encoding = color.encoding_of(pixels, order)
+    return replace(
+        image, data=pixels, encoding=encoding, camera_info=_calibration(image, pixels, params)
+    )
+
+
+def _demosaic(image: Image, p: FiltersParams) -> Image:
+    if not p.demosaic or not color.is_bayer(image.encoding):
+        return image
+    pixels = color.demosaic(image.pixels, image.encoding)
+    return replace(image, data=pixels, encoding=color.encoding_of(pixels, "BGR"))
+
+
+def _reshape(pixels: Pixels, p: FiltersParams) -> Pixels:
+    height, width = pixels.shape[:2]
+    size = target_size((width, height), p.scale, p.width, p.height)
+    return flip(resize(pixels, size), p.flip)
+
+
+def _values(pixels: Pixels, order: str, p: FiltersParams) -> Pixels:
+    pixels = blur(pixels, p.blur, p.blur_size, p.blur_sigma, p.bilateral_color)
+    pixels = adjust(pixels, p.contrast, p.brightness)
+    pixels = equalize(pixels, order, p.equalize, p.clahe_clip, p.clahe_tiles)
+    pixels = sharpen(pixels, p.sharpen, p.sharpen_sigma)
+    low = (p.hue_min, p.saturation_min, p.value_min)
+    high = (p.hue_max, p.saturation_max, p.value_max)
+    pixels = color.select_hsv(pixels, order, p.hsv, low, high)
+    pixels = threshold(
+        pixels, order, p.threshold_mode, p.threshold, p.adaptive_size, p.adaptive_offset
+    )
+    return morph(pixels, p.morphology, p.morphology_shape, p.morphology_size)
+
+
+def _calibration(image: Image, pixels: Pixels, p: FiltersParams) -> CameraInfo | None:
+    info, before = image.camera_info, (image.width, image.height)
+    after = (pixels.shape[1], pixels.shape[0])
+    if info is None:
+        return None
+    if after != before:
+        info = calibration.resized(info, before, after)
+    if p.flip is not Flip.OFF:
+        ways = {"horizontal": p.flip.horizontal, "vertical": p.flip.vertical}
+        info = calibration.flipped(info, after, **ways)
+    return info
