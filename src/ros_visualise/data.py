@@ -8,13 +8,14 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.params import Value
 
-Pixels = npt.NDArray[np.generic]
+Pixels = npt.NDArray[Any]
 
 _BAYER = ("rggb", "bggr", "gbrg", "grbg")
 ENCODINGS: dict[str, tuple[str, int]] = {
@@ -101,7 +102,7 @@ class Image:
         ValueError: shape or type do not fit the encoding.
     """
 
-    data: npt.NDArray[np.generic] | Deferred
+    data: Pixels | Deferred
     encoding: str
     header: Header = Header()
     camera_info: CameraInfo | None = None
@@ -117,7 +118,7 @@ class Image:
             object.__setattr__(self, "data", _read_only(self.data))
 
     @property
-    def pixels(self) -> npt.NDArray[np.generic]:
+    def pixels(self) -> Pixels:
         """The pixels: (height, width) or (height, width, channels), read-only."""
         return self.data() if isinstance(self.data, Deferred) else self.data
 
