@@ -7,7 +7,7 @@ from pathlib import Path
 
 import av
 from av.container import InputContainer
-from av.error import FFmpegError
+from av.error import FFmpegError, InvalidDataError
 from av.packet import Packet
 from av.stream import Disposition
 from av.video.frame import VideoFrame
@@ -28,7 +28,10 @@ def open_container(path: Path) -> InputContainer:
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
     except (FFmpegError, OSError) as error:
-        raise OpenError(f"{path}: {_what_is_wrong(path, error)}") from None
+        what = _what_it_is(path)
+        if not isinstance(error, InvalidDataError):
+            what = f"{error.strerror or error}; {what}"
+        raise OpenError(f"{path}: {what}") from None
 
 
 def video_stream(container: InputContainer, path: Path) -> VideoStream:
@@ -39,7 +42,7 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if container.format.name == "tty" or not container.streams:
-        raise OpenError(f"{path}: not a video; give a video file")
+        raise OpenError(f"{path}: {_what_it_is(path)}")
     if not streams:
         kinds = " and ".join(sorted({s.type for s in container.streams} - {"video"})) or "pictures"
         raise OpenError(f"{path}: holds {kinds} but no video; give a video file")
@@ -94,11 +97,10 @@ def _check_file(path: Path) -> None:
         raise OpenError(f"{path}: you may not read its folder; try chmod u+rx") from None
 
 
-def _what_is_wrong(path: Path, error: Exception) -> str:
+def _what_it_is(path: Path) -> str:
+    """What a file is in which FFmpeg finds no video."""
     with path.open("rb") as file:
         is_mp4 = file.read(12)[4:8] == b"ftyp"
     if is_mp4:
-        return "cut off: its index is missing; copy it again, or repair it with untrunc"
-    if isinstance(error, av.error.InvalidDataError):
-        return "not a video that FFmpeg can read; give a video file"
-    return f"cannot be opened ({getattr(error, 'strerror', None) or error}); give a video file"
+        return "cut off, its index is missing; copy it again, or repair it with untrunc"
+    return "not a video that FFmpeg can read; give a video file"

@@ -1,0 +1,330 @@
+"""Playing: when each message passes, and what page, command line and ROS do to that."""
+
+import threading
+from collections.abc import Callable, Generator
+
+import pytest
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.sources.playback import Playback
+
+S = 10**9
+WALL = 1_700_000_000 * S
+
+
+class FakeClock:
+    """Time passes only by waiting; what is to happen meanwhile is told by ``at``."""
+
+    def __init__(self) -> None:
+        self.time_ns = 0
+        self._events: list[tuple[int, Callable[[], None]]] = []
+
+    def at(self, time_s: float, action: Callable[[], None]) -> None:
+        self._events.append((round(time_s * S), action))
+        self._events.sort(key=lambda event: event[0])
+
+    def now_ns(self) -> int:
+        return WALL + self.time_ns
+
+    def monotonic_ns(self) -> int:
+        return self.time_ns
+
+    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
+        due = [e for e in self._events if until_ns is None or e[0] <= until_ns]
+        if not due:
+            assert until_ns is not None, "waits for ever"
+            self.time_ns = max(self.time_ns, until_ns)
+            return
+        self._events.remove(due[0])
+        self.time_ns = max(self.time_ns, due[0][0])
+        due[0][1]()
+
+
+class Frames:
+    """A recording of numbered messages at given times."""
+
+    def __init__(self, times_s: list[float], promised_s: float | None = None) -> None:
+        self.times_ns = [round(t * S) for t in times_s]
+        self.duration_ns = None if promised_s is None else round(promised_s * S)
+
+    def read(self, start_ns: int) -> Generator[tuple[int, int], None, None]:
+        first = max([i for i, t in enumerate(self.times_ns) if t <= start_ns], default=0)
+        yield from list(zip(self.times_ns, range(len(self.times_ns)), strict=True))[first:]
+
+
+def regular(count: int, fps: int = 10) -> Frames:
+    return Frames([i / fps for i in range(count)], count / fps)
+
+
+def play(playback: Playback, recording: Frames, clock: FakeClock) -> list[tuple[float, int]]:
+    """(Clock's time in seconds, frame) of all that passes."""
+    return [(clock.time_ns / S, item) for _, item in playback.run(recording)]
+
+
+@pytest.fixture
+def clock() -> FakeClock:
+    return FakeClock()
+
+
+def test_messages_pass_at_their_own_times(clock: FakeClock) -> None:
+    times = [0.0, 0.1, 0.15, 0.9, 1.0]
+    assert play(Playback(clock=clock), Frames(times), clock) == list(
+        zip(times, range(5), strict=True)
+    )
+
+
+def test_stamps_start_now_and_follow_the_recording_at_any_rate(clock: FakeClock) -> None:
+    playback = Playback(rate=2, clock=clock)
+    passed = [(clock.time_ns, stamp) for stamp, _ in playback.run(Frames([0, 0.5, 0.75]))]
+    assert passed == [
+        (0, WALL),
+        (S // 4, WALL + S // 2),
+        (3 * S // 8, WALL + 3 * S // 4),
+    ]
+
+
+def test_rate_zero_waits_for_nothing_and_stamps_from_zero(clock: FakeClock) -> None:
+    stamps = [stamp for stamp, _ in Playback(rate=0, clock=clock).run(regular(5))]
+    assert stamps == [0, S // 10, 2 * S // 10, 3 * S // 10, 4 * S // 10]
+    assert clock.time_ns == 0
+
+
+def test_loops_continue_the_stamps_by_the_length_with_the_last_period(clock: FakeClock) -> None:
+    playback = Playback(loop=True, frames=7, clock=clock)
+    passed = [(clock.time_ns, stamp - WALL, i) for stamp, i in playback.run(regular(3))]
+    tenth = S // 10
+    assert passed == [(n * tenth, n * tenth, n % 3) for n in range(7)]
+
+
+def test_an_empty_recording_ends_under_loop(clock: FakeClock) -> None:
+    assert play(Playback(loop=True, clock=clock), Frames([]), clock) == []
+
+
+@pytest.mark.parametrize("loop", [False, True])
+def test_duration_is_what_is_played_in_all(clock: FakeClock, loop: bool) -> None:
+    playback = Playback(rate=0, loop=loop, start_s=0.55, duration_s=0.7, hold=True, clock=clock)
+    recording = regular(8) if loop else regular(50)
+    expected = [5, 6, 7, 0, 1, 2, 3] if loop else [5, 6, 7, 8, 9, 10, 11]
+    assert [i for _, i in playback.run(recording)] == expected
+    assert playback.state.ended
+
+
+def test_duration_does_not_count_what_a_seek_leaps_over(clock: FakeClock) -> None:
+    playback = Playback(duration_s=0.5, clock=clock)
+    clock.at(0.15, lambda: playback.seek(5))
+    assert [i for _, i in play(playback, regular(100), clock)] == [0, 1, 50, 51, 52, 53]
+
+
+def test_frames_end_it_though_it_holds(clock: FakeClock) -> None:
+    assert len(play(Playback(frames=3, hold=True, clock=clock), regular(10), clock)) == 3
+    assert play(Playback(frames=0, clock=clock), regular(10), clock) == []
+
+
+def test_pause_stops_time_and_play_goes_on_from_there(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.14, playback.pause)
+    clock.at(5.0, playback.play)
+    assert play(playback, regular(4), clock) == [(0, 0), (0.1, 1), (5.06, 2), (5.16, 3)]
+
+
+def test_toggle_pauses_and_plays(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    seen = []
+    clock.at(0.05, lambda: (playback.toggle(), seen.append(playback.state.playing)))
+    clock.at(0.06, lambda: (playback.toggle(), seen.append(playback.state.playing)))
+    play(playback, regular(3), clock)
+    assert seen == [False, True]
+
+
+def test_steps_show_the_next_messages_and_stay_paused(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.05, lambda: playback.step())
+    clock.at(1.0, lambda: playback.step(2))
+    clock.at(2.0, lambda: playback.step(-1))
+    clock.at(3.0, lambda: playback.step(-2))
+    clock.at(4.0, playback.close)
+    passed = play(playback, regular(10), clock)
+    assert passed == [(0, 0), (0.05, 1), (1, 2), (1, 3), (2, 2), (3, 0)]
+
+
+def test_steps_back_follow_irregular_times_and_stop_at_the_first(clock: FakeClock) -> None:
+    playback = Playback(start_s=0.95, clock=clock)
+    playback.pause()
+    for time_s in (1, 2, 3, 4):
+        clock.at(time_s, lambda: playback.step(-1))
+    clock.at(5, playback.close)
+    passed = play(playback, Frames([0, 0.3, 0.9, 1.0]), clock)
+    assert [i for _, i in passed] == [2, 1, 0, 0, 0]
+
+
+def test_seek_while_paused_shows_the_message_of_that_time(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.05, playback.pause)
+    clock.at(1, lambda: playback.seek(0.57))
+    clock.at(2, lambda: playback.seek(0.2))
+    clock.at(3, lambda: playback.seek(-7))
+    clock.at(4, playback.close)
+    assert play(playback, regular(10), clock) == [(0, 0), (1, 5), (2, 2), (3, 0)]
+
+
+def test_seek_past_the_end_shows_the_last(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    clock.at(0.05, lambda: playback.seek(1e6))
+    clock.at(1, playback.close)
+    assert [i for _, i in play(playback, regular(10), clock)] == [0, 9]
+
+
+def test_a_seek_while_playing_goes_on_from_there_at_once(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.12, lambda: playback.seek(0.7))
+    passed = play(playback, regular(10), clock)
+    assert passed == [(0, 0), (0.1, 1), (0.12, 7), (0.22, 8), (0.32, 9)]
+
+
+def test_position_is_the_target_at_once(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    playback.pause()
+    run = playback.run(regular(10))
+    next(run)
+    playback.seek(0.6)
+    assert playback.state.position_s == 0.6
+    next(run)
+    assert playback.state.position_s == 0.6
+
+
+def test_a_change_of_rate_takes_effect_within_a_wait(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.5, lambda: playback.set_rate(2))
+    clock.at(1.0, lambda: playback.set_rate(0.5))
+    clock.at(2.0, lambda: playback.set_rate(0))
+    assert play(playback, Frames([0, 1, 2, 3]), clock) == [(0, 0), (0.75, 1), (2, 2), (2, 3)]
+
+
+@pytest.mark.parametrize("rate", [-1, float("nan"), float("inf")])
+def test_impossible_rates_are_refused(rate: float) -> None:
+    with pytest.raises(ParameterError, match="must be 0"):
+        Playback(rate=rate)
+    with pytest.raises(ParameterError, match="must be 0"):
+        Playback().set_rate(rate)
+
+
+def test_lost_time_is_not_caught_up_with(clock: FakeClock) -> None:
+    passed = []
+    for _, item in Playback(clock=clock).run(regular(30)):
+        passed.append((clock.time_ns / S, item))
+        if item == 5:
+            clock.time_ns += 2 * S  # whoever takes it is slow
+    assert passed[5:9] == [(0.5, 5), (2.5, 6), (2.6, 7), (2.7, 8)]
+
+
+def test_a_short_delay_is_caught_up_with(clock: FakeClock) -> None:
+    passed = []
+    for _, item in Playback(clock=clock).run(regular(10)):
+        passed.append((clock.time_ns / S, item))
+        if item == 5:
+            clock.time_ns += S // 4
+    assert passed[6:] == [(0.75, 6), (0.75, 7), (0.8, 8), (0.9, 9)]
+
+
+def test_without_hold_it_ends(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    play(playback, regular(3), clock)
+    assert playback.state.ended
+    assert not playback.state.playing
+
+
+def test_held_at_the_end_it_can_be_sought_stepped_and_started_over(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    states = []
+    clock.at(1, lambda: states.append(playback.state))
+    clock.at(1, lambda: playback.step(-1))
+    clock.at(2, lambda: playback.seek(0))
+    clock.at(3, playback.play)
+    clock.at(4, playback.play)
+    clock.at(5, playback.close)
+    passed = play(playback, regular(3), clock)
+    assert (states[0].ended, states[0].playing, states[0].position_s) == (True, False, 0.2)
+    assert [i for t, i in passed if t < 1] == [0, 1, 2]
+    assert [i for t, i in passed if 1 <= t < 2] == [1]
+    assert [i for t, i in passed if 2 <= t < 3] == [0]
+    assert [i for t, i in passed if 3 <= t < 4] == [1, 2]
+    assert [i for t, i in passed if t >= 4] == [0, 1, 2]
+
+
+def test_starting_over_at_the_end_keeps_stamps_increasing(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    clock.at(1, playback.play)
+    clock.at(2, playback.close)
+    stamps = [stamp for stamp, _ in playback.run(regular(3))]
+    assert len(stamps) == 6
+    assert stamps == sorted(set(stamps))
+
+
+def test_loop_switched_on_at_the_held_end_starts_over(clock: FakeClock) -> None:
+    playback = Playback(hold=True, frames=5, clock=clock)
+    clock.at(1, lambda: playback.set_loop(True))
+    assert [i for _, i in play(playback, regular(3), clock)] == [0, 1, 2, 0, 1]
+
+
+def test_the_real_end_corrects_the_promised_length(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    play(playback, Frames([0, 0.1, 0.2], promised_s=100), clock)
+    assert playback.state.duration_s == pytest.approx(0.3)
+
+
+def test_close_ends_a_wait_within_a_long_gap(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(1, playback.close)
+    assert play(playback, Frames([0, 1000]), clock) == [(0, 0)]
+    assert clock.time_ns == S
+    assert playback.closed
+
+
+def test_close_from_another_thread_ends_a_real_wait() -> None:
+    playback = Playback()
+    run = playback.run(Frames([0, 1000]))
+    next(run)
+    closer = threading.Thread(target=playback.close)
+    closer.start()
+    assert list(run) == []
+    closer.join()
+
+
+def test_wait_tells_whether_it_was_closed(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    assert playback.wait(2) is False
+    assert clock.time_ns == 2 * S
+    clock.at(3, playback.close)
+    assert playback.wait(60) is True
+    assert clock.time_ns == 3 * S
+
+
+def live(clock: FakeClock, playback: Playback, items: list[int | None]) -> list[int]:
+    def pass_time() -> Generator[int | None, None, None]:
+        for item in items:
+            yield item
+            playback.wait(0.1)
+
+    return list(playback.follow(pass_time()))
+
+
+def test_following_drops_what_comes_while_paused(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    clock.at(0.15, playback.pause)
+    clock.at(0.35, playback.step)
+    clock.at(0.55, playback.play)
+    assert live(clock, playback, list(range(8))) == [0, 1, 4, 6, 7]
+
+
+def test_following_ends_by_duration_though_nothing_comes(clock: FakeClock) -> None:
+    playback = Playback(duration_s=0.5, clock=clock)
+    assert live(clock, playback, [0, 1] + [None] * 20) == [0, 1]
+    assert clock.time_ns == S // 2
+    assert playback.state.ended
+
+
+def test_following_ends_by_frames_and_by_close(clock: FakeClock) -> None:
+    assert live(clock, Playback(frames=2, clock=clock), list(range(9))) == [0, 1]
+    playback = Playback(clock=clock)
+    clock.at(clock.time_ns / S + 0.25, playback.close)
+    assert live(clock, playback, list(range(9))) == [0, 1, 2]
