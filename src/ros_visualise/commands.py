@@ -9,6 +9,7 @@ import sys
 import threading
 from argparse import Namespace
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 from ruamel.yaml import YAML
@@ -22,6 +23,7 @@ from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import Spec, specs
 from ros_visualise.pipelines import Graph, image_pipeline, parse_node
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sinks import parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
 
@@ -79,6 +81,7 @@ def nodes(args: Namespace) -> int:
 
 
 def _play(args: Namespace, **settings: Any) -> int:
+    _refuse_double_use(args.record, getattr(args, "input", None))
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     if args.size:
         settings["size"] = args.size
@@ -155,6 +158,15 @@ def _interruptible(make: Callable[[], T]) -> T:
     if errors:
         raise errors[0]
     return results[0]
+
+
+def _refuse_double_use(targets: list[str], source: str | None) -> None:
+    used = {Path(source).resolve()} if source else set()
+    for target in targets:
+        path = parse_target(target)[0]
+        if path.resolve() in used:
+            raise UsageError(f"--record {path}: is in use already; choose another name")
+        used.add(path.resolve())
 
 
 def _say_summary(report: dict[str, Any]) -> None:
