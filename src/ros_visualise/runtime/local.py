@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,15 +17,15 @@ from ros_visualise.nodes import SourceType
 from ros_visualise.params import Parameters, Value
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.recording import RecorderThread, TopicInbox
+from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
-from ros_visualise.runtime.stats import NodeStats, TopicStats
+from ros_visualise.runtime.stats import NodeStats
+from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
 
-Consumer = Inbox | TopicInbox
 _STOP_TIMEOUT_S = 1.0
 
 
@@ -51,7 +51,7 @@ class LocalRuntime:
         }
         self._can_wait = not graph.source.type.live
         self._lossless = lossless and self._can_wait
-        self._topics = {name: _Topic(topic.on_demand) for name, topic in graph.topics.items()}
+        self._topics = {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
         self._source = graph.source.type.make(graph.source.params, playback)
         self._source_stats = NodeStats()
@@ -186,81 +186,11 @@ class LocalRuntime:
         }
 
 
-class Subscription:
-    """The newest message of one topic; see `ros_visualise.runtime.base.Subscription`."""
-
-    def __init__(self, inbox: Inbox, disconnect: Callable[[], None]) -> None:
-        self._inbox = inbox
-        self._disconnect = disconnect
-
-    def take(self, timeout_s: float) -> Any | None:
-        """The newest message not taken yet; None if none came in time or the topic ended."""
-        packet = self._inbox.take(timeout_s)
-        return None if packet is None else packet.message
-
-    def close(self) -> None:
-        """End it."""
-        self._disconnect()
-        self._inbox.close(discard=True)
-
-
-class _Topic:
-    """Hands what one output publishes to whoever listens."""
-
-    def __init__(self, on_demand: bool) -> None:
-        self.on_demand = on_demand
-        self._stats = TopicStats()
-        self._listeners: tuple[Consumer, ...] = ()
-        self._last: Packet | None = None
-        self._finished = False
-        self._lock = threading.Lock()
-
-    @property
-    def wanted(self) -> bool:
-        """Whether messages that come count as published."""
-        return not self.on_demand or bool(self._listeners) or self._stats.messages > 0
-
-    def publish(self, packet: Packet) -> None:
-        """Hand on a packet."""
-        listeners = self._listeners
-        if packet.message is not None:
-            self._last = packet
-            if listeners or not self.on_demand:
-                self._stats.count(packet.message.header.stamp_ns)
-        for listener in listeners:
-            listener.put(packet)
-
-    def finish(self) -> None:
-        """Nothing more comes."""
-        with self._lock:
-            self._finished = True
-        for listener in self._listeners:
-            listener.close()
-
-    def connect(self, listener: Consumer, latched: bool = False) -> None:
-        """Add a listener; ``latched``: give it the last message at once."""
-        with self._lock:
-            self._listeners += (listener,)
-            if latched and self._last is not None:
-                listener.put(self._last)
-            if self._finished:
-                listener.close()
-
-    def disconnect(self, listener: Consumer) -> None:
-        """Remove a listener."""
-        with self._lock:
-            self._listeners = tuple(one for one in self._listeners if one is not listener)
-
-    def report(self, window_s: float | None) -> dict[str, Any]:
-        """Counts and rates."""
-        return {"messages": self._stats.messages, **self._stats.rates(window_s)}
-
-
 class _NodeThread:
     """Takes one node's messages, runs its steps, publishes what comes out."""
 
     def __init__(
-        self, runner: NodeRunner, port: str, outputs: Mapping[str, _Topic], lossless: bool
+        self, runner: NodeRunner, port: str, outputs: Mapping[str, Topic], lossless: bool
     ) -> None:
         self.runner = runner
         self.inbox = Inbox(lossless)

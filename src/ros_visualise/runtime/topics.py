@@ -1,0 +1,83 @@
+"""The topics inside a process: who publishes hands its packets to whoever listens."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.recording import TopicInbox
+from ros_visualise.runtime.stats import TopicStats
+
+Consumer = Inbox | TopicInbox
+
+
+class Subscription:
+    """The newest message of one topic; see `ros_visualise.runtime.base.Subscription`."""
+
+    def __init__(self, inbox: Inbox, disconnect: Callable[[], None]) -> None:
+        self._inbox = inbox
+        self._disconnect = disconnect
+
+    def take(self, timeout_s: float) -> Any | None:
+        """The newest message not taken yet; None if none came in time or the topic ended."""
+        packet = self._inbox.take(timeout_s)
+        return None if packet is None else packet.message
+
+    def close(self) -> None:
+        """End it."""
+        self._disconnect()
+        self._inbox.close(discard=True)
+
+
+class Topic:
+    """Hands what one output publishes to whoever listens."""
+
+    def __init__(self, on_demand: bool) -> None:
+        self.on_demand = on_demand
+        self._stats = TopicStats()
+        self._listeners: tuple[Consumer, ...] = ()
+        self._last: Packet | None = None
+        self._finished = False
+        self._lock = threading.Lock()
+
+    @property
+    def wanted(self) -> bool:
+        """Whether messages that come count as published."""
+        return not self.on_demand or bool(self._listeners) or self._stats.messages > 0
+
+    def publish(self, packet: Packet) -> None:
+        """Hand on a packet."""
+        listeners = self._listeners
+        if packet.message is not None:
+            self._last = packet
+            if listeners or not self.on_demand:
+                self._stats.count(packet.message.header.stamp_ns)
+        for listener in listeners:
+            listener.put(packet)
+
+    def finish(self) -> None:
+        """Nothing more comes."""
+        with self._lock:
+            self._finished = True
+        for listener in self._listeners:
+            listener.close()
+
+    def connect(self, listener: Consumer, latched: bool = False) -> None:
+        """Add a listener; ``latched``: give it the last message at once."""
+        with self._lock:
+            self._listeners += (listener,)
+            if latched and self._last is not None:
+                listener.put(self._last)
+            if self._finished:
+                listener.close()
+
+    def disconnect(self, listener: Consumer) -> None:
+        """Remove a listener."""
+        with self._lock:
+            self._listeners = tuple(one for one in self._listeners if one is not listener)
+
+    def report(self, window_s: float | None) -> dict[str, Any]:
+        """Counts and rates."""
+        return {"messages": self._stats.messages, **self._stats.rates(window_s)}
