@@ -33,7 +33,7 @@ class EdgeParams:
     low: int = param(200, "lower (hysteresis) threshold; swapped if above high", min=0, max=800)
     high: int = param(300, "upper (hysteresis) threshold", min=0, max=800)
     auto: bool = param(
-        False, "find both from the image: high by Otsu's method on its gradient, low half of it"
+        False, "find both from the image: low by Otsu's method on its gradient, high twice that"
     )
     aperture: Aperture = param(
         Aperture.THREE, "kernel size; canny's gradient, so its thresholds, grow with it"

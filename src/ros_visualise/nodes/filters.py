@@ -11,6 +11,7 @@ from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.vision import calibration, color
 from ros_visualise.vision.color import HsvMode
+from ros_visualise.vision.depth import reusable
 from ros_visualise.vision.morphology import Morphology, Shape, morph
 from ros_visualise.vision.reshape import Flip, flip, resize, target_size
 from ros_visualise.vision.smoothing import Blur, blur, sharpen
@@ -155,7 +156,13 @@ def _values(pixels: Pixels, order: str, p: FiltersParams) -> Pixels:
     high = (p.hue_max, p.saturation_max, p.value_max)
     pixels = color.select_hsv(pixels, order, p.hsv, low, high)
     pixels = threshold(
-        pixels, order, p.threshold_mode, p.threshold, p.adaptive_size, p.adaptive_offset
+        pixels,
+        order,
+        p.threshold_mode,
+        p.threshold,
+        p.adaptive_size,
+        p.adaptive_offset,
+        into=reusable(pixels),
     )
     return morph(pixels, p.morphology, p.morphology_shape, p.morphology_size)
 

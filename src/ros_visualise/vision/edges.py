@@ -75,18 +75,18 @@ def gradient_magnitude(gray: Pixels, aperture: int) -> Pixels:
 def automatic_thresholds(strength: Pixels) -> tuple[float, float]:
     """Thresholds (low, high) that separate the edges of an image from the rest.
 
-    The high one is Otsu's threshold of the strengths, in 256 levels; the low one is half of it.
+    The low one is Otsu's threshold of the strengths, in 256 levels; the high one twice that.
 
-    Source: Otsu, A threshold selection method from gray-level histograms, 1979; the ratio (two or
-    three to one): Canny, A computational approach to edge detection, 1986.
+    Source: Otsu, A threshold selection method from gray-level histograms, 1979; a high threshold
+    of two or three times the low one: Canny, A computational approach to edge detection, 1986.
     """
     largest = float(strength.max())
     if largest == 0:
         return 0.0, 0.0
     levels = cv2.convertScaleAbs(strength, alpha=255 / largest)
     otsu, _ = cv2.threshold(levels, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    high = otsu * largest / 255
-    return high / 2, high
+    low = otsu * largest / 255
+    return low, 2 * low
 
 
 def canny(
@@ -106,7 +106,7 @@ def canny(
         low, high: hysteresis thresholds, in whichever order.
         aperture: of the Sobel gradient, 3, 5 or 7.
         l2_gradient: compare the Euclidean norm of the gradient instead of |dx| + |dy|.
-        automatic: take `automatic_thresholds` instead of low and high.
+        automatic: take `automatic_thresholds` instead of low and high, and the Euclidean norm.
         min_gradient: an edge stays only where the `gradient_magnitude` exceeds this; 0 is off.
 
     Source: Canny, 1986, as OpenCV has it.
@@ -115,28 +115,33 @@ def canny(
     strength = gradient_magnitude(gray, aperture) if automatic or min_gradient else None
     if automatic and strength is not None:
         low, high = automatic_thresholds(strength)
-    edges = cv2.Canny(gray, low, high, apertureSize=aperture, L2gradient=l2_gradient)
+    norm_is_l2 = l2_gradient or automatic
+    edges = cv2.Canny(gray, low, high, apertureSize=aperture, L2gradient=norm_is_l2)
     return edges if strength is None else suppress(edges, strength, min_gradient)
 
 
 def derivative(gray: Pixels, method: Method, aperture: int, sigma: float) -> Pixels:
     """Strength of the edges by a derivative, float32, on the scale of the 3x3 Sobel gradient.
 
-    A black and white step has strength 1020 at every method and aperture before blurring.
+    Unblurred, a black and white step has strength 1020 with every method and aperture. Blurring
+    flattens edges; a sigma above 1 is made up for by that factor, its square for the Laplacian.
 
     Args:
         gray: 8 or 16 bits.
         method: the magnitude of the Sobel or Scharr gradient, or of the Laplacian.
         aperture: 3, 5 or 7; Scharr is always 3x3.
         sigma: of the Gaussian blur before it; with it the Laplacian is that of a Gaussian.
+
+    Source: Lindeberg, Feature detection with automatic scale selection, 1998, for the factors.
     """
     exact = smooth(gray.astype(np.float32) / unit(gray), sigma)
+    flattened = max(sigma, 1.0)
     if method is Method.SOBEL:
-        return gradient_magnitude(exact, aperture) / _SOBEL_GAIN[aperture]
+        return gradient_magnitude(exact, aperture) * (flattened / _SOBEL_GAIN[aperture])
     if method is Method.SCHARR:
-        return gradient_magnitude(exact, cv2.FILTER_SCHARR) / _SCHARR_GAIN
+        return gradient_magnitude(exact, cv2.FILTER_SCHARR) * (flattened / _SCHARR_GAIN)
     curvature = cv2.Laplacian(exact, cv2.CV_32F, ksize=aperture, borderType=cv2.BORDER_REPLICATE)
-    return np.abs(curvature) / _LAPLACIAN_GAIN[aperture]
+    return np.abs(curvature) * (flattened**2 / _LAPLACIAN_GAIN[aperture])
 
 
 def to_levels(

@@ -41,7 +41,7 @@ def blur(pixels: Pixels, mode: Blur, size: int, sigma: float, sigma_color: float
 
 
 def sigma_of(size: int) -> float:
-    """The standard deviation that OpenCV gives to a Gaussian kernel of that size."""
+    """The standard deviation that OpenCV gives to a Gaussian of that size (binomial up to 7)."""
     return 0.3 * ((size - 1) * 0.5 - 1) + 0.8
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Pixels
 from ros_visualise.vision.color import to_gray
-from ros_visualise.vision.depth import full_scale, reusable, unit
+from ros_visualise.vision.depth import full_scale, unit
 
 
 class Threshold(Enum):
@@ -36,7 +36,13 @@ _FIXED = {
 
 
 def threshold(
-    pixels: Pixels, order: str, mode: Threshold, level: int, size: int, offset: float
+    pixels: Pixels,
+    order: str,
+    mode: Threshold,
+    level: int,
+    size: int,
+    offset: float,
+    into: Pixels | None = None,
 ) -> Pixels:
     """Compare each pixel with a threshold; one that equals it counts as below.
 
@@ -48,11 +54,13 @@ def threshold(
         level: the fixed threshold, 0-255.
         size: adaptive: width of the window in pixels; even counts as the next odd.
         offset: adaptive: the threshold is the window's mean less this, 0-255.
+        into: for a fixed threshold: an array that may be overwritten with the result, such as the
+            pixels themselves.
     """
     if mode is Threshold.OFF:
         return pixels
     if mode in _FIXED:
-        return _apply(pixels, level * unit(pixels), _FIXED[mode])
+        return _apply(pixels, level * unit(pixels), _FIXED[mode], into)
     gray = to_gray(pixels, order)
     if mode is Threshold.OTSU:
         return _apply(gray, 0, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
@@ -69,9 +77,10 @@ def adaptive(gray: Pixels, gaussian: bool, size: int, offset: float) -> Pixels:
         local = cv2.GaussianBlur(exact, (size, size), 0, borderType=cv2.BORDER_REPLICATE)
     else:
         local = cv2.blur(exact, (size, size), borderType=cv2.BORDER_REPLICATE)
-    above = exact > local - offset * unit(gray)
-    return np.where(above, np.uint16(full_scale(gray)), np.uint16(0))
+    above: Pixels = exact > local - offset * unit(gray)
+    binary: Pixels = above.astype(gray.dtype) * np.array(full_scale(gray), gray.dtype)
+    return binary
 
 
-def _apply(pixels: Pixels, limit: int, kind: int) -> Pixels:
-    return cv2.threshold(pixels, limit, full_scale(pixels), kind, dst=reusable(pixels))[1]
+def _apply(pixels: Pixels, limit: int, kind: int, into: Pixels | None = None) -> Pixels:
+    return cv2.threshold(pixels, limit, full_scale(pixels), kind, dst=into)[1]

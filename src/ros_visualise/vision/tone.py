@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Pixels
 from ros_visualise.vision.color import on_luma
-from ros_visualise.vision.depth import full_scale, reusable, unit
+from ros_visualise.vision.depth import full_scale, unit
 
 
 class Equalize(Enum):
@@ -24,8 +24,7 @@ def adjust(pixels: Pixels, contrast: float, brightness: int) -> Pixels:
     """contrast x pixels + brightness (-255 to 255), saturated; 1 and 0 are off."""
     if contrast == 1 and brightness == 0:
         return pixels
-    bias = brightness * unit(pixels)
-    return cv2.addWeighted(pixels, contrast, pixels, 0, bias, dst=reusable(pixels))
+    return cv2.addWeighted(pixels, contrast, pixels, 0, brightness * unit(pixels))
 
 
 def equalize(pixels: Pixels, order: str, mode: Equalize, clip: float, tiles: int) -> Pixels:
