@@ -184,7 +184,7 @@ def test_a_device_is_asked_for_size_and_rate_and_wall_clock_times() -> None:
     address = parse_address("/dev/null", (800, 600), 15)
     assert (address.file, address.format) == ("/dev/null", "v4l2")
     assert address.options == {"timestamps": "abs", "video_size": "800x600", "framerate": "15"}
-    assert address.is_absolute
+    assert address.is_device
 
 
 def stamps_of(address: Address, own_ms: list[int], arrival_ms: list[int]) -> list[int]:
@@ -209,5 +209,5 @@ def test_stamps_follow_the_quickest_arrival_and_a_stream_that_starts_anew() -> N
 
 
 def test_a_device_tells_the_time_of_capture() -> None:
-    address = Address("v", "v", is_absolute=True)
+    address = Address("v", "v", is_device=True)
     assert stamps_of(address, [1000, 1040], [1100, 1180]) == [1000, 1040]

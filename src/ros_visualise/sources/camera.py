@@ -65,7 +65,8 @@ class Camera:
             newest = self._take()
             now_ns = self._clock.monotonic_ns()
             last_ns = last_ns if newest is None else now_ns
-            if now_ns - last_ns > self._timeout_s * 1e9:
+            if self._address.is_device and now_ns - last_ns > self._timeout_s * 1e9:
+                # its read has no time-out, as that of a stream has
                 self._report(f"no image for {self._timeout_s:g} s")
             yield newest
 

@@ -32,8 +32,8 @@ class Address:
     options: dict[str, str] = field(default_factory=dict)
     is_paced: bool = False
     """It gives frames as fast as they are read."""
-    is_absolute: bool = False
-    """Its times are those of the wall clock."""
+    is_device: bool = False
+    """Its times are those of the wall clock, and a read of it waits without end."""
 
 
 def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address:
@@ -54,7 +54,7 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
     _check_device(device)
     wanted = {"video_size": f"{width}x{height}"} if size else {}
     wanted |= {"framerate": f"{fps:g}"} if fps else {}
-    return Address(device, device, "v4l2", {"timestamps": "abs", **wanted}, is_absolute=True)
+    return Address(device, device, "v4l2", {"timestamps": "abs", **wanted}, is_device=True)
 
 
 def open_live(address: Address, timeout_s: float) -> InputContainer:
@@ -92,7 +92,7 @@ class Stamps:
     """
 
     def __init__(self, address: Address) -> None:
-        self._is_absolute = address.is_absolute
+        self._is_device = address.is_device
         self._shift_ns: float | None = None
         self._last_ns = 0
 
@@ -101,7 +101,7 @@ class Stamps:
         stamp_ns = arrival_ns
         if frame.pts is not None and frame.time_base is not None:
             own_ns = round(frame.pts * frame.time_base * 10**9)
-            stamp_ns = own_ns if self._is_absolute else self._shifted(own_ns, arrival_ns)
+            stamp_ns = own_ns if self._is_device else self._shifted(own_ns, arrival_ns)
         self._last_ns = max(stamp_ns, self._last_ns + 1)
         return self._last_ns
 
