@@ -10,6 +10,7 @@ from typing import NamedTuple, Protocol, TypeVar
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.sources.timeline import Timeline
 
 T = TypeVar("T")
 T_co = TypeVar("T_co", covariant=True)
@@ -70,11 +71,12 @@ class Playback:
     ) -> None:
         self._clock = clock or WallClock()
         self._changed = threading.Condition()
-        self._rate, self._loop, self._hold = _checked_rate(rate), loop, hold
+        self._time = Timeline(self._clock, _checked_rate(rate))
+        self._loop, self._hold = loop, hold
         self._start_ns = round(start_s * 1e9)
         self._limit_ns = None if duration_s is None else round(duration_s * 1e9)
         self._limit_frames = frames
-        self._playing, self._closed = True, False
+        self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._again = False  # somebody wants it from the start again
         self._done = False  # all that was asked for is played
@@ -87,7 +89,6 @@ class Playback:
         self._line_ns = 0  # where the last message was on that line
         self._base_ns = 0  # the stamp of that line's start
         self._fresh = True  # the next message is shown at once, and time goes on from it
-        self._anchor = (0, 0)  # (monotonic time, place on the line) that go together
         self._played_ns = self._played_frames = 0
 
     @property
@@ -101,25 +102,22 @@ class Playback:
         with self._changed:
             position_ns = self._position_ns if self._target_ns is None else self._target_ns
             duration_s = None if self._duration_ns is None else self._duration_ns / 1e9
-            playing = self._playing and not self._ended
+            playing = self._time.running and not self._ended
             return PlaybackState(
-                position_ns / 1e9, duration_s, playing, self._ended, self._rate, self._loop
+                position_ns / 1e9, duration_s, playing, self._ended, self._time.rate, self._loop
             )
 
     def play(self) -> None:
         """Go on; at the end, start over."""
         with self._changed:
-            if not self._playing:
-                self._anchor = (self._clock.monotonic_ns(), self._anchor[1])
-            self._playing, self._steps = True, 0
-            self._again = self._ended
+            self._time.change(self._time.rate, running=True)
+            self._steps, self._again = 0, self._ended
             self._changed.notify_all()
 
     def pause(self) -> None:
         """Stop at the message shown now."""
         with self._changed:
-            self._anchor = (self._clock.monotonic_ns(), self._reached_ns())
-            self._playing = False
+            self._time.change(self._time.rate, running=False)
             self._changed.notify_all()
 
     def toggle(self) -> None:
@@ -152,8 +150,7 @@ class Playback:
             ParameterError: it is negative or not a number.
         """
         with self._changed:
-            self._anchor = (self._clock.monotonic_ns(), self._reached_ns())
-            self._rate = _checked_rate(rate)
+            self._time.change(_checked_rate(rate), self._time.running)
             self._changed.notify_all()
 
     def set_loop(self, loop: bool) -> None:
@@ -199,7 +196,7 @@ class Playback:
 
     def _passes_live(self, live_ns: int) -> bool:
         with self._changed:
-            passes = self._playing or self._steps > 0
+            passes = self._time.running or self._steps > 0
             self._steps = max(0, self._steps - 1)
             self._position_ns = live_ns
             self._played_frames += passes
@@ -207,7 +204,7 @@ class Playback:
 
     def _begin(self, recording: Recording[T]) -> int | None:
         with self._changed:
-            self._base_ns = self._clock.now_ns() if self._rate else 0
+            self._base_ns = self._clock.now_ns() if self._time.rate else 0
             self._duration_ns = recording.duration_ns
             return None if self._closed else self._start_ns
 
@@ -250,26 +247,16 @@ class Playback:
                 self._clock.wait(self._changed, due_ns)
                 continue
             if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
-                self._anchor = (now_ns, line_ns)
+                self._time.put(line_ns)
             self._steps = max(0, self._steps - 1)
             return True
         return False
 
     def _due_ns(self, line_ns: int, now_ns: int) -> int | None:
         """The monotonic time at which a message is due; None while paused."""
-        if self._fresh or self._steps:
+        if self._fresh or self._steps or (self._time.running and not self._time.rate):
             return now_ns
-        if not self._playing:
-            return None
-        then_ns, then_line_ns = self._anchor
-        return then_ns + round((line_ns - then_line_ns) / self._rate) if self._rate else now_ns
-
-    def _reached_ns(self) -> int:
-        """The place on the line that playing has come to by now."""
-        then_ns, line_ns = self._anchor
-        if not self._playing or self._fresh:
-            return line_ns
-        return line_ns + round((self._clock.monotonic_ns() - then_ns) * self._rate)
+        return self._time.due_ns(line_ns) if self._time.running else None
 
     def _moves(self) -> bool:
         """Somebody wants another place than the next message."""
@@ -301,7 +288,7 @@ class Playback:
             self._clock.wait(self._changed, None)
 
     def _wants_more(self) -> bool:
-        loops = self._loop and (self._playing or self._steps > 0)
+        loops = self._loop and (self._time.running or self._steps > 0)
         return self._moves() or (self._played_frames > 0 and (self._again or loops))
 
     def _next_cycle(self) -> int:
