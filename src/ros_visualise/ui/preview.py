@@ -1,0 +1,48 @@
+"""Images made small enough to look at: 8 bits, gray or BGR, scaled to a window's size."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Pixels
+from ros_visualise.vision.color import order_of, to_bgr
+from ros_visualise.vision.depth import to_8_bit
+
+_BRIGHTEN = np.rint(255 * np.sqrt(np.arange(256) / 255)).astype(np.uint8)
+
+
+def preview(image: Image, size: int) -> Pixels:
+    """The image as a person looks at it: (height, width) gray or (height, width, 3) BGR, 8 bits.
+
+    Args:
+        image: of any encoding; a Bayer mosaic is shown as it is, in gray.
+        size: of the longer side in pixels; a smaller image keeps its own.
+    """
+    pixels = image.pixels
+    small = _shrink(pixels, size)
+    if small is not pixels and _is_two_valued(pixels):
+        small = cv2.LUT(small, _BRIGHTEN)  # or lines of one pixel would all but disappear
+    small = to_8_bit(small)
+    return small if small.ndim == 2 else to_bgr(small, order_of(image.encoding))
+
+
+def _shrink(pixels: Pixels, size: int) -> Pixels:
+    """Halved until less than half is left to do: at 4K seven times as fast as one mean."""
+    height, width = pixels.shape[:2]
+    if max(height, width) <= size:
+        return pixels
+    while max(height, width) >= 2 * size:
+        height, width = max(1, height // 2), max(1, width // 2)
+        pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+    factor = max(height, width) / size
+    shape = max(1, round(width / factor)), max(1, round(height / factor))
+    return cv2.resize(pixels, shape, interpolation=cv2.INTER_LINEAR)
+
+
+def _is_two_valued(pixels: Pixels) -> bool:
+    """Black and white alone, by a sample of the pixels: edges, masks."""
+    if pixels.ndim == 3 or pixels.dtype != np.uint8:
+        return False
+    sample = pixels[::8, ::5]
+    return bool(((sample == 0) | (sample == 255)).all())
