@@ -46,6 +46,7 @@ class Scene:
 
     def __init__(self, size: Size = (640, 480)) -> None:
         self._size = size
+        self._landscape: Any = _landscape()  # takes a second, which no image is to wait for
 
     def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
         """(Time, image), from the image shown at ``start_ns`` on."""
@@ -57,10 +58,9 @@ class Scene:
 
     def render(self, time_s: float) -> Pixels:
         """The view at a time, in BGR."""
-        landscape: Any = _landscape()
         view = self._view(time_s)
         pixels: Any = cv2.warpAffine(
-            landscape,
+            self._landscape,
             view,
             self._size,
             flags=cv2.INTER_LINEAR,
