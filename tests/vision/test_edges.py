@@ -105,6 +105,12 @@ def test_automatic_thresholds_separate_two_strengths():
     assert high == 2 * low
 
 
+def test_automatic_edges_go_by_the_euclidean_norm(scene):
+    low, high = edges.automatic_thresholds(edges.gradient_magnitude(scene, 3))
+    expected = cv2.Canny(scene, low, high, L2gradient=True)
+    assert differ_by(edges.canny(scene, 0, 0, automatic=True), expected) == 0
+
+
 def test_automatic_thresholds_follow_the_contrast(scene):
     faint = (scene // 4).astype(np.uint8)
     sure = edges.canny(scene, 0, 0, automatic=True) > 0

@@ -62,6 +62,8 @@ def test_sharpen_adds_the_difference_from_the_blur(image, amount):
     expected = (image + amount * (image - smooth)).clip(0, top)
     found = sharpen(image, amount, 1.0)
     assert np.abs(found - expected).max() <= (1 + amount) * 1.5 * top / 255
+    inside = (expected > 0) & (expected < top)
+    assert abs((found - expected)[inside].mean()) < 0.2 * top / 255
 
 
 @pytest.mark.parametrize("mode", [Blur.GAUSSIAN, Blur.MEDIAN, Blur.BILATERAL])

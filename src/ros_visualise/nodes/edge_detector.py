@@ -25,12 +25,17 @@ from ros_visualise.vision.edges import (
 
 @dataclass(frozen=True)
 class EdgeParams:
-    """Parameters of `edge_detector`; thresholds count as on 8-bit images at 16 bits too."""
+    """Parameters of `edge_detector`."""
 
     method: Method = param(
         Method.CANNY, "canny: thin lines; the others: edge strength, black at low to white at high"
     )
-    low: int = param(200, "lower (hysteresis) threshold; swapped if above high", min=0, max=800)
+    low: int = param(
+        200,
+        "lower (hysteresis) threshold, for 16 bits scaled to 8; swapped if above high",
+        min=0,
+        max=800,
+    )
     high: int = param(300, "upper (hysteresis) threshold", min=0, max=800)
     auto: bool = param(
         False, "find both from the image: low by Otsu's method on its gradient, high twice that"

@@ -21,16 +21,13 @@ from ros_visualise.vision.tone import Equalize, adjust, equalize
 
 @dataclass(frozen=True)
 class FiltersParams:
-    """Parameters of `filters`, in the order in which they are applied.
-
-    Values of 0-255 count in steps of 257 on 16-bit images.
-    """
+    """Parameters of `filters`, in the order in which they are applied."""
 
     demosaic: bool = param(
         True,
-        "make colour of Bayer mosaics; other images stay as they are, mosaics are not filtered",
+        "make colour of Bayer mosaics, which no other filter takes; only they are touched",
     )
-    scale: float = param(1.0, "resize by this factor; 1 is off", min=0.01, max=8, slider=(0.1, 2))
+    scale: float = param(1.0, "resize by this factor; 1 is off", min=0.01, max=4, slider=(0.1, 2))
     width: int = param(
         0,
         "resize to this width in pixels; 0 follows from height or scale",
@@ -60,12 +57,14 @@ class FiltersParams:
         max=20,
     )
     bilateral_color: float = param(
-        50.0, "bilateral: difference of values that still mixes, 0-255", min=1, max=255
+        50.0, "bilateral: difference of values that still mixes (x 257 at 16 bits)", min=1, max=255
     )
     contrast: float = param(
         1.0, "contrast x value + brightness; 1 is off", min=0, max=10, slider=(0, 3)
     )
-    brightness: int = param(0, "contrast x value + brightness; 0 is off", min=-255, max=255)
+    brightness: int = param(
+        0, "contrast x value + brightness (x 257 at 16 bits); 0 is off", min=-255, max=255
+    )
     equalize: Equalize = param(
         Equalize.OFF, "spread the histogram: global, or clahe in tiles; of colour the luma"
     )
@@ -92,7 +91,10 @@ class FiltersParams:
         Threshold.TRUNCATE, "what the threshold does; otsu and adaptive make gray of colour"
     )
     threshold: int = param(
-        128, "threshold, of each channel; otsu and adaptive find their own", min=0, max=255
+        128,
+        "threshold of each channel (x 257 at 16 bits); otsu and adaptive find their own",
+        min=0,
+        max=255,
     )
     adaptive_size: int = param(
         11,
@@ -103,7 +105,7 @@ class FiltersParams:
     )
     adaptive_offset: float = param(
         2.0,
-        "adaptive: the threshold is the window's mean less this",
+        "adaptive: the threshold is the window's mean less this (x 257 at 16 bits)",
         min=-255,
         max=255,
         slider=(-50, 50),
