@@ -56,4 +56,4 @@ def test_close_ends_the_messages(path: str) -> None:
 
 def test_file_and_size_reopen_it() -> None:
     assert find("streamer").params is StreamerParams
-    assert {s.name for s in specs(StreamerParams) if s.restart} == {"path", "size"}
+    assert {s.name for s in specs(StreamerParams) if s.restart} == {"path", "size", "frame_id"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Deferred, Header, Image
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.nodes import node, source
 from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import param
@@ -22,7 +22,7 @@ FRAMES = 40
 
 @dataclass(frozen=True)
 class CounterParams:
-    frames: int = param(FRAMES, "how many")
+    frames: int = param(FRAMES, "how many", restart=True)
 
 
 class Numbers:
@@ -39,6 +39,8 @@ class Numbers:
 
 class _Counter:
     def __init__(self, params, playback):
+        if params.frames < 0:
+            raise OpenError("no frames: give at least 0")
         self.playback = playback
         self.recording = Numbers(params.frames)
 
@@ -314,3 +316,26 @@ def test_a_live_source_is_never_held_up():
 def test_a_run_of_no_frames_ends(rate):
     run = Run(graph_of(add, counter={"frames": 0}), rate=rate)
     assert run.to_the_end()["topics"]["/image_raw"]["messages"] == 0
+
+
+def test_a_source_is_opened_anew_when_its_parameters_ask_for_it():
+    seen = []
+    run = Run(graph_of(collector(seen)), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    run.runtime.parameters["counter"].update({"frames": 3})
+    until(lambda: len(seen) == FRAMES + 3)
+    until(lambda: run.playback.state.ended)
+    run.runtime.stop()
+    assert [value for value, _, _ in seen] == [*range(FRAMES), 0, 1, 2]
+
+
+def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
+    seen = []
+    run = Run(graph_of(collector(seen)), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    run.runtime.parameters["counter"].update({"frames": -1})
+    until(lambda: len(seen) == 2 * FRAMES)
+    run.runtime.stop()
+    assert caplog.messages == ["no frames: give at least 0"]

@@ -23,7 +23,7 @@ class CameraParams:
     timeout: float = param(
         2.0, "seconds without an image until it is reopened", min=0.1, max=60, restart=True
     )
-    frame_id: str = param("camera_optical", "frame of the images")
+    frame_id: str = param("camera_optical", "frame of the images", restart=True)
 
 
 @source("camera", params=CameraParams, outputs={"image": Image}, live=True)

@@ -18,7 +18,7 @@ class DemoParams:
     """How the scene is shown."""
 
     size: str = param("640x480", "size of the images, WIDTHxHEIGHT", restart=True)
-    frame_id: str = param("camera_optical", "frame of the images")
+    frame_id: str = param("camera_optical", "frame of the images", restart=True)
 
 
 @source("demo", params=DemoParams, outputs={"image": Image})

@@ -20,7 +20,7 @@ class StreamerParams:
 
     path: str = param("", "the video file", restart=True)
     size: str = param("", "scale to WIDTHxHEIGHT while decoding; empty keeps it", restart=True)
-    frame_id: str = param("camera_optical", "frame of the images")
+    frame_id: str = param("camera_optical", "frame of the images", restart=True)
 
 
 @source("streamer", params=StreamerParams, outputs={"image": Image})

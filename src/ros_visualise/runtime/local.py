@@ -5,16 +5,16 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import ParameterEvent
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.messages import type_name
-from ros_visualise.nodes import SourceType
-from ros_visualise.params import Parameters, Value
+from ros_visualise.nodes import Source, SourceType
+from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread
@@ -46,14 +46,16 @@ class LocalRuntime:
         assert isinstance(graph.source.type, SourceType)
         self.graph = graph
         self.playback = playback
+        self._source_type = graph.source.type
         self.parameters: Mapping[str, Parameters[Any]] = {
             node.name: Parameters(node.params) for node in graph.nodes
         }
-        self._can_wait = not graph.source.type.live
+        self._can_wait = not self._source_type.live
         self._lossless = lossless and self._can_wait
         self._topics = {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
-        self._source = graph.source.type.make(graph.source.params, playback)
+        self._source = self._open_source()
+        self._reopen = threading.Event()
         self._source_stats = NodeStats()
         self._source_failed = False
         self._nodes = [self._join(node) for node in graph.nodes[1:]]
@@ -143,7 +145,7 @@ class LocalRuntime:
     def _feed(self) -> None:
         node = self.graph.source
         try:
-            for number, (port, message) in enumerate(self._source.messages()):
+            for number, (port, message) in enumerate(self._messages()):
                 packet = Packet(number, message, time.monotonic_ns())
                 self._source_stats.received = self._source_stats.processed = number + 1
                 self._topics[node.outputs[port]].publish(packet)
@@ -155,6 +157,25 @@ class LocalRuntime:
             self._source_failed = True
         for topic in node.outputs.values():
             self._topics[topic].finish()
+
+    def _messages(self) -> Iterator[tuple[str, Any]]:
+        """What the source gives; when a parameter asks for it, it is opened anew."""
+        while True:
+            yield from self._source.messages()
+            if not self._reopen.is_set() or self.playback.closed:
+                return
+            self._reopen.clear()
+            try:
+                source = self._open_source()
+            except OpenError as error:
+                log.error("%s", error)  # and the one before plays on
+            else:
+                self._source.close()
+                self._source = source
+
+    def _open_source(self) -> Source:
+        parameters = self.parameters[self.graph.source.name]
+        return self._source_type.make(parameters.current, self.playback)
 
     def _join(self, node: Node) -> _NodeThread:
         [(port, topic)] = node.inputs.items()
@@ -168,10 +189,14 @@ class LocalRuntime:
         for node in self._nodes:
             node.inbox.lossless = lossless
 
-    def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
+    def _parameters_changed(self, name: str, current: Any, changed: Mapping[str, Value]) -> None:
         for recording in self._recordings:
             recording.put_event(ParameterEvent(name, changed=changed))
-        if not self.playback.state.playing:
+        if name == self.graph.source.name:
+            if any(spec.restart for spec in specs(current) if spec.name in changed):
+                self._reopen.set()
+                self.playback.restart()
+        elif not self.playback.state.playing:
             for node in self._nodes:
                 if node.runner.node.name == name:
                     node.repeat_last()

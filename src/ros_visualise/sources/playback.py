@@ -78,6 +78,7 @@ class Playback:
         self._limit_frames = frames
         self._closed = False
         self._ended = False  # all is read and nobody wants more
+        self._restarting = False  # the source is to be opened anew
         self._again = False  # somebody wants it from the start again
         self._done = False  # all that was asked for is played
         self._steps = self._steps_back = 0
@@ -159,6 +160,12 @@ class Playback:
             self._loop = loop
             self._changed.notify_all()
 
+    def restart(self) -> None:
+        """End what is played now, because its source is to be opened anew."""
+        with self._changed:
+            self._restarting = True
+            self._changed.notify_all()
+
     def close(self) -> None:
         """End the source and every wait."""
         with self._changed:
@@ -185,14 +192,15 @@ class Playback:
 
         ``items`` gives None now and then while there is nothing new, so that an end is noticed.
         """
+        self._restarting = False
         start_ns = self._clock.monotonic_ns()
         for item in items:
             live_ns = self._clock.monotonic_ns() - start_ns
-            if self._closed or self._is_done(live_ns):
+            if self._closed or self._restarting or self._is_done(live_ns):
                 break
             if item is not None and self._passes_live(live_ns):
                 yield item
-        self._ended = True
+        self._ended = not self._restarting
 
     def _passes_live(self, live_ns: int) -> bool:
         with self._changed:
@@ -204,7 +212,9 @@ class Playback:
 
     def _begin(self, recording: Recording[T]) -> int | None:
         with self._changed:
+            self._restarting, self._fresh = False, True
             self._base_ns = self._clock.now_ns() if self._time.rate else 0
+            self._cycle_ns = 0
             self._duration_ns = recording.duration_ns
             return None if self._closed else self._start_ns
 
@@ -260,7 +270,7 @@ class Playback:
 
     def _moves(self) -> bool:
         """Somebody wants another place than the next message."""
-        return self._target_ns is not None or self._steps_back > 0
+        return self._restarting or self._target_ns is not None or self._steps_back > 0
 
     def _next_start(self, recording: Recording[T], at_end: bool) -> int | None:
         """Where to read on; None for nowhere."""
@@ -269,7 +279,7 @@ class Playback:
                 self._correct_duration()
                 self._wait_at_end()
             self._ended = self._closed or self._done or not self._wants_more()
-            if self._ended:
+            if self._ended or self._restarting:
                 return None
             if not self._moves():
                 return self._next_cycle()
