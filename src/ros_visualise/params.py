@@ -31,6 +31,7 @@ def param(
     max: float | None = None,
     slider: tuple[float, float] | None = None,
     restart: bool = False,
+    group: str = "",
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -40,8 +41,10 @@ def param(
         min, max: the hard limits of a number, both included.
         slider: a smaller range for the slider than the hard limits.
         restart: a change reopens the source.
+        group: the folder that it is kept in on the page; none: always in view.
     """
-    metadata = {"help": help, "min": min, "max": max, "slider": slider, "restart": restart}
+    metadata = {"help": help, "min": min, "max": max, "slider": slider}
+    metadata |= {"restart": restart, "group": group}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -57,6 +60,7 @@ class Spec:
     max: float | None
     slider: tuple[float, float] | None
     restart: bool
+    group: str
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -28,7 +28,9 @@ class EdgeParams:
     """Parameters of `edge_detector`."""
 
     method: Method = param(
-        Method.CANNY, "canny: thin lines; the others: edge strength, black at low to white at high"
+        Method.CANNY,
+        "canny: thin lines; the others: edge strength, black at low to white at high",
+        group="method",
     )
     low: int = param(
         200,
@@ -38,13 +40,17 @@ class EdgeParams:
     )
     high: int = param(300, "upper (hysteresis) threshold", min=0, max=800)
     auto: bool = param(
-        False, "find both from the image: low by Otsu's method on its gradient, high twice that"
+        False,
+        "find both from the image: low by Otsu's method on its gradient, high twice that",
+        group="method",
     )
     aperture: Aperture = param(
-        Aperture.THREE, "kernel size; canny's gradient, so its thresholds, grow with it"
+        Aperture.THREE,
+        "kernel size; canny's gradient, so its thresholds, grow with it",
+        group="method",
     )
     l2_gradient: bool = param(
-        False, "canny: compare the Euclidean norm of the gradient, not |dx| + |dy|"
+        False, "canny: compare the Euclidean norm of the gradient, not |dx| + |dy|", group="method"
     )
     sigma: float = param(
         0.0,
@@ -52,14 +58,18 @@ class EdgeParams:
         min=0,
         max=20,
         slider=(0, 5),
+        group="method",
     )
     min_gradient: int = param(
         0,
         "an edge stays only where the gradient's Euclidean norm exceeds this; 0 is off",
         min=0,
         max=800,
+        group="method",
     )
-    overlay_color: EdgeColor = param(EdgeColor.RED, "colour of the edges in the overlay")
+    overlay_color: EdgeColor = param(
+        EdgeColor.RED, "colour of the edges in the overlay", group="method"
+    )
 
 
 @node(

@@ -26,14 +26,18 @@ class FiltersParams:
     demosaic: bool = param(
         True,
         "make colour of Bayer mosaics, which no other filter takes; only they are touched",
+        group="size",
     )
-    scale: float = param(1.0, "resize by this factor; 1 is off", min=0.01, max=4, slider=(0.1, 2))
+    scale: float = param(
+        1.0, "resize by this factor; 1 is off", min=0.01, max=4, slider=(0.1, 2), group="size"
+    )
     width: int = param(
         0,
         "resize to this width in pixels; 0 follows from height or scale",
         min=0,
         max=16384,
         slider=(0, 3840),
+        group="size",
     )
     height: int = param(
         0,
@@ -41,54 +45,86 @@ class FiltersParams:
         min=0,
         max=16384,
         slider=(0, 2160),
+        group="size",
     )
-    flip: Flip = param(Flip.OFF, "mirror left-right (horizontal), top-bottom (vertical) or both")
+    flip: Flip = param(
+        Flip.OFF, "mirror left-right (horizontal), top-bottom (vertical) or both", group="size"
+    )
     gray: bool = param(True, "make gray of colour: 0.299 R + 0.587 G + 0.114 B")
     blur: Blur = param(
-        Blur.OFF, "smooth; a median above size 5 reduces 16-bit images to 256 levels"
+        Blur.OFF, "smooth; a median above size 5 reduces 16-bit images to 256 levels", group="blur"
     )
     blur_size: int = param(
-        5, "width of the blur's window in pixels; even counts as the next odd", min=1, max=31
+        5,
+        "width of the blur's window in pixels; even counts as the next odd",
+        min=1,
+        max=31,
+        group="blur",
     )
     blur_sigma: float = param(
         0.0,
         "standard deviation in pixels of gaussian and bilateral; 0 takes it from the size",
         min=0,
         max=20,
+        group="blur",
     )
     bilateral_color: float = param(
-        50.0, "bilateral: difference of values that still mixes (x 257 at 16 bits)", min=1, max=255
+        50.0,
+        "bilateral: difference of values that still mixes (x 257 at 16 bits)",
+        min=1,
+        max=255,
+        group="blur",
     )
     contrast: float = param(
-        1.0, "contrast x value + brightness; 1 is off", min=0, max=10, slider=(0, 3)
+        1.0, "contrast x value + brightness; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
     )
     brightness: int = param(
-        0, "contrast x value + brightness (x 257 at 16 bits); 0 is off", min=-255, max=255
+        0,
+        "contrast x value + brightness (x 257 at 16 bits); 0 is off",
+        min=-255,
+        max=255,
+        group="tone",
     )
     equalize: Equalize = param(
-        Equalize.OFF, "spread the histogram: global, or clahe in tiles; of colour the luma"
+        Equalize.OFF,
+        "spread the histogram: global, or clahe in tiles; of colour the luma",
+        group="tone",
     )
     clahe_clip: float = param(
-        2.0, "clahe: contrast limit; 0 is none", min=0, max=100, slider=(0, 10)
+        2.0, "clahe: contrast limit; 0 is none", min=0, max=100, slider=(0, 10), group="tone"
     )
-    clahe_tiles: int = param(8, "clahe: tiles along each side", min=1, max=64, slider=(1, 16))
-    sharpen: float = param(0.0, "amount of the unsharp mask; 0 is off", min=0, max=10)
+    clahe_tiles: int = param(
+        8, "clahe: tiles along each side", min=1, max=64, slider=(1, 16), group="tone"
+    )
+    sharpen: float = param(
+        0.0, "amount of the unsharp mask; 0 is off", min=0, max=10, group="sharpen"
+    )
     sharpen_sigma: float = param(
-        1.5, "sharpen: standard deviation of its blur in pixels", min=0.1, max=20
+        1.5, "sharpen: standard deviation of its blur in pixels", min=0.1, max=20, group="sharpen"
     )
     hsv: HsvMode = param(
-        HsvMode.OFF, "choose colours by range: keep them, others black, or a mask; needs gray=false"
+        HsvMode.OFF,
+        "choose colours by range: keep them, others black, or a mask; needs gray=false",
+        group="hsv",
     )
     hue_min: int = param(
-        0, "lowest hue, degrees / 2; above hue_max it reaches through red", min=0, max=179
+        0,
+        "lowest hue, degrees / 2; above hue_max it reaches through red",
+        min=0,
+        max=179,
+        group="hsv",
     )
-    hue_max: int = param(179, "highest hue, degrees / 2", min=0, max=179)
-    saturation_min: int = param(0, "lowest saturation", min=0, max=255)
-    saturation_max: int = param(255, "highest saturation", min=0, max=255)
-    value_min: int = param(0, "lowest value (brightness); 16 bit is compared at 8", min=0, max=255)
-    value_max: int = param(255, "highest value (brightness)", min=0, max=255)
+    hue_max: int = param(179, "highest hue, degrees / 2", min=0, max=179, group="hsv")
+    saturation_min: int = param(0, "lowest saturation", min=0, max=255, group="hsv")
+    saturation_max: int = param(255, "highest saturation", min=0, max=255, group="hsv")
+    value_min: int = param(
+        0, "lowest value (brightness); 16 bit is compared at 8", min=0, max=255, group="hsv"
+    )
+    value_max: int = param(255, "highest value (brightness)", min=0, max=255, group="hsv")
     threshold_mode: Threshold = param(
-        Threshold.TRUNCATE, "what the threshold does; otsu and adaptive make gray of colour"
+        Threshold.TRUNCATE,
+        "what the threshold does; otsu and adaptive make gray of colour",
+        group="threshold mode",
     )
     threshold: int = param(
         128,
@@ -102,6 +138,7 @@ class FiltersParams:
         min=3,
         max=255,
         slider=(3, 51),
+        group="threshold mode",
     )
     adaptive_offset: float = param(
         2.0,
@@ -109,11 +146,20 @@ class FiltersParams:
         min=-255,
         max=255,
         slider=(-50, 50),
+        group="threshold mode",
     )
-    morphology: Morphology = param(Morphology.OFF, "change the shapes of bright areas")
-    morphology_shape: Shape = param(Shape.RECT, "morphology: structuring element")
+    morphology: Morphology = param(
+        Morphology.OFF, "change the shapes of bright areas", group="morphology"
+    )
+    morphology_shape: Shape = param(
+        Shape.RECT, "morphology: structuring element", group="morphology"
+    )
     morphology_size: int = param(
-        3, "morphology: its width in pixels; even counts as the next odd", min=1, max=31
+        3,
+        "morphology: its width in pixels; even counts as the next odd",
+        min=1,
+        max=31,
+        group="morphology",
     )
 
 
