@@ -1,0 +1,105 @@
+"""A node's parameters as sliders, switches, choices and fields, kept in step both ways."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from enum import Enum
+from functools import partial
+from typing import Any
+
+import viser
+
+from ros_visualise.params import Parameters, Spec, Value
+from ros_visualise.ui.page.worker import Worker
+
+_STEPS = 200
+"""A slider over a range of floats has about so many steps."""
+
+
+class Controls:
+    """The elements for one node's parameters.
+
+    What a browser changes goes to the parameters; what is changed elsewhere, or refused, moves
+    the elements, on all browsers.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, node: str, parameters: Parameters[Any], worker: Worker
+    ) -> None:
+        self._gui, self._node, self._parameters, self._worker = gui, node, parameters, worker
+        self._elements: dict[str, viser.GuiInputHandle[Any]] = {}
+        self.close: Callable[[], None] = parameters.on_change(self._changed_elsewhere)
+
+    def add(self, specs: Iterable[Spec]) -> None:
+        """Add elements for these parameters to the present container."""
+        for spec in specs:
+            value = shown(getattr(self._parameters.current, spec.name))
+            element = add_element(self._gui, spec, value)
+            element.on_update(self._listener(spec.name))
+            self._elements[spec.name] = element
+
+    def _listener(self, name: str) -> Callable[[viser.GuiEvent[Any]], Any]:
+        async def moved(event: viser.GuiEvent[Any]) -> None:
+            if event.client_id is not None:  # moved by a person, not by `_show`
+                action = partial(self._apply, name, event.target.value)
+                self._worker.post((self._node, name), action)
+
+        return moved
+
+    def _apply(self, name: str, value: Any) -> None:
+        try:
+            self._parameters.update({name: value})
+        finally:
+            self._show(name)
+
+    def _changed_elsewhere(self, _: Any, changed: Mapping[str, Value]) -> None:
+        for name in changed.keys() & self._elements.keys():
+            self._worker.post(("show", self._node, name), partial(self._show, name))
+
+    def _show(self, name: str) -> None:
+        if self._worker.is_posted((self._node, name)):
+            return  # the person at the slider is ahead of us
+        value = shown(getattr(self._parameters.current, name))
+        element = self._elements[name]
+        if isinstance(element, viser.GuiSliderHandle):
+            element.min, element.max = min(element.min, value), max(element.max, value)
+        set_value(element, value)
+
+
+def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHandle[Any]:
+    """The element that fits one parameter, in the present container."""
+    label = spec.name.replace("_", " ")
+    if spec.choices:
+        return gui.add_dropdown(label, spec.choices, initial_value=value, hint=spec.help)
+    if spec.type is bool:
+        return gui.add_checkbox(label, value, hint=spec.help)
+    if spec.type is str:
+        return gui.add_text(label, value, hint=spec.help)
+    return _add_number(gui, spec, label, value)
+
+
+def shown(value: Value) -> Any:
+    """A parameter's value as an element holds it: of an Enum its text."""
+    return str(value.value) if isinstance(value, Enum) else value
+
+
+def set_value(element: viser.GuiInputHandle[Any], value: Any) -> None:
+    """Move an element on all browsers."""
+    element.value = value  # type: ignore[misc]  # mypy does not see the setter
+
+
+def _add_number(gui: viser.GuiApi, spec: Spec, label: str, value: Any) -> viser.GuiInputHandle[Any]:
+    number = spec.type
+    if spec.range is None:
+        low, high = (None if limit is None else number(limit) for limit in (spec.min, spec.max))
+        return gui.add_number(label, number(value), min=low, max=high, hint=spec.help)
+    low, high = number(min(spec.range[0], value)), number(max(spec.range[1], value))
+    step = 1 if number is int else _round_step(high - low)
+    return gui.add_slider(label, low, high, step, number(value), hint=spec.help)
+
+
+def _round_step(span: float) -> float:
+    """1, 2 or 5 times a power of ten, so that a span has `_STEPS` steps or more."""
+    power = 10.0 ** math.floor(math.log10(span / _STEPS))
+    return max(factor * power for factor in (1, 2, 5) if factor * power <= span / _STEPS)

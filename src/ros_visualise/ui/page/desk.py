@@ -1,0 +1,118 @@
+"""What the page shows of one graph: the main panel, the windows, and the threads behind them."""
+
+from __future__ import annotations
+
+import logging
+import time
+from html import escape
+from typing import Any
+
+import viser
+
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.graph import graph_picture
+from ros_visualise.ui.page.images import SIZE, ImageThread
+from ros_visualise.ui.page.plots import Plots
+from ros_visualise.ui.page.recorder import Recorder
+from ros_visualise.ui.page.style import STYLE
+from ros_visualise.ui.page.tables import topic_table
+from ros_visualise.ui.page.transport import Transport
+from ros_visualise.ui.page.windows import Window, add_choice, arrange
+from ros_visualise.ui.page.worker import Worker
+
+_PERIOD_S = 0.2
+_WINDOW_S = 2.0
+_MESSAGE_S = 10.0
+_CLOSE_S = 0.3
+
+
+class Desk(logging.Handler):
+    """Builds the page and keeps it up to date; what the package logs shows as a message on it."""
+
+    def __init__(self, server: viser.ViserServer, runtime: Runtime) -> None:
+        super().__init__(logging.WARNING)
+        self._server, self._runtime = server, runtime
+        self._said_s: float | None = None
+        self._ticks = 0
+        self._worker = Worker(self.say, self._refresh, _PERIOD_S)
+        gui = server.gui
+        self._windows = [Window(gui, runtime, node, self._worker) for node in runtime.graph.nodes]
+        pictures = [window.picture for window in self._windows if window.picture is not None]
+        self._images = ImageThread(pictures, self._is_watched, self._in_haste)
+        self._add_main_panel(gui)
+        arrange(gui, self._windows)
+        logging.getLogger("ros_visualise").addHandler(self)
+        self._worker.start()
+        self._images.start()
+
+    def say(self, message: str) -> None:
+        """Show one line, for a while."""
+        self._said_s = time.monotonic()
+        self._message.content = f'<div class="rv-message">{escape(message)}</div>'
+        self._message.visible = True
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a warning or an error."""
+        self._worker.post("say", lambda: self.say(record.getMessage()))
+
+    def close(self) -> None:
+        """End the threads and let go of the graph."""
+        logging.getLogger("ros_visualise").removeHandler(self)
+        for window in self._windows:
+            window.close()
+        self._worker.close(_CLOSE_S)
+        self._images.close(_CLOSE_S)
+
+    def _add_main_panel(self, gui: viser.GuiApi) -> None:
+        gui.add_html(STYLE)
+        self._message = gui.add_html("", visible=False)
+        playback, live = (
+            self._runtime.playback,
+            getattr(self._runtime.graph.source.type, "live", False),
+        )
+        self._transport = None if playback is None else Transport(gui, playback, live, self._worker)
+        self._table = gui.add_html("")
+        with gui.add_folder("windows"):
+            add_choice(gui, self._windows, self._worker)
+            self._add_size(gui)
+        with gui.add_folder("recording"):
+            self._recorder = Recorder(gui, self._runtime, self._worker)
+        with gui.add_folder("graph"):
+            gui.add_html(graph_picture(self._runtime.graph))
+        with gui.add_folder("plots", expand_by_default=False):
+            self._plots = Plots(gui, list(self._runtime.graph.topics))
+
+    def _add_size(self, gui: viser.GuiApi) -> None:
+        size = gui.add_slider(
+            "image size",
+            240,
+            1920,
+            40,
+            SIZE,
+            hint="pixels of the longer side that are sent at most",
+        )
+
+        @size.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            self._images.size = event.target.value
+
+    def _refresh(self) -> None:
+        if self._said_s is not None and time.monotonic() - self._said_s > _MESSAGE_S:
+            self._said_s, self._message.visible = None, False
+        self._recorder.refresh()
+        if not self._is_watched():
+            return
+        if self._transport is not None:
+            self._transport.refresh()
+        self._ticks += 1
+        if self._ticks % 5 == 1:
+            report = self._runtime.report(_WINDOW_S)
+            self._table.content = topic_table(self._runtime.graph, report)
+            self._plots.add(report)
+
+    def _is_watched(self) -> bool:
+        return bool(self._server.get_clients())
+
+    def _in_haste(self) -> bool:
+        playback = self._runtime.playback
+        return playback is not None and playback.state.rate == 0

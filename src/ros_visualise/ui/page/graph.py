@@ -1,0 +1,88 @@
+"""The graph of nodes and topics as a picture: top down, nodes as boxes, topics as text."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import NamedTuple
+
+from ros_visualise.pipelines import Graph
+
+_ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
+_CHARACTER = 6.6
+_ARROW = (
+    '<defs><marker id="rv-tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" '
+    'markerHeight="6" orient="auto"><path d="M0 0L8 4L0 8z" fill="#909296"/></marker></defs>'
+)
+
+
+class _Place(NamedTuple):
+    x: float
+    y: float
+
+
+def graph_picture(graph: Graph) -> str:
+    """An SVG of a graph; what passes later stands lower."""
+    places = _places(_layers(graph))
+    height = max(place.y for place in places.values()) + _ROW / 2
+    lines = "".join(_line(places[a], places[b]) for a, b in _edges(graph))
+    nodes = "".join(_node(node.name, places["node", node.name]) for node in graph.nodes)
+    topics = "".join(_topic(name, places["topic", name]) for name in graph.topics)
+    return (
+        f'<svg class="rv-graph" viewBox="0 0 {_WIDTH:g} {height:g}" role="img">'
+        f"{_ARROW}{lines}{nodes}{topics}</svg>"
+    )
+
+
+Key = tuple[str, str]
+
+
+def _edges(graph: Graph) -> list[tuple[Key, Key]]:
+    out = [(("node", n.name), ("topic", t)) for n in graph.nodes for t in n.outputs.values()]
+    into = [(("topic", t), ("node", n.name)) for n in graph.nodes for t in n.inputs.values()]
+    return out + into
+
+
+def _layers(graph: Graph) -> list[list[Key]]:
+    """Nodes and topics, each below all that leads to it."""
+    depth: dict[Key, int] = {}
+    for node in graph.nodes:  # in the order in which messages pass
+        above = [depth["topic", topic] for topic in node.inputs.values()]
+        depth["node", node.name] = max(above, default=-1) + 1
+        for topic in node.outputs.values():
+            depth["topic", topic] = depth["node", node.name] + 1
+    return [[key for key in depth if depth[key] == d] for d in range(max(depth.values()) + 1)]
+
+
+def _places(layers: list[list[Key]]) -> dict[Key, _Place]:
+    return {
+        key: _Place(_WIDTH * (number + 0.5) / len(layer), _ROW * (depth + 0.5))
+        for depth, layer in enumerate(layers)
+        for number, key in enumerate(layer)
+    }
+
+
+def _line(a: _Place, b: _Place) -> str:
+    return (
+        f'<path d="M{a.x:g} {a.y + _BOX / 2:g}L{b.x:g} {b.y - _BOX / 2:g}" stroke="#909296" '
+        'stroke-width="1.2" fill="none" marker-end="url(#rv-tip)"/>'
+    )
+
+
+def _node(name: str, at: _Place) -> str:
+    width = len(name) * _CHARACTER + 20
+    text = _text(name, at, 'font-weight="600"')
+    return (
+        f'<rect x="{at.x - width / 2:g}" y="{at.y - _BOX / 2:g}" width="{width:g}" '
+        f'height="{_BOX:g}" rx="6" fill="#228be633" stroke="#228be6"/>{text}'
+    )
+
+
+def _topic(name: str, at: _Place) -> str:
+    return _text(name, at, 'opacity="0.75" font-family="monospace"')
+
+
+def _text(text: str, at: _Place, style: str) -> str:
+    return (
+        f'<text x="{at.x:g}" y="{at.y + 4:g}" text-anchor="middle" font-size="11" '
+        f'fill="currentColor" {style}>{escape(text)}</text>'
+    )

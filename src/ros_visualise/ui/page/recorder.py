@@ -1,0 +1,71 @@
+"""The switch for recording."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from functools import partial
+from html import escape
+from typing import Any
+
+import viser
+
+from ros_visualise.runtime.base import Recording, Runtime
+from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.worker import Worker
+
+_START, _STOP = "● record", "■ stop recording"
+
+
+class Recorder:
+    """A file name, a button, and how far the recording has come, in the present container."""
+
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
+        self._runtime, self._worker = runtime, worker
+        self._recording: Recording | None = None
+        self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
+        self._button = gui.add_button(_START)
+        self._note = gui.add_html("", visible=False)
+        self._button.on_click(self._clicked)
+
+    def refresh(self) -> None:
+        """Show how far it has come.
+
+        Raises:
+            RecordingError: it could not go on and has ended.
+        """
+        recording = self._recording
+        if recording is None:
+            return
+        self._show(recording)
+        if recording.error is not None:
+            self._stop(recording)
+            raise recording.error
+
+    async def _clicked(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._worker.post("record", partial(self._toggle, self._name.value))
+
+    def _toggle(self, name: str) -> None:
+        if self._recording is not None:
+            self._stop(self._recording)
+            return
+        self._recording = self._runtime.start_recording(name)
+        self._button.label, self._button.color = _STOP, "red"
+        self._show(self._recording)
+
+    def _show(self, recording: Recording) -> None:
+        dropped = f", {recording.dropped} dropped" if recording.dropped else ""
+        state = f"{recording.path}: {recording.written} messages{dropped}"
+        self._note.content = f'<div class="rv-note">{escape(state)}</div>'
+        self._note.visible = True
+
+    def _stop(self, recording: Recording) -> None:
+        self._runtime.stop_recording()
+        self._show(recording)
+        self._recording = None
+        set_value(self._name, _new_name())
+        self._button.label, self._button.color = _START, None
+
+
+def _new_name() -> str:
+    return f"record-{datetime.now():%Y%m%d-%H%M%S}.mcap"

@@ -1,0 +1,72 @@
+"""The web server of the page: bound to one address, silent."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import socket
+import threading
+
+import rich
+import viser
+
+from ros_visualise.errors import OpenError
+
+_CLOSE_S = 0.8
+
+
+def open_server(host: str, port: int, title: str) -> viser.ViserServer:
+    """Bind a server to this address and to no other.
+
+    Raises:
+        OpenError: the port is in use, or the address is not one of this machine.
+    """
+    _check_address(host, port)
+    _silence()
+    server = viser.ViserServer(host, port, label=title, verbose=False)
+    if server.get_port() != port:  # somebody took it since; viser went on to the next
+        close_server(server)
+        raise OpenError(_in_use(host, port))
+    server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
+    return server
+
+
+def close_server(server: viser.ViserServer) -> None:
+    """End it; a browser that does not answer is not waited for."""
+    stopping = threading.Thread(target=server.stop, daemon=True)
+    stopping.start()
+    stopping.join(_CLOSE_S)
+
+
+def url(host: str, port: int) -> str:
+    """What to type into a browser on this machine."""
+    name = {"0.0.0.0": "127.0.0.1", "": "127.0.0.1", "::": "::1"}.get(host, host)
+    return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
+
+
+def _check_address(host: str, port: int) -> None:
+    try:
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        for family, _, _, _, address in addresses:
+            socket.create_server(address[:2], family=family).close()
+    except OSError as error:
+        raise OpenError(_what_is_wrong(error, host, port)) from None
+
+
+def _what_is_wrong(error: OSError, host: str, port: int) -> str:
+    if error.errno == errno.EADDRINUSE:
+        return _in_use(host, port)
+    if error.errno == errno.EACCES:
+        return f"port {port} needs the rights of an administrator; choose another with --port 8080"
+    return f"--host {host}: not an address of this machine; take 127.0.0.1, or 0.0.0.0 for all"
+
+
+def _in_use(host: str, port: int) -> str:
+    other = port + 1 if port < 65535 else 8080
+    return f"port {port} on {host} is in use; choose another with --port {other}"
+
+
+def _silence() -> None:
+    """Standard output is for reports, and a dropped connection or a port probe is no news."""
+    rich.reconfigure(quiet=True)
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)

@@ -1,0 +1,45 @@
+"""What the page tells in figures: the topics with their rates, drops and latencies."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+from typing import Any
+
+from ros_visualise.pipelines import Graph
+
+_HEAD = (
+    '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
+    '<th title="messages per second of the wall clock">per s<th title="dropped by the node">'
+    'drops<th title="median time since the source, until the node is done">ms</tr>'
+)
+
+
+def topic_table(graph: Graph, report: dict[str, Any]) -> str:
+    """The topics of a run report as a table in HTML."""
+    rows = [
+        _row(name, topic, report["nodes"][graph.topics[name].publisher])
+        for name, topic in report["topics"].items()
+    ]
+    return f'<table class="rv-topics">{_HEAD}{"".join(rows)}</table>'
+
+
+def _row(name: str, topic: dict[str, Any], node: dict[str, Any]) -> str:
+    drops = node["dropped"]
+    cells = (
+        _number(topic["hz"]),
+        _number(node.get("requested_hz")),
+        _number(topic["wall_hz"]),
+        f'<span title="{escape(_reasons(drops.items()))}">{sum(drops.values())}</span>',
+        _number(node["p50_ms"]),
+    )
+    first = f"<td>{escape(name)}<small>{escape(topic['type'])}</small></td>"
+    return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _reasons(drops: Iterable[tuple[str, int]]) -> str:
+    return ", ".join(f"{count} by {reason}" for reason, count in drops) or "none"
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:.1f}"

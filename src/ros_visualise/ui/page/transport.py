@@ -1,0 +1,133 @@
+"""The controls of playback: play, step, seek, rate and loop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import viser
+
+from ros_visualise.sources.playback import Playback, PlaybackState
+from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.worker import Worker
+
+_BACK, _PAUSE, _PLAY, _STEP = "◂ step", "❚❚ pause", "▶ play", "step ▸"
+_MAX_RATE = 4.0
+_HANDS_OFF_S = 1.0
+"""For so long after a person moved the time, it is not moved under their hand."""
+
+
+class Transport:
+    """The elements that drive one playback, in the present container.
+
+    Args:
+        live: the source cannot be sought: it can only be held.
+    """
+
+    def __init__(self, gui: viser.GuiApi, playback: Playback, live: bool, worker: Worker) -> None:
+        self._playback, self._live, self._worker = playback, live, worker
+        self._moved_s = -_HANDS_OFF_S
+        self._state = playback.state
+        self._buttons = gui.add_button_group("playback", self._options())
+        self._buttons.on_click(self._clicked)
+        if not live:
+            self._add_elements(gui)
+        self._add_keys(gui)
+
+    def refresh(self) -> None:
+        """Show what the playback does now."""
+        self._state = self._playback.state
+        self._buttons.options = self._options()
+        if self._live:
+            return
+        self._note.content = _describe(self._state)
+        self._time.max = max(self._time.max, self._state.position_s, self._state.duration_s or 0.0)
+        set_value(self._rate, min(self._state.rate, _MAX_RATE))
+        set_value(self._loop, self._state.loop)
+        if time.monotonic() - self._moved_s > _HANDS_OFF_S:
+            set_value(self._time, round(self._state.position_s, 2))
+
+    def _options(self) -> tuple[str, ...]:
+        middle = _PAUSE if self._state.playing else _PLAY
+        return (middle, _STEP) if self._live else (_BACK, middle, _STEP)
+
+    def _add_elements(self, gui: viser.GuiApi) -> None:
+        state = self._state
+        end_s = max(state.duration_s or 0.0, state.position_s, 0.01)
+        self._time = gui.add_slider("time", 0.0, end_s, 0.01, state.position_s)
+        self._time.on_update(self._time_moved)
+        self._note = gui.add_html(_describe(state))
+        self._rate = gui.add_slider(
+            "rate",
+            0.0,
+            _MAX_RATE,
+            0.05,
+            min(state.rate, _MAX_RATE),
+            hint="speed of playing; 0 is as fast as it goes",
+        )
+        self._rate.on_update(self._rate_moved)
+        self._loop = gui.add_checkbox("loop", state.loop, hint="start over at the end")
+        self._loop.on_update(self._loop_moved)
+
+    def _add_keys(self, gui: viser.GuiApi) -> None:
+        keys: list[tuple[str, Any, Callable[[], object]]] = [
+            ("Play or pause", "space", self._playback.toggle),
+            ("One image on", "arrowright", self._playback.step),
+        ]
+        if not self._live:
+            keys.append(("One image back", "arrowleft", partial(self._playback.step, -1)))
+            keys.append(("To the start", "home", partial(self._playback.seek, 0.0)))
+        for label, key, action in keys:
+            self._add_key(gui, label, key, action)
+
+    def _add_key(
+        self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
+    ) -> None:
+        @gui.add_command(label, hotkey=key).on_trigger
+        async def _(_: Any) -> None:
+            self._each(action)
+
+    async def _clicked(self, event: viser.GuiEvent[Any]) -> None:
+        actions: dict[str, Callable[[], object]] = {
+            _BACK: partial(self._playback.step, -1),
+            _PAUSE: self._playback.pause,
+            _PLAY: self._playback.play,
+            _STEP: self._playback.step,
+        }
+        if event.client_id is not None:
+            self._each(actions[event.target.value])
+
+    def _each(self, action: Callable[[], object]) -> None:
+        """Have it done, however often it is asked for, and show at once what came of it."""
+        self._worker.post(object(), action)
+        self._worker.post("playback", self.refresh)
+
+    async def _time_moved(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._moved_s = time.monotonic()
+            self._worker.post("seek", partial(self._playback.seek, event.target.value))
+
+    async def _rate_moved(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._worker.post("rate", partial(self._playback.set_rate, event.target.value))
+
+    async def _loop_moved(self, event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._worker.post("loop", partial(self._playback.set_loop, event.target.value))
+
+
+def _describe(state: PlaybackState) -> str:
+    length = "" if state.duration_s is None else f" of {_clock(state.duration_s)}"
+    what = "at its end" if state.ended else "playing" if state.playing else "paused"
+    speed = "as fast as it goes" if state.rate == 0 else f"{state.rate:g} ×"
+    return (
+        f'<div class="rv-caption">{_clock(state.position_s)}{length}'
+        f"<span>{what}, {speed}</span></div>"
+    )
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(max(seconds, 0.0), 60)
+    return f"{int(minutes)}:{rest:05.2f}"

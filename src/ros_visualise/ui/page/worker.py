@@ -1,0 +1,82 @@
+"""The thread that does what browsers ask for."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Hashable
+
+from ros_visualise.errors import RosVisualiseError
+
+log = logging.getLogger(__name__)
+
+
+class Worker:
+    """Does what is posted, one thing at a time, and regular work in between.
+
+    Of what is posted under one key only the newest is done: a slider that is dragged faster than
+    its node follows leaves nothing behind.
+
+    Args:
+        say: told in one line what was refused.
+        tick: the regular work.
+        period_s: how often.
+    """
+
+    def __init__(
+        self, say: Callable[[str], None], tick: Callable[[], None], period_s: float
+    ) -> None:
+        self._say, self._tick, self._period_s = say, tick, period_s
+        self._posted: dict[Hashable, Callable[[], object]] = {}
+        self._closed = False
+        self._changed = threading.Condition()
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+
+    def start(self) -> None:
+        """Begin; what was posted before is done first."""
+        self._thread.start()
+
+    def post(self, key: Hashable, action: Callable[[], object]) -> None:
+        """Have this done soon, instead of what waits under the same key."""
+        with self._changed:
+            self._posted[key] = action
+            self._changed.notify_all()
+
+    def is_posted(self, key: Hashable) -> bool:
+        """Whether something waits under this key."""
+        return key in self._posted
+
+    def close(self, timeout_s: float) -> None:
+        """End after what is being done now."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        next_tick_s = time.monotonic()
+        while not self._closed:
+            if time.monotonic() >= next_tick_s:
+                next_tick_s = time.monotonic() + self._period_s
+                self._do(self._tick)
+            action = self._next(next_tick_s)
+            if action is not None:
+                self._do(action)
+
+    def _next(self, until_s: float) -> Callable[[], object] | None:
+        with self._changed:
+            timeout_s = max(0.0, until_s - time.monotonic())
+            self._changed.wait_for(lambda: self._posted or self._closed, timeout_s)
+            if self._closed or not self._posted:
+                return None
+            return self._posted.pop(next(iter(self._posted)))
+
+    def _do(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except RosVisualiseError as error:
+            self._say(str(error))
+        except Exception:
+            log.exception("the page failed")
