@@ -83,6 +83,7 @@ def nodes(args: Namespace) -> int:
 def _play(args: Namespace, **settings: Any) -> int:
     _refuse_double_use(args.record, getattr(args, "input", None))
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
+    logging.getLogger("ros_visualise").setLevel(logging.INFO)
     if args.size:
         settings["size"] = args.size
     graph = _graph(args, settings)
@@ -125,7 +126,7 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         recordings = [runtime.start_recording(one, args.overwrite) for one in args.record]
         runtime.start()
         view.open(runtime)
-        while not runtime.wait(0) and not any(recording.error for recording in recordings):
+        while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
             view.spin(_SPIN_S)
     except KeyboardInterrupt:
         interrupted = True

@@ -13,6 +13,10 @@ class View(Protocol):
     stays: bool
     """Whether it stays open when the source has ended."""
 
+    @property
+    def closed(self) -> bool:
+        """Whether a person closed it; then the run ends."""
+
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
 

@@ -13,6 +13,7 @@ class Progress:
     """Shows how far a playback has come, in seconds of its source."""
 
     stays = False
+    closed = False
 
     def __init__(self) -> None:
         self._runtime: Runtime | None = None

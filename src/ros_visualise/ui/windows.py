@@ -1,0 +1,144 @@
+"""OpenCV windows with trackbars: one window for each node's images."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+
+import cv2
+
+from ros_visualise.data import Image
+from ros_visualise.pipelines import Node
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.pane import ROW, STRIP, Pane
+from ros_visualise.ui.screen import check_windows, provide_font, screen_size
+from ros_visualise.ui.tiling import TITLE, Box, tile
+from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
+
+_BESIDE = 10  # a node with more trackbars than this has them in a window of their own
+_COLUMN = 400  # width of such a window, in pixels
+_TICK_MS = 15
+_HINT = "space: pause   arrows, comma, full stop: step\nq or Esc: quit"
+
+_KEYS = {
+    **{ord(" "): "pause", ord(","): "back", ord("."): "step"},
+    **{ord("q"): "quit", ord("Q"): "quit", 27: "quit"},
+    **{0xFF51: "back", 0xFF53: "step"},  # arrows as X11 names them,
+    **{0x250000: "back", 0x270000: "step"},  # as Windows does,
+    **{63234: "back", 63235: "step"},  # and as macOS does
+}
+
+
+class Windows:
+    """Shows what every node publishes first, with the node's parameters as trackbars.
+
+    Raises:
+        OpenError: this OpenCV has no windows, or there is no screen for them.
+    """
+
+    stays = True
+
+    def __init__(self) -> None:
+        check_windows()
+        self._font = provide_font()
+        self._panes: list[Pane] = []
+        self._closed = False
+        self._actions: dict[str, Callable[[], None]] = {"quit": self._quit}
+
+    def open(self, runtime: Runtime) -> None:
+        """Show this graph from now on."""
+        if (playback := runtime.playback) is not None:
+            self._actions |= {
+                "pause": playback.toggle,
+                "step": playback.step,
+                "back": lambda: playback.step(-1),
+            }
+        width, height = screen_size()
+        images = list(_image_topics(runtime))
+        controls = list(_control_windows(runtime, height - TITLE))
+        taken = min(_COLUMN * len(controls), width // 2)
+        self._open_images(runtime, images, Box(0, 0, width - taken, height))
+        for number, (node, title, scales) in enumerate(controls):
+            x = width - taken + number * taken // len(controls)
+            box = Box(x, 0, _COLUMN - 6, STRIP + ROW * len(scales))
+            pane = Pane(title, box, hint=_HINT)
+            pane.trackbars = Trackbars(title, runtime.parameters[node.name], scales)
+            self._panes.append(pane)
+        for pane in self._panes:
+            pane.place()
+
+    @property
+    def closed(self) -> bool:
+        """Whether a person has quit, or closed the last window with images."""
+        return self._closed
+
+    def spin(self, timeout_s: float) -> None:
+        """Show what is new, and do what keys and trackbars ask for."""
+        end_s = time.monotonic() + timeout_s
+        while not self._closed and (left_s := end_s - time.monotonic()) > 0:
+            self._forget_closed()
+            for pane in self._panes:
+                pane.update()
+            self._press(cv2.waitKeyEx(min(_TICK_MS, math.ceil(left_s * 1000))))
+
+    def close(self) -> None:
+        """Close all windows."""
+        self._closed = True
+        for pane in self._panes:
+            pane.close()
+        self._panes.clear()
+        if self._font is not None:
+            self._font.cleanup()
+
+    def _open_images(self, runtime: Runtime, images: list[tuple[Node, str]], area: Box) -> None:
+        scales = [_beside(runtime, node) for node, _ in images]
+        boxes = tile(area, [ROW * len(some) for some in scales])
+        for (node, topic), some, box in zip(images, scales, boxes, strict=True):
+            pane = Pane(topic, box, runtime.subscribe(topic))
+            if some:
+                pane.trackbars = Trackbars(topic, runtime.parameters[node.name], some)
+            self._panes.append(pane)
+
+    def _forget_closed(self) -> None:
+        for pane in [pane for pane in self._panes if not pane.is_open]:
+            pane.close()
+            self._panes.remove(pane)
+        if not any(pane.shows_images for pane in self._panes):
+            self._closed = True
+
+    def _press(self, key: int) -> None:
+        name = _KEYS.get(key) or _KEYS.get(key & 0xFFFF)  # X11 puts Num Lock and so on above
+        if name in self._actions:
+            self._actions[name]()
+
+    def _quit(self) -> None:
+        self._closed = True
+
+
+def _image_topics(runtime: Runtime) -> Iterator[tuple[Node, str]]:
+    for node in runtime.graph.nodes:
+        port, topic = next(iter(node.outputs.items()), ("", ""))
+        if node.type.outputs.get(port) is Image:
+            yield node, topic
+
+
+def _beside(runtime: Runtime, node: Node) -> list[Scale]:
+    """The trackbars that go below a node's image."""
+    scales = scales_of(runtime.parameters[node.name].current)
+    return scales if len(scales) <= _BESIDE else []
+
+
+def _control_windows(runtime: Runtime, height: int) -> Iterator[tuple[Node, str, list[Scale]]]:
+    """The windows of trackbars alone: for nodes with many, or without images."""
+    room = max((height - STRIP) // ROW, 1)
+    shown = {node.name for node, _ in _image_topics(runtime)}
+    for node in runtime.graph.nodes:
+        scales = scales_of(runtime.parameters[node.name].current)
+        if node.name in shown and len(scales) <= _BESIDE:
+            continue
+        parts = math.ceil(len(scales) / room)
+        size = math.ceil(len(scales) / max(parts, 1))
+        for part in range(parts):
+            title = node.name + (f" {part + 1}/{parts}" if parts > 1 else "")
+            yield node, title, scales[part * size : (part + 1) * size]
