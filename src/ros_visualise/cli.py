@@ -26,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     0 done; 1 the work failed or lost something; 2 wrong usage or an input that cannot be opened;
     130 stopped by Ctrl-C.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs ignore SIGINT
+        signal.signal(number, signal.default_int_handler)
     try:
         args = _parser().parse_args(arguments)
         from ros_visualise import commands
