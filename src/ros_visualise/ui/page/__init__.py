@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.desk import Desk
 from ros_visualise.ui.page.server import close_server, open_server, url
+
+log = logging.getLogger(__name__)
 
 _TITLE = "ros_visualise"
 
@@ -34,6 +37,7 @@ class Page:
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
         self._desk = Desk(self._server, runtime)
+        log.info("look at %s; Ctrl-C ends it", self.url)
 
     def spin(self, timeout_s: float) -> None:
         """Nothing has to be done on the main thread: wait."""
