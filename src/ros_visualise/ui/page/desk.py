@@ -80,7 +80,7 @@ class Desk(logging.Handler):
         with gui.add_folder("graph"):
             gui.add_html(graph_picture(self._runtime.graph))
         with gui.add_folder("plots", expand_by_default=False):
-            self._plots = Plots(gui, list(self._runtime.graph.topics))
+            self._plots = Plots(gui, self._runtime.graph)
 
     def _add_size(self, gui: viser.GuiApi) -> None:
         size = gui.add_slider(

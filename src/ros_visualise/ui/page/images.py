@@ -24,21 +24,25 @@ _JPEG_QUALITY = 85
 
 
 class Picture:
-    """One image element: shows the newest image of a topic."""
+    """One image element: shows the newest image of a topic.
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, topic: str) -> None:
+    Args:
+        rows: how many elements stand above it in its window.
+    """
+
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime, topic: str, rows: int) -> None:
         self.topic = topic
         """What it shows; may be changed from any thread."""
         self.visible = True
         """Whether it is on the page at all; may be changed from any thread."""
-        self._runtime = runtime
+        self._runtime, self._rows = runtime, rows
         self._followed: str | None = None
         self._subscription: Subscription | None = None
         self._image: Image | None = None
         self._size = 0
         blank = np.zeros((9, 16, 3), np.uint8)
         self._element = gui.add_image(blank, format="jpeg", jpeg_quality=_JPEG_QUALITY)
-        self._caption = gui.add_html(_caption(topic, None))
+        self._caption = gui.add_html(self._describe())
 
     def refresh(self, size: int, previews: dict[int, Pixels]) -> None:
         """Show the newest image, if there is a new one, or the last one in a new size.
@@ -56,7 +60,16 @@ class Picture:
         if id(self._image) not in previews:
             previews[id(self._image)] = _to_rgb(preview(self._image, size))
         self._element.image = previews[id(self._image)]
-        self._caption.content = _caption(self.topic, self._image)
+        self._caption.content = self._describe()
+
+    def _describe(self) -> str:
+        image = self._image
+        size = "no image yet" if image is None else f"{image.width} × {image.height}"
+        encoding = "" if image is None else image.encoding
+        return (
+            f'<div class="rv-caption rv-rows-{self._rows}">'
+            f"{escape(self.topic)}<span>{size} {escape(encoding)}</span></div>"
+        )
 
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
@@ -124,8 +137,3 @@ class ImageThread:
 
 def _to_rgb(pixels: Pixels) -> Pixels:
     return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
-
-
-def _caption(topic: str, image: Image | None) -> str:
-    about = "no image yet" if image is None else f"{image.width} × {image.height} {image.encoding}"
-    return f'<div class="rv-caption">{escape(topic)}<span>{escape(about)}</span></div>'

@@ -11,6 +11,8 @@ import numpy as np
 import viser
 from viser import uplot
 
+from ros_visualise.pipelines import Graph
+
 _KEPT = 60
 _COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3bc9db")
 
@@ -18,19 +20,29 @@ _COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3
 class Plots:
     """Two plots in the present container, one line for each topic."""
 
-    def __init__(self, gui: viser.GuiApi, topics: Sequence[str]) -> None:
-        self._topics = topics
+    def __init__(self, gui: viser.GuiApi, graph: Graph) -> None:
+        self._publishers = {name: topic.publisher for name, topic in graph.topics.items()}
         self._start_s = time.monotonic()
-        self._rows: deque[list[float]] = deque(maxlen=_KEPT)
-        self._rates = _add_plot(gui, "messages per second", topics)
+        self._rates = _Plot(gui, "messages per second", list(self._publishers))
+        self._latencies = _Plot(gui, "ms since the source", list(self._publishers))
 
     def add(self, report: dict[str, Any]) -> None:
-        """Go on with the rates of a run report."""
-        rates = [report["topics"].get(name, {}).get("wall_hz") for name in self._topics]
+        """Go on with the rates and latencies of a run report."""
         now_s = time.monotonic() - self._start_s
-        self._rows.append([now_s] + [np.nan if rate is None else rate for rate in rates])
+        topics, nodes = report["topics"], report["nodes"]
+        self._rates.add(now_s, [topics.get(t, {}).get("wall_hz") for t in self._publishers])
+        self._latencies.add(now_s, [nodes[node]["p50_ms"] for node in self._publishers.values()])
+
+
+class _Plot:
+    def __init__(self, gui: viser.GuiApi, title: str, topics: Sequence[str]) -> None:
+        self._rows: deque[list[float]] = deque(maxlen=_KEPT)
+        self._element = _add_plot(gui, title, topics)
+
+    def add(self, time_s: float, values: Sequence[float | None]) -> None:
+        self._rows.append([time_s, *(np.nan if value is None else value for value in values)])
         if len(self._rows) > 1:
-            self._rates.data = tuple(np.array(self._rows, np.float64).T.copy())
+            self._element.data = tuple(np.array(self._rows, np.float64).T.copy())
 
 
 def _add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiUplotHandle:

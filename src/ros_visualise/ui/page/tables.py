@@ -10,7 +10,7 @@ from ros_visualise.pipelines import Graph
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
-    '<th title="messages per second of the wall clock">per s<th title="dropped by the node">'
+    '<th title="dropped by the node">'
     'drops<th title="median time since the source, until the node is done">ms</tr>'
 )
 
@@ -27,13 +27,12 @@ def topic_table(graph: Graph, report: dict[str, Any]) -> str:
 def _row(name: str, topic: dict[str, Any], node: dict[str, Any]) -> str:
     drops = node["dropped"]
     cells = (
-        _number(topic["hz"]),
+        f'<span title="{_number(topic["wall_hz"])} per second">{_number(topic["hz"])}</span>',
         _number(node.get("requested_hz")),
-        _number(topic["wall_hz"]),
         f'<span title="{escape(_reasons(drops.items()))}">{sum(drops.values())}</span>',
         _number(node["p50_ms"]),
     )
-    first = f"<td>{escape(name)}<small>{escape(topic['type'])}</small></td>"
+    first = f"<td>{escape(name)}<small>{escape(topic['type'].replace('/msg/', '/'))}</small></td>"
     return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 

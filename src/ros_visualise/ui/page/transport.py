@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from functools import partial
@@ -13,7 +14,8 @@ from ros_visualise.sources.playback import Playback, PlaybackState
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
-_BACK, _PAUSE, _PLAY, _STEP = "◂ step", "❚❚ pause", "▶ play", "step ▸"
+_BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
+_HINT = "one image back, play or pause, one image on; keys: arrows and space, home for the start"
 _MAX_RATE = 4.0
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
@@ -30,7 +32,7 @@ class Transport:
         self._playback, self._live, self._worker = playback, live, worker
         self._moved_s = -_HANDS_OFF_S
         self._state = playback.state
-        self._buttons = gui.add_button_group("playback", self._options())
+        self._buttons = gui.add_button_group("playback", self._options(), hint=_HINT)
         self._buttons.on_click(self._clicked)
         if not live:
             self._add_elements(gui)
@@ -43,7 +45,7 @@ class Transport:
         if self._live:
             return
         self._note.content = _describe(self._state)
-        self._time.max = max(self._time.max, self._state.position_s, self._state.duration_s or 0.0)
+        self._time.max = max(self._time.max, _end_s(self._state))
         set_value(self._rate, min(self._state.rate, _MAX_RATE))
         set_value(self._loop, self._state.loop)
         if time.monotonic() - self._moved_s > _HANDS_OFF_S:
@@ -55,8 +57,7 @@ class Transport:
 
     def _add_elements(self, gui: viser.GuiApi) -> None:
         state = self._state
-        end_s = max(state.duration_s or 0.0, state.position_s, 0.01)
-        self._time = gui.add_slider("time", 0.0, end_s, 0.01, state.position_s)
+        self._time = gui.add_slider("time", 0.0, _end_s(state), 0.01, state.position_s)
         self._time.on_update(self._time_moved)
         self._note = gui.add_html(_describe(state))
         self._rate = gui.add_slider(
@@ -116,6 +117,11 @@ class Transport:
     async def _loop_moved(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
             self._worker.post("loop", partial(self._playback.set_loop, event.target.value))
+
+
+def _end_s(state: PlaybackState) -> float:
+    """As far as it is known, in hundredths."""
+    return math.ceil(100 * max(state.duration_s or 0.0, state.position_s, 0.01)) / 100
 
 
 def _describe(state: PlaybackState) -> str:

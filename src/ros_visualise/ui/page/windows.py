@@ -33,10 +33,11 @@ class Window:
         self._panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
         images = [t for port, t in node.outputs.items() if node.type.outputs[port] is Image]
+        main = [spec for spec in declared if not spec.group]
         with self._panel.add_tab(node.name):
-            self._controls.add(spec for spec in declared if not spec.group)
+            self._controls.add(main)
             if images:
-                self._add_picture(runtime, images)
+                self._add_picture(runtime, images, len(main))
             self._add_folders([spec for spec in declared if spec.group])
 
     @property
@@ -59,9 +60,10 @@ class Window:
         """Let go of the node's parameters."""
         self._controls.close()
 
-    def _add_picture(self, runtime: Runtime, topics: Sequence[str]) -> None:
+    def _add_picture(self, runtime: Runtime, topics: Sequence[str], rows: int) -> None:
         chosen = self._gui.add_dropdown("show", topics) if len(topics) > 1 else None
-        picture = self.picture = Picture(self._gui, runtime, topics[0])
+        rows += chosen is not None
+        picture = self.picture = Picture(self._gui, runtime, topics[0], rows)
         if chosen is None:
             return
 

@@ -1,0 +1,73 @@
+"""A browser's side of the page's protocol, for what a real browser would not do."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import viser
+import zstandard
+from websockets.sync.client import connect
+
+CAMERA = {
+    "type": "ViewerCameraMessage",
+    "wxyz": (1.0, 0.0, 0.0, 0.0),
+    "position": (0.0, 0.0, 0.0),
+    "image_height": 720,
+    "image_width": 1280,
+    "fov": 1.0,
+    "near": 0.1,
+    "far": 10.0,
+    "look_at": (0.0, 0.0, 1.0),
+    "up_direction": (0.0, 0.0, 1.0),
+}
+
+
+class Client:
+    """Connects as a browser does and knows the elements that it was told of, by their labels."""
+
+    def __init__(self, port: int) -> None:
+        protocol = f"viser-v{viser.__version__}"
+        address = f"ws://127.0.0.1:{port}"
+        self.socket = connect(address, subprotocols=[protocol], max_size=None)
+        self.values: dict[str, Any] = {}
+        self.html: list[str] = []
+        self.images = 0
+        self._labels: dict[str, str] = {}
+        self.send(CAMERA)
+
+    def send(self, message: dict[str, Any]) -> None:
+        """Send one message."""
+        self.socket.send(msgspec.msgpack.encode(message))
+
+    def set(self, label: str, value: Any) -> None:
+        """Move an element; no value is too wild."""
+        uuid = next(uuid for uuid, known in self._labels.items() if known == label)
+        self.values[label] = value  # nobody is told of what they moved themselves
+        self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
+
+    def read_until(self, check: Callable[[], object], timeout_s: float = 20.0) -> None:
+        """Take in what comes until the check holds."""
+        end_s = time.monotonic() + timeout_s
+        while not check():
+            assert time.monotonic() < end_s, f"it did not come about; there is {self.values}"
+            for message in _decode(self.socket.recv(timeout=timeout_s)):
+                self._take(message)
+
+    def _take(self, message: dict[str, Any]) -> None:
+        props = message.get("props") or message.get("updates") or {}
+        if props.get("label") and "value" in message:
+            self._labels[message["uuid"]] = props["label"]
+            self.values[props["label"]] = message["value"]
+        elif "value" in props and message["uuid"] in self._labels:
+            self.values[self._labels[message["uuid"]]] = props["value"]
+        self.html += [props["content"]] if isinstance(props.get("content"), str) else []
+        self.images += props.get("_data") is not None
+
+
+def _decode(packet: bytes) -> list[dict[str, Any]]:
+    length = int.from_bytes(packet[8:16], "little")
+    packed = zstandard.ZstdDecompressor().decompress(packet[16 : 16 + length])
+    return msgspec.msgpack.decode(packed)["messages"]

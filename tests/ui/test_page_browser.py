@@ -1,0 +1,128 @@
+"""The page in a real browser: what a person moves and sees."""
+
+import re
+
+import pytest
+
+from ros_visualise.vision.edges import Method
+
+IMAGE = "//*[contains(@class, 'rv-caption')][starts-with(., '{}')]/preceding::img[1]"
+ROW = "//label[normalize-space()='{}']/ancestor::div[.//{}][1]//{}"
+BRIGHTEST = """image => {
+    const canvas = document.createElement('canvas');
+    canvas.width = 160; canvas.height = 120;
+    const context = canvas.getContext('2d');
+    context.drawImage(image, 0, 0, canvas.width, canvas.height);
+    const pixels = context.getImageData(0, 0, canvas.width, canvas.height).data;
+    let brightest = 0;
+    for (let i = 0; i < pixels.length; i += 4) brightest = Math.max(brightest, pixels[i]);
+    return brightest;
+}"""
+NEARLY = 6  # JPEG is not exact
+
+
+def element(tab, label, kind="*[@role='slider']"):
+    return tab.locator("xpath=" + ROW.format(label, kind, kind)).first
+
+
+def image(tab, topic="/processed_image"):
+    return tab.locator("xpath=" + IMAGE.format(topic))
+
+
+def wait_until(tab, check):
+    for _ in range(100):
+        if check():
+            return
+        tab.wait_for_timeout(100)
+    pytest.fail("it did not come about in 10 seconds")
+
+
+def slide(tab, label, fraction):
+    """Drag a slider to this part of its way."""
+    box = element(tab, label, "*[contains(@class,'Slider-trackContainer')]").bounding_box()
+    middle = box["y"] + box["height"] / 2
+    tab.mouse.move(box["x"] + box["width"] / 2, middle)
+    tab.mouse.down()
+    tab.mouse.move(box["x"] + box["width"] * fraction, middle, steps=5)
+    tab.mouse.up()
+
+
+def value_of(tab, label):
+    return float(element(tab, label).get_attribute("aria-valuenow"))
+
+
+def is_brightest(tab, value):
+    return image(tab).count() == 1 and abs(image(tab).evaluate(BRIGHTEST) - value) <= NEARLY
+
+
+def test_threshold_slider_changes_the_pixels_on_all_browsers(browse, runtime):
+    first, second = browse(), browse()
+    wait_until(first, lambda: is_brightest(first, 128))
+
+    slide(first, "threshold", 0.2)
+
+    wait_until(first, lambda: abs(runtime.parameters["filters"].current.threshold - 51) <= 3)
+    threshold = runtime.parameters["filters"].current.threshold
+    for tab in (first, second):
+        wait_until(tab, lambda tab=tab: value_of(tab, "threshold") == threshold)
+        wait_until(tab, lambda tab=tab: is_brightest(tab, threshold))
+
+
+def test_changes_from_elsewhere_move_sliders_and_latecomers_see_them(browse, runtime):
+    tab = browse()
+    runtime.parameters["filters"].update({"threshold": 77})
+    wait_until(tab, lambda: value_of(tab, "threshold") == 77)
+    wait_until(tab, lambda: is_brightest(tab, 77))
+
+    tab.reload()
+    wait_until(tab, lambda: is_brightest(tab, 77))
+    late = browse()
+    wait_until(late, lambda: is_brightest(late, 77))
+
+
+def test_buttons_and_keys_play(browse, runtime):
+    tab, playback = browse(), runtime.playback
+    tab.get_by_role("button", name=re.compile("play")).click()
+    wait_until(tab, lambda: playback.state.playing)
+    tab.get_by_role("button", name=re.compile("pause")).click()
+    wait_until(tab, lambda: not playback.state.playing)
+    before_s = playback.state.position_s
+    tab.get_by_role("button", name="▸").click()
+    wait_until(tab, lambda: playback.state.position_s > before_s)
+    stepped_s = playback.state.position_s
+    tab.get_by_role("button", name="◂").click()
+    wait_until(tab, lambda: playback.state.position_s < stepped_s)
+    tab.keyboard.press("Space")
+    wait_until(tab, lambda: playback.state.playing)
+    tab.keyboard.press("Space")
+    wait_until(tab, lambda: not playback.state.playing)
+    tab.keyboard.press("Home")
+    wait_until(tab, lambda: playback.state.position_s == 0)
+
+
+def test_a_window_can_be_hidden_and_comes_back(browse, runtime):
+    tab = browse()
+    switch = element(tab, "filters", "input")
+    switch.click(force=True)
+    wait_until(tab, lambda: image(tab).count() == 0)
+    assert image(tab, "/edges").count() == 1
+    switch.click(force=True)
+    wait_until(tab, lambda: image(tab).count() == 1)
+    wait_until(tab, lambda: is_brightest(tab, 128))
+
+
+def test_overlay_is_made_only_while_it_is_shown(browse, runtime):
+    tab = browse()
+    wait_until(tab, lambda: "/edges" in runtime.report()["topics"])
+    assert "/edges_overlay" not in runtime.report()["topics"]
+    element(tab, "show", "input").click()
+    tab.get_by_role("option", name="/edges_overlay").click()
+    wait_until(tab, lambda: "/edges_overlay" in runtime.report()["topics"])
+
+
+def test_choice_reaches_the_node(browse, runtime):
+    tab = browse()
+    tab.get_by_text("method", exact=True).first.click()
+    element(tab, "method", "input").click()
+    tab.get_by_role("option", name="scharr").click()
+    wait_until(tab, lambda: runtime.parameters["edge_detector"].current.method is Method.SCHARR)

@@ -1,0 +1,159 @@
+"""The page's server: its address, its silence, and clients that misbehave."""
+
+import re
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from page_client import Client
+
+from ros_visualise.errors import OpenError
+from ros_visualise.ui.page import Page
+
+PROBES = [b"", b"\x16\x03\x01\x02garbage\xff\xfe\r\n\r\n", b"HEAD / HTTP/1.1\r\n\r\n"]
+PROBES += [
+    b"GET /no/such%2e%2e/page HTTP/1.1\r\n\r\n",
+    b"GET / HTTP/1.1\r\nUpgrade: websocket\r\n\r\n",
+]
+DEAF = """
+import socket, sys
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.page import Page
+page = Page(port=int(sys.argv[1]))
+runtime = LocalRuntime(image_pipeline("demo"), Playback(hold=True))
+runtime.start()
+page.open(runtime)
+print("open", page.url, flush=True)
+sys.stdin.readline()
+page.close()
+runtime.stop()
+"""
+
+
+@pytest.fixture
+def client(page, port):
+    connected = Client(port)
+    connected.read_until(lambda: connected.images >= 4)
+    yield connected
+    connected.socket.close()
+
+
+def test_listens_at_its_address_and_no_other(port):
+    page = Page(port=port)
+    assert page.url == f"http://127.0.0.1:{port}"
+    socket.create_connection(("127.0.0.1", port)).close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.2", port))
+    page.close()
+    page.close()
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", port))
+
+
+def test_port_in_use_names_it_and_another():
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(
+            OpenError, match=f"port {port} on 127.0.0.1 is in use.*--port {port + 1}"
+        ):
+            Page(port=port)
+
+
+@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.host.invalid"])
+def test_foreign_address_is_refused_by_name(host, port):
+    with pytest.raises(OpenError, match=f"--host {re.escape(host)}: not an address of this"):
+        Page(host, port)
+
+
+def test_probes_and_broken_connections_leave_no_line(port):
+    code = [sys.executable, "-c", DEAF, str(port)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(code, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as served:
+        assert served.stdout.readline() == f"open http://127.0.0.1:{port}\n"
+        for probe in PROBES:
+            with socket.create_connection(("127.0.0.1", port)) as connection:
+                connection.sendall(probe)
+        client = Client(port)
+        client.read_until(lambda: client.images >= 4)
+        client.socket.socket.close()  # gone without a word
+        deaf = Client(port)
+        out, err = served.communicate("\n", timeout=20)
+        deaf.socket.socket.close()
+    assert (served.returncode, out, err) == (0, "", "")
+
+
+def test_refused_value_snaps_back_and_says_why(client, runtime):
+    client.set("threshold", 999)
+    client.read_until(lambda: any("threshold=999" in html for html in client.html))
+    client.read_until(lambda: client.values["threshold"] == 128)
+    assert runtime.parameters["filters"].current.threshold == 128
+
+
+def test_wild_dragging_ends_at_the_last_value(client, runtime):
+    for value in range(256):
+        client.set("threshold", value)
+    runtime_value = runtime.parameters["filters"]
+    late = Client(client.socket.remote_address[1])
+    late.read_until(lambda: late.values.get("threshold") == 255)
+    client.read_until(lambda: runtime_value.current.threshold == 255)
+    late.socket.close()
+
+
+def test_value_beyond_the_slider_widens_it(client, runtime):
+    runtime.parameters["fps_control"].update({"fps": 120})
+    client.read_until(lambda: client.values["fps"] == 120)
+
+
+def test_a_client_that_reads_nothing_harms_nobody(client, runtime):
+    deaf = Client(client.socket.remote_address[1])
+    runtime.playback.play()
+    before = client.images
+    client.read_until(lambda: client.images >= before + 100)
+    assert runtime.report()["nodes"]["edge_detector"]["processed"] > 20
+    deaf.socket.socket.close()
+
+
+def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monkeypatch):
+    followed = []
+    subscribe = runtime.subscribe
+
+    def counted(topic):
+        subscription = subscribe(topic)
+        close = subscription.close
+        subscription.close = lambda: (followed.remove(topic), close())
+        followed.append(topic)
+        return subscription
+
+    monkeypatch.setattr(runtime, "subscribe", counted)
+    client = Client(port)
+    client.read_until(lambda: len(followed) == 4)
+    assert followed == ["/image_raw", "/controlled_stream", "/processed_image", "/edges"]
+    client.set("filters", False)
+    wait_until(lambda: "/processed_image" not in followed)
+    client.socket.close()
+    wait_until(lambda: not followed)
+
+
+def wait_until(check):
+    end_s = time.monotonic() + 20
+    while not check():
+        assert time.monotonic() < end_s, "it did not come about"
+        time.sleep(0.02)
+
+
+def test_recording_from_the_page(client, runtime, tmp_path):
+    target = tmp_path / "run.mcap"
+    client.set("file", str(target))
+    client.set("● record", True)
+    client.read_until(lambda: any(f"{target}:" in html for html in client.html))
+    client.set("● record", True)
+    client.read_until(lambda: client.values["file"] != str(target))
+    assert target.read_bytes().endswith(b"\x89MCAP0\r\n")
+
+    client.set("file", str(target))
+    client.set("● record", True)
+    client.read_until(lambda: any("exists" in html for html in client.html))
