@@ -17,7 +17,7 @@ from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.style import STYLE
 from ros_visualise.ui.page.tables import topic_table
 from ros_visualise.ui.page.transport import Transport
-from ros_visualise.ui.page.windows import Window, add_choice, arrange
+from ros_visualise.ui.page.windows import Choice, Window, arrange
 from ros_visualise.ui.page.worker import Worker
 
 _PERIOD_S = 0.2
@@ -73,7 +73,7 @@ class Desk(logging.Handler):
         self._transport = None if playback is None else Transport(gui, playback, live, self._worker)
         self._table = gui.add_html("")
         with gui.add_folder("windows"):
-            add_choice(gui, self._windows, self._worker)
+            Choice(gui, self._windows, self._worker)
             self._add_size(gui)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker)

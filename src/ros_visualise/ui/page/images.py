@@ -115,24 +115,25 @@ class ImageThread:
             self._thread.join(timeout_s)
 
     def _run(self) -> None:
-        spent_s = 0.0
-        while not self._closed.wait(self._pause_s(spent_s)):
-            start_s = time.perf_counter()
+        pause_s = 0.0
+        while not self._closed.wait(pause_s):
+            start_s, cpu_s = time.perf_counter(), time.thread_time()
             self._refresh()
             spent_s = time.perf_counter() - start_s
+            pause_s = max(_PERIOD_S - spent_s, self._rest * (time.thread_time() - cpu_s))
         for picture in self._pictures:
             picture.rest()
+
+    @property
+    def _rest(self) -> float:
+        """How long to pause for each second of computing: the nodes come first."""
+        return _REST_IN_HASTE if self._in_haste() else _REST
 
     def _refresh(self) -> None:
         watched = self._is_watched()
         previews: dict[int, Pixels] = {}
         for picture in self._pictures:
             picture.refresh(self.size, previews) if watched else picture.rest()
-
-    def _pause_s(self, spent_s: float) -> float:
-        """The more a round costs, the longer the pause: the nodes come first."""
-        rest = _REST_IN_HASTE if self._in_haste() else _REST
-        return max(_PERIOD_S - spent_s, rest * spent_s)
 
 
 def _to_rgb(pixels: Pixels) -> Pixels:

@@ -40,7 +40,7 @@ class _Plot:
         self._element = _add_plot(gui, title, topics)
 
     def add(self, time_s: float, values: Sequence[float | None]) -> None:
-        self._rows.append([time_s, *(np.nan if value is None else value for value in values)])
+        self._rows.append([time_s, *(value or 0.0 for value in values)])
         if len(self._rows) > 1:
             self._element.data = tuple(np.array(self._rows, np.float64).T.copy())
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
-from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -20,6 +20,10 @@ from ros_visualise.ui.page.worker import Worker
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
 """Pixels on a very wide screen; narrower ones share what they have in this proportion."""
+
+
+_COLUMN_WIDTH = 300
+_TAKEN_AWAY_S = 0.2
 
 
 class Window:
@@ -77,14 +81,30 @@ class Window:
                 self._controls.add(members)
 
 
+def rearrange(windows: Sequence[Window], chosen: Sequence[Window]) -> None:
+    """Show these windows alone.
+
+    All are taken away first: browsers place a window that comes back as they do on loading.
+    """
+    for window in windows:
+        window.visible = False
+    time.sleep(_TAKEN_AWAY_S)
+    _place([window.panel for window in chosen])
+    for window in chosen:
+        window.visible = True
+
+
 def arrange(gui: viser.GuiApi, windows: Sequence[Window]) -> None:
-    """Place the visible windows in two rows beside the main panel, however wide the browser is.
+    """Place the windows in two rows beside the main panel, however wide the browser is.
 
     Docked windows share the browser's width and height; a person may drag them anywhere.
     """
     gui.main_panel.dock_left()
     gui.main_panel.set_width(MAIN_WIDTH)
-    panels = [window.panel for window in windows if window.visible]
+    _place([window.panel for window in windows])
+
+
+def _place(panels: Sequence[viser.PanelHandle]) -> None:
     columns = (len(panels) + 1) // 2
     for number, panel in enumerate(panels):
         if number < columns:
@@ -92,24 +112,23 @@ def arrange(gui: viser.GuiApi, windows: Sequence[Window]) -> None:
         else:
             panel.dock_below(panels[number - columns])
     if panels:
-        panels[-1].set_width(WINDOWS_WIDTH)  # of the whole region, when all else is placed
+        panels[0].set_width(_COLUMN_WIDTH)  # what every other column begins with
+        panels[-1].set_width(WINDOWS_WIDTH)  # of all columns together, when they are placed
 
 
-def add_choice(gui: viser.GuiApi, windows: Sequence[Window], worker: Worker) -> None:
-    """Add a switch for each window to the present container."""
-    for window in windows:
-        _add_switch(gui, window, windows, worker)
+class Choice:
+    """A switch for each window, in the present container."""
 
+    def __init__(self, gui: viser.GuiApi, windows: Sequence[Window], worker: Worker) -> None:
+        self._windows, self._worker = windows, worker
+        self._switches = [gui.add_checkbox(window.name, True) for window in windows]
+        for switch in self._switches:
+            switch.on_update(self._switched)
 
-def _add_switch(
-    gui: viser.GuiApi, window: Window, windows: Sequence[Window], worker: Worker
-) -> None:
-    switch = gui.add_checkbox(window.name, True)
+    async def _switched(self, _: viser.GuiEvent[Any]) -> None:
+        self._worker.post("windows", self._show)
 
-    def show(visible: bool) -> None:
-        window.visible = visible
-        arrange(gui, windows)
-
-    @switch.on_update
-    async def _(event: viser.GuiEvent[Any]) -> None:
-        worker.post((window.name, "visible"), partial(show, event.target.value))
+    def _show(self) -> None:
+        pairs = zip(self._windows, self._switches, strict=True)
+        chosen = [window for window, switch in pairs if switch.value]
+        rearrange(self._windows, chosen)
