@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from typing import Any
@@ -53,8 +54,9 @@ class Client:
         end_s = time.monotonic() + timeout_s
         while not check():
             assert time.monotonic() < end_s, f"it did not come about; there is {self.values}"
-            for message in _decode(self.socket.recv(timeout=timeout_s)):
-                self._take(message)
+            with contextlib.suppress(TimeoutError):
+                for message in _decode(self.socket.recv(timeout=0.1)):
+                    self._take(message)
 
     def _take(self, message: dict[str, Any]) -> None:
         props = message.get("props") or message.get("updates") or {}
