@@ -1,5 +1,6 @@
 """The page's server: its address, its silence, and clients that misbehave."""
 
+import logging
 import re
 import socket
 import subprocess
@@ -157,3 +158,8 @@ def test_recording_from_the_page(client, runtime, tmp_path):
     client.set("file", str(target))
     client.set("● record", True)
     client.read_until(lambda: any("exists" in html for html in client.html))
+
+
+def test_warnings_are_shown(client):
+    logging.getLogger("ros_visualise.sources").warning("the camera <b>0</b> is gone")
+    client.read_until(lambda: any("camera &lt;b&gt;0" in html for html in client.html))

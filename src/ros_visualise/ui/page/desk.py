@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import time
+from collections.abc import Callable
+from functools import partial
 from html import escape
 from typing import Any
 
@@ -26,11 +28,21 @@ _MESSAGE_S = 10.0
 _CLOSE_S = 0.3
 
 
-class Desk(logging.Handler):
+class _MessageLine(logging.Handler):
+    """Shows warnings and errors on the page."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        super().__init__(logging.WARNING)
+        self._say = say
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self._say(record.getMessage())
+
+
+class Desk:
     """Builds the page and keeps it up to date; what the package logs shows as a message on it."""
 
     def __init__(self, server: viser.ViserServer, runtime: Runtime) -> None:
-        super().__init__(logging.WARNING)
         self._server, self._runtime = server, runtime
         self._said_s: float | None = None
         self._ticks = 0
@@ -41,7 +53,8 @@ class Desk(logging.Handler):
         self._images = ImageThread(pictures, self._is_watched, self._in_haste)
         self._add_main_panel(gui)
         arrange(gui, self._windows)
-        logging.getLogger("ros_visualise").addHandler(self)
+        self._log = _MessageLine(self._say_soon)
+        logging.getLogger("ros_visualise").addHandler(self._log)
         self._worker.start()
         self._images.start()
 
@@ -51,17 +64,16 @@ class Desk(logging.Handler):
         self._message.content = f'<div class="rv-message">{escape(message)}</div>'
         self._message.visible = True
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Show a warning or an error."""
-        self._worker.post("say", lambda: self.say(record.getMessage()))
-
     def close(self) -> None:
         """End the threads and let go of the graph."""
-        logging.getLogger("ros_visualise").removeHandler(self)
+        logging.getLogger("ros_visualise").removeHandler(self._log)
         for window in self._windows:
             window.close()
         self._worker.close(_CLOSE_S)
         self._images.close(_CLOSE_S)
+
+    def _say_soon(self, message: str) -> None:
+        self._worker.post("say", partial(self.say, message))
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE)

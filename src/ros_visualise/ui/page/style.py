@@ -25,7 +25,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-message {{ margin: 0 .6em .5em; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #fa525222; font-size: .8rem; overflow-wrap: anywhere; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
-table.rv-topics {{ width: calc(100% - 1.6em); margin: 0 .8em .6em; border-collapse: collapse;
+table.rv-topics {{ width: calc(100% - 1.9em); margin: 0 1.1em .6em .8em; border-collapse: collapse;
   font-size: .75rem; font-variant-numeric: tabular-nums; }}
 table.rv-topics th {{ font-weight: 500; opacity: .65; }}
 table.rv-topics :is(th, td) {{ text-align: right; padding: .15em 0 .15em .6em;

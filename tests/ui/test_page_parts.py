@@ -1,0 +1,125 @@
+"""What the page is made of, without a browser."""
+
+import threading
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from enum import Enum
+from types import SimpleNamespace
+
+import pytest
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.params import param, specs
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.ui.page.controls import add_element, shown
+from ros_visualise.ui.page.graph import graph_picture
+from ros_visualise.ui.page.tables import topic_table
+from ros_visualise.ui.page.worker import Worker
+
+
+class Mode(Enum):
+    SOFT = "soft"
+    HARD = 3
+
+
+@dataclass(frozen=True)
+class Every:
+    count: int = param(5, "a count", min=0, max=800)
+    far: int = param(60, "beyond its slider", min=0, max=240, slider=(0, 30))
+    ratio: float = param(0.5, "a ratio", min=0.0, max=20.0)
+    free: int = param(7, "no upper limit", min=1)
+    on: bool = param(True, "a switch")
+    name: str = param("x", "a text")
+    mode: Mode = param(Mode.HARD, "a choice")
+
+
+class Gui:
+    """Tells which element was asked for."""
+
+    def __getattr__(self, kind):
+        return lambda *args, **rest: (kind.removeprefix("add_"), *args, rest)
+
+
+@pytest.fixture
+def elements():
+    return {spec.name: add_element(Gui(), spec, shown(spec.default)) for spec in specs(Every)}
+
+
+def test_each_type_has_its_element(elements):
+    assert elements["count"][:6] == ("slider", "count", 0, 800, 1, 5)
+    assert elements["free"][:3] == ("number", "free", 7)
+    assert elements["free"][-1] == {"min": 1, "max": None, "hint": "no upper limit"}
+    assert elements["on"][:3] == ("checkbox", "on", True)
+    assert elements["name"][:3] == ("text", "name", "x")
+    assert elements["mode"][:3] == ("dropdown", "mode", ("soft", "3"))
+    assert elements["mode"][-1] == {"initial_value": "3", "hint": "a choice"}
+
+
+def test_a_slider_holds_a_value_beyond_its_range(elements):
+    assert elements["far"][2:6] == (0, 60, 1, 60)
+
+
+def test_a_slider_of_floats_has_round_steps(elements):
+    assert elements["ratio"][2:6] == (0.0, 20.0, 0.1, 0.5)
+
+
+def test_the_picture_shows_every_node_and_topic_below_what_leads_to_it():
+    graph = image_pipeline("demo")
+    picture = ET.fromstring(graph_picture(graph))
+    heights = {text.text: float(text.get("y")) for text in picture.iter("text")}
+    assert set(heights) == {node.name for node in graph.nodes} | set(graph.topics)
+    for node in graph.nodes:
+        assert all(heights[topic] < heights[node.name] for topic in node.inputs.values())
+        assert all(heights[topic] > heights[node.name] for topic in node.outputs.values())
+    assert sum(1 for _ in picture.iter("path")) == 1 + len(graph.topics) + 3  # with the arrow's tip
+
+
+def test_the_table_tells_rates_drops_and_latency():
+    node = {"dropped": {"rate": 4, "queue": 2}, "requested_hz": 25, "p50_ms": 1.26}
+    topics = {"/controlled_stream": {"type": "sensor_msgs/msg/Image", "hz": 24.96, "wall_hz": 25.1}}
+    report = {"topics": topics, "nodes": {"fps_control": node}}
+    table = topic_table(image_pipeline("demo"), report)
+    for told in (">25.0<", ">6<", ">1.3<", "4 by rate, 2 by queue", "sensor_msgs/Image"):
+        assert told in table
+
+
+def worker_of(said, tick=lambda: None):
+    return Worker(said.append, tick, 60.0)
+
+
+def test_only_the_newest_of_a_kind_is_done():
+    done, finished = [], threading.Event()
+    worker = worker_of([])
+    for value in range(5):
+        worker.post("slider", lambda value=value: done.append(value))
+    assert worker.is_posted("slider")
+    worker.post("end", finished.set)
+    worker.start()
+    assert finished.wait(10)
+    worker.close(10)
+    assert done == [4]
+    assert not worker.is_posted("slider")
+
+
+def test_what_is_refused_is_said_and_the_work_goes_on():
+    said, finished = [], threading.Event()
+
+    def refuse():
+        raise ParameterError("too much")
+
+    worker = worker_of(said)
+    worker.post("a", refuse)
+    worker.post("b", finished.set)
+    worker.start()
+    assert finished.wait(10)
+    worker.close(10)
+    assert said == ["too much"]
+
+
+def test_text_is_escaped_in_the_picture():
+    node = SimpleNamespace(name="<b>", inputs={}, outputs={"out": "/a&b"})
+    graph = SimpleNamespace(nodes=(node,), topics={"/a&b": None})
+    assert [text.text for text in ET.fromstring(graph_picture(graph)).iter("text")] == [
+        "<b>",
+        "/a&b",
+    ]
