@@ -11,6 +11,7 @@ from typing import Any
 
 import viser
 
+from ros_visualise.nodes import SourceType
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread
@@ -78,11 +79,11 @@ class Desk:
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE)
         self._message = gui.add_html("", visible=False)
-        playback, live = (
-            self._runtime.playback,
-            getattr(self._runtime.graph.source.type, "live", False),
-        )
-        self._transport = None if playback is None else Transport(gui, playback, live, self._worker)
+        playback, source = self._runtime.playback, self._runtime.graph.source.type
+        self._transport: Transport | None = None
+        if playback is not None:
+            live = isinstance(source, SourceType) and source.live
+            self._transport = Transport(gui, playback, live, self._worker)
         self._table = gui.add_html("")
         with gui.add_folder("windows"):
             Choice(gui, self._windows, self._worker)
