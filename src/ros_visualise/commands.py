@@ -113,7 +113,7 @@ def _graph(args: Namespace, settings: dict[str, Any]) -> Graph:
 def _run(args: Namespace, graph: Graph, view: View) -> int:
     playback = Playback(
         rate=1.0 if args.rate is None else args.rate,
-        loop=args.loop,
+        loop=args.loop or (args.command == "demo" and view.stays),
         start_s=args.start or 0.0,
         duration_s=args.duration,
         frames=args.frames,
