@@ -339,3 +339,18 @@ def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
     until(lambda: len(seen) == 2 * FRAMES)
     run.runtime.stop()
     assert caplog.messages == ["no frames: give at least 0"]
+
+
+def test_one_recording_can_end_while_another_goes_on(tmp_path):
+    run = Run(graph_of(add), hold=True)
+    first = run.runtime.start_recording(tmp_path / "first.mcap")
+    second = run.runtime.start_recording(tmp_path / "second.mcap@/add/extra")
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    until(lambda: (first.written, second.written) == (2 * FRAMES, FRAMES))
+    run.runtime.stop_recording(second)
+    run.playback.seek(0)
+    until(lambda: first.written == 4 * FRAMES)
+    run.runtime.stop()
+    assert (second.written, run.runtime.failed) == (FRAMES, False)
+    assert "/add/extra" in run.runtime.report()["topics"]

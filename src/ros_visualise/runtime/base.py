@@ -73,5 +73,5 @@ class Runtime(Protocol):
             OpenError: it exists or cannot be written.
         """
 
-    def stop_recording(self) -> None:
-        """End and close all recordings."""
+    def stop_recording(self, recording: Any) -> None:
+        """End and close a recording that `start_recording` gave."""

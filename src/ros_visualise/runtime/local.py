@@ -82,7 +82,8 @@ class LocalRuntime:
         self.playback.close()
         for node in self._nodes:
             node.inbox.close(discard=True)
-        self.stop_recording()
+        for recording in self._recordings:
+            self.stop_recording(recording)
         self.wait(_STOP_TIMEOUT_S)
         self._source.close()
 
@@ -134,13 +135,13 @@ class LocalRuntime:
         self._wait_for_disk(self._can_wait)
         return recording
 
-    def stop_recording(self) -> None:
-        """End and close all recordings."""
-        for recording in self._recordings:
-            recording.close()
-            for topic, inbox in recording.inboxes.items():
-                self._topics[topic].disconnect(inbox)
-        self._wait_for_disk(self._lossless)
+    def stop_recording(self, recording: RecorderThread) -> None:
+        """End and close a recording; more than once does no harm."""
+        recording.close()
+        for topic, inbox in recording.inboxes.items():
+            self._topics[topic].disconnect(inbox)
+        recording_still = any(one.is_open for one in self._recordings)
+        self._wait_for_disk(self._lossless or (self._can_wait and recording_still))
 
     def _feed(self) -> None:
         node = self.graph.source

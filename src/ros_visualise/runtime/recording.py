@@ -72,6 +72,11 @@ class RecorderThread:
         self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
         self._thread.start()
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it still takes messages."""
+        return not self._stopped
+
     def put(self, topic: str, packet: Packet) -> None:
         """Take the publisher's answer for one number."""
         pending = self._pending[topic]

@@ -60,7 +60,7 @@ class Recorder:
         self._note.visible = True
 
     def _stop(self, recording: Recording) -> None:
-        self._runtime.stop_recording()
+        self._runtime.stop_recording(recording)
         self._show(recording)
         self._recording = None
         set_value(self._name, _new_name())
