@@ -32,7 +32,7 @@ def main() -> None:
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
         graph = image_pipeline("streamer", path=str(path)).configured(SETTINGS)
         playback = Playback(rate=0, loop=True, frames=args.frames)
-        runtime = LocalRuntime(graph, playback, lossless=True)
+        runtime = LocalRuntime(graph, playback)
         runtime.start()
         samples = []
         while not runtime.wait(0.5):

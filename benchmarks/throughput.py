@@ -89,7 +89,7 @@ def stages(path: Path, frames: int) -> dict[str, float]:
 
 def pipeline(path: Path, frames: int) -> dict[str, float]:
     graph = image_pipeline("streamer", path=str(path)).configured(SETTINGS)
-    runtime = LocalRuntime(graph, Playback(rate=0, loop=True, frames=frames), lossless=True)
+    runtime = LocalRuntime(graph, Playback(rate=0, loop=True, frames=frames))
     start, cpu_start = time.perf_counter(), time.process_time()
     runtime.start()
     while not runtime.wait(60):

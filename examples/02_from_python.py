@@ -28,7 +28,7 @@ def measure(edges: Image, params: object) -> Image:
 
 graph = image_pipeline("streamer", path=sys.argv[1]).insert(measure.declared, after="edge_detector")
 graph = graph.configured({"edge_detector": {"low": 50, "high": 150}, "fps_control": {"fps": 5}})
-runtime = LocalRuntime(graph, Playback(rate=0), lossless=True)
+runtime = LocalRuntime(graph, Playback(rate=0))
 runtime.start()
 while not runtime.wait(timeout_s=1):
     pass

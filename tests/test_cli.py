@@ -210,7 +210,7 @@ class TestRefusals:
     def test_params_files(self, video, tmp_path):
         path = tmp_path / "params.yaml"
         assert "No such file" in refused("video", video, "--params", path)
-        for text in ("a: [", "- 1", "fps_control: 3", "\0"):
+        for text in ("a: [", "- 1", "fps_control: 3", "fps_control: {fps: }", "\0"):
             path.write_text(text)
             assert str(path) in refused("video", video, "--params", path)
 
@@ -314,3 +314,36 @@ def test_ctrl_c_while_opening(tmp_path):
         status, errors = process.returncode, process.stderr.read()
         assert status == 2
     assert "Traceback" not in errors
+
+
+def test_two_nodes_of_ones_own_stand_in_the_order_of_the_line(video, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(
+        "from ros_visualise.data import Image\n"
+        "from ros_visualise.nodes import node\n"
+        "def passing(name):\n"
+        "    @node(name, inputs={'image': Image}, outputs={'image': Image})\n"
+        "    def pass_on(image, params):\n"
+        "        return image\n"
+        "    return pass_on\n"
+        "first, second = passing('first'), passing('second')\n"
+    )
+    done = run(
+        "video", video, *QUICK, "--json", "--node", f"{own}:first", "--node", f"{own}:second"
+    )
+    nodes = list(json.loads(done.stdout)["nodes"])
+    assert nodes == ["streamer", "fps_control", "filters", "first", "second", "edge_detector"]
+
+
+def test_recordings_are_all_opened_or_none(video, tmp_path):
+    (tmp_path / "b.mcap").touch()
+    targets = ["--record", tmp_path / "a.mcap", "--record", tmp_path / "b.mcap"]
+    assert "exists" in refused("video", video, *QUICK, *targets)
+    assert not (tmp_path / "a.mcap").exists()
+
+
+def test_the_input_is_never_recorded_over(video, tmp_path):
+    link = tmp_path / "link.mp4"
+    link.hardlink_to(video)
+    assert "in use" in refused("video", video, *QUICK, "--record", link, "--overwrite")
+    assert link.read_bytes() == video.read_bytes()

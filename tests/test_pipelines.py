@@ -56,7 +56,8 @@ def test_only_the_overlay_is_made_on_demand():
 @pytest.mark.parametrize("name", ["negative", "Negative"])
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
     path, found, after = parse_node(f"{own}:{name}")
-    graph = topics_of(image_pipeline("demo").insert(load(path, found), after))
+    assert after is None
+    graph = topics_of(image_pipeline("demo").insert(load(path, found), "filters"))
     assert list(graph) == ["demo", "fps_control", "filters", "negative", "edge_detector"]
     assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
     assert graph["edge_detector"][0] == {"image": "/negative"}
@@ -103,6 +104,20 @@ def test_what_is_not_there_is_answered_with_what_is(own):
         load("missing.py", "Positive")
     with pytest.raises(UsageError, match="already"):
         graph.insert(graph.node("filters").type, "filters")
+
+
+def test_two_nodes_cannot_publish_to_one_topic():
+    @node("edges", inputs={"image": Image}, outputs={"image": Image})
+    def edges(image, params):
+        return image
+
+    with pytest.raises(UsageError, match="somebody publishes /edges already"):
+        image_pipeline("demo").insert(edges.declared, "filters")
+
+
+def test_what_travels_on_topics_are_messages():
+    with pytest.raises(UsageError, match="float is no message; there is Image"):
+        node("measure", inputs={"image": Image}, outputs={"sharpness": float})
 
 
 @pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])

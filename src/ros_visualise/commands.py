@@ -17,12 +17,13 @@ from ruamel.yaml.error import YAMLError
 
 from ros_visualise import nodes as registry
 from ros_visualise import sources
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.errors import OpenError, ParameterError, RosVisualiseError, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import Spec, specs
 from ros_visualise.pipelines import Graph, image_pipeline, parse_node
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.sinks import parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
@@ -96,11 +97,17 @@ def _play(args: Namespace, **settings: Any) -> int:
 
 def _graph(args: Namespace, settings: dict[str, Any]) -> Graph:
     graph = image_pipeline(args.source, **settings)
+    last = "filters"
     for text in args.node:
         path, name, after = parse_node(text)
-        graph = graph.insert(registry.load(path, name), after)
+        added = registry.load(path, name)
+        graph = graph.insert(added, after or last)
+        last = last if after else added.name
     if args.params:
-        graph = graph.configured(_read_yaml(args.params))
+        try:
+            graph = graph.configured(_read_yaml(args.params))
+        except ParameterError as error:
+            raise UsageError(f"{args.params}: {error}") from None
     for text in args.set:
         key, equals, value = text.partition("=")
         node, dot, param = key.partition(".")
@@ -119,11 +126,10 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         frames=args.frames,
         hold=view.stays and args.duration is None and args.frames is None,
     )
-    lossless = args.rate == 0 or bool(args.record)
-    runtime = _interruptible(lambda: LocalRuntime(graph, playback, lossless))
+    runtime = _interruptible(lambda: LocalRuntime(graph, playback))
     interrupted = False
     try:
-        recordings = [runtime.start_recording(one, args.overwrite) for one in args.record]
+        recordings = _start_recordings(runtime, args.record, args.overwrite)
         runtime.start()
         view.open(runtime)
         while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
@@ -131,14 +137,31 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     except KeyboardInterrupt:
         interrupted = True
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
         view.close()
         runtime.stop()
     report = runtime.report()
     _say_summary(report)
     if args.json:
-        print(json.dumps(report))
+        print(json.dumps(report, default=str))
     return 130 if interrupted else int(runtime.failed)
+
+
+def _start_recordings(
+    runtime: LocalRuntime, targets: list[str], overwrite: bool
+) -> list[RecorderThread]:
+    """All of them, or none."""
+    recordings: list[RecorderThread] = []
+    try:
+        for target in targets:
+            recordings.append(runtime.start_recording(target, overwrite))
+    except RosVisualiseError:
+        for recording in recordings:
+            runtime.stop_recording(recording)
+            recording.path.unlink(missing_ok=True)
+        raise
+    return recordings
 
 
 def _interruptible(make: Callable[[], T]) -> T:
@@ -162,12 +185,18 @@ def _interruptible(make: Callable[[], T]) -> T:
 
 
 def _refuse_double_use(targets: list[str], source: str | None) -> None:
-    used = {Path(source).resolve()} if source else set()
+    used = [Path(source)] if source else []
     for target in targets:
         path = parse_target(target)[0]
-        if path.resolve() in used:
+        if any(_is_same(path, other) for other in used):
             raise UsageError(f"--record {path}: is in use already; choose another name")
-        used.add(path.resolve())
+        used.append(path)
+
+
+def _is_same(path: Path, other: Path) -> bool:
+    if path.exists() and other.exists():
+        return path.samefile(other)  # by whichever of its names
+    return path.resolve() == other.resolve()
 
 
 def _say_summary(report: dict[str, Any]) -> None:
@@ -188,6 +217,7 @@ def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
         ) from None
     except (YAMLError, UnicodeDecodeError) as error:
         raise OpenError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    values = {} if values is None else values
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
         raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
     return values

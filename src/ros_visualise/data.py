@@ -5,6 +5,7 @@ A message is never changed after it was made, so it passes between threads by re
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -73,7 +74,7 @@ class Deferred:
         return self._pixels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CameraInfo:
     """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
 
@@ -133,6 +134,11 @@ class Image:
         return int(self.data.shape[1])
 
     @property
+    def nbytes(self) -> int:
+        """Bytes of its pixels."""
+        return math.prod(self.data.shape) * self.data.dtype.itemsize
+
+    @property
     def is_color(self) -> bool:
         """More than one channel."""
         return len(self.data.shape) == 3
@@ -146,6 +152,10 @@ class ParameterEvent:
     new: Mapping[str, Value] = field(default_factory=dict)
     changed: Mapping[str, Value] = field(default_factory=dict)
     header: Header = Header()
+
+
+MESSAGES: tuple[type, ...] = (Image, ParameterEvent)
+"""What can travel on a topic: each has a `Header`."""
 
 
 def _read_only(pixels: Pixels) -> Pixels:

@@ -80,6 +80,8 @@ class Spec:
         Raises:
             ParameterError: not of this type or out of range; the message names what is allowed.
         """
+        if value is None:
+            raise ParameterError(f"{self.name}: has no value")
         if issubclass(self.type, Enum):
             return self._choose(value)
         if self.type is bool:
@@ -105,6 +107,8 @@ class Spec:
 
     def _number(self, value: Any) -> int | float:
         try:
+            if isinstance(value, bool):
+                raise ValueError
             number = float(value)
             if self.type is int and number != int(number):
                 raise ValueError

@@ -94,6 +94,9 @@ class Graph:
                 f"{added.name}: needs one input of type {given.__name__} after {after}"
             )
         new = _place(added, {next(iter(added.inputs)): topic})
+        taken = [output for output in new.outputs.values() if output in self.topics]
+        if taken:
+            raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
         own = next((t for p, t in new.outputs.items() if added.outputs[p] is given), topic)
         nodes: list[Node] = []
         for node in self.nodes:
@@ -123,8 +126,8 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
     ).configured({source: settings})
 
 
-def parse_node(text: str) -> tuple[str, str, str]:
-    """``FILE.py:NAME[@AFTER]`` as (file, name, after); after ``filters`` unless it says.
+def parse_node(text: str) -> tuple[str, str, str | None]:
+    """``FILE.py:NAME[@AFTER]`` as (file, name, after); None where it does not say.
 
     Raises:
         UsageError: it is not of that form.
@@ -133,7 +136,7 @@ def parse_node(text: str) -> tuple[str, str, str]:
     name, _, after = name.partition("@")
     if not colon or not name or Path(path).suffix != ".py":
         raise UsageError(f"{text}: give a node of your own as FILE.py:NAME or FILE.py:NAME@AFTER")
-    return path, name, after or "filters"
+    return path, name, after or None
 
 
 def _built_in(name: str, image: str, outputs: Mapping[str, str]) -> Node:

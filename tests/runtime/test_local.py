@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Deferred, Header, Image
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.nodes import node, source
 from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import param
@@ -33,7 +33,7 @@ class Numbers:
         self.duration_ns = frames * PERIOD_NS
 
     def read(self, start_ns):
-        for number in range(start_ns // PERIOD_NS, self.frames):
+        for number in range(min(start_ns // PERIOD_NS, max(self.frames - 1, 0)), self.frames):
             yield number * PERIOD_NS, Image(np.full((2, 3), number % 256, np.uint8), "mono8")
 
 
@@ -100,9 +100,9 @@ def until(condition):
 class Run:
     """A runtime that is watched by a listener that loses nothing."""
 
-    def __init__(self, graph, lossless=True, **playing):
+    def __init__(self, graph, **playing):
         self.playback = Playback(**{"rate": 0, **playing})
-        self.runtime = LocalRuntime(graph, self.playback, lossless)
+        self.runtime = LocalRuntime(graph, self.playback)
 
     def to_the_end(self):
         self.runtime.start()
@@ -170,7 +170,7 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
         go_on.wait(10)
         return image
 
-    run = Run(graph_of(slow), lossless=False, hold=True)
+    run = Run(graph_of(slow), rate=1000, hold=True)
     run.playback.step()
     run.runtime.start()
     assert entered.wait(10)
@@ -212,9 +212,8 @@ def test_an_output_on_demand_counts_only_while_somebody_looks():
 def test_parameters_change_between_messages():
     seen = []
     run = Run(graph_of(add, collector(seen)), hold=True, rate=1, frames=None)
-    run.playback.pause()
-    run.runtime.start()
     run.playback.step()
+    run.runtime.start()
     until(lambda: seen)
     run.runtime.parameters["add"].update({"amount": 50})
     until(lambda: len(seen) >= 2)
@@ -304,7 +303,7 @@ def test_a_live_source_is_never_held_up():
         go_on.wait(10)
         return image
 
-    run = Run(graph_of(slow, source_type=live_counter), lossless=True)
+    run = Run(graph_of(slow, source_type=live_counter))
     run.runtime.start()
     until(lambda: run.runtime.report()["topics"]["/image_raw"]["messages"] == FRAMES)
     go_on.set()
@@ -324,10 +323,9 @@ def test_a_source_is_opened_anew_when_its_parameters_ask_for_it():
     run.runtime.start()
     until(lambda: run.playback.state.ended)
     run.runtime.parameters["counter"].update({"frames": 3})
-    until(lambda: len(seen) == FRAMES + 3)
-    until(lambda: run.playback.state.ended)
+    until(lambda: len(seen) == FRAMES + 1)
     run.runtime.stop()
-    assert [value for value, _, _ in seen] == [*range(FRAMES), 0, 1, 2]
+    assert [value for value, _, _ in seen] == [*range(FRAMES), 2]  # it goes on where it was
 
 
 def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
@@ -336,9 +334,11 @@ def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
     run.runtime.start()
     until(lambda: run.playback.state.ended)
     run.runtime.parameters["counter"].update({"frames": -1})
-    until(lambda: len(seen) == 2 * FRAMES)
+    until(lambda: len(seen) == FRAMES + 1)
     run.runtime.stop()
     assert caplog.messages == ["no frames: give at least 0"]
+    assert run.runtime.parameters["counter"].current.frames == FRAMES
+    assert not run.runtime.failed
 
 
 def test_one_recording_can_end_while_another_goes_on(tmp_path):
@@ -354,3 +354,80 @@ def test_one_recording_can_end_while_another_goes_on(tmp_path):
     run.runtime.stop()
     assert (second.written, run.runtime.failed) == (FRAMES, False)
     assert "/add/extra" in run.runtime.report()["topics"]
+
+
+WRONG = {
+    "pixels": (lambda image: image.pixels, "answers with image: ndarray, but declares image"),
+    "a tuple": (lambda image: (image, image), "answers with image: tuple"),
+    "another output": (lambda image: {"edges": image}, "answers with edges: Image"),
+}
+
+
+@pytest.mark.parametrize(("answer", "says"), WRONG.values(), ids=WRONG)
+def test_a_node_that_answers_wrongly_loses_its_messages_alone(answer, says, caplog, tmp_path):
+    @node("wrong", inputs={"image": Image}, outputs={"image": Image})
+    def wrong(image, params):
+        return answer(image)
+
+    run = Run(graph_of(wrong))
+    run.runtime.start_recording(tmp_path / "out.mcap")
+    report = run.to_the_end()
+    assert report["nodes"]["wrong"]["dropped"] == {"error": FRAMES}
+    assert report["topics"]["/wrong/image"]["messages"] == 0
+    [message] = caplog.messages
+    assert says in message
+
+
+def test_a_node_that_breaks_elsewhere_than_in_its_step_ends_the_run_all_the_same(caplog):
+    @node("breaks", inputs={"image": Image}, outputs={"image": Image})
+    class Breaks:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            raise ValueError(f"frame {image.pixels[0, 0]}")
+
+        def finish(self):
+            raise KeyError("finish")
+
+        def report(self):
+            raise OSError("report")
+
+    run = Run(graph_of(Breaks, add))
+    report = run.to_the_end()
+    assert report["nodes"]["breaks"]["dropped"] == {"error": FRAMES}
+    assert run.runtime.failed
+    assert len([m for m in caplog.messages if "frame" in m]) == 1
+
+
+def test_a_node_without_outputs_counts():
+    seen = []
+
+    @node("count", inputs={"image": Image}, outputs={})
+    def count(image, params):
+        seen.append(image)
+
+    report = Run(graph_of(count)).to_the_end()
+    assert len(seen) == report["nodes"]["count"]["processed"] == FRAMES
+
+
+def test_while_paused_the_last_image_that_came_is_repeated():
+    seen = []
+    run = Run(graph_of(FpsControl, add, collector(seen), fps_control={"fps": 10}), hold=True)
+    run.playback.step(2)  # of which the second is left out
+    run.runtime.start()
+    until(lambda: run.runtime.report()["nodes"]["fps_control"]["received"] == 2)
+    until(lambda: seen)
+    run.runtime.parameters["add"].update({"amount": 9})
+    until(lambda: len(seen) == 2)
+    run.runtime.stop()
+    assert [value for value, _, _ in seen] == [1, 9]
+    assert run.runtime.report()["nodes"]["collector"]["p99_ms"] < 5000
+
+
+def test_a_file_is_recorded_to_once_at_a_time(tmp_path):
+    run = Run(graph_of(add))
+    run.runtime.start_recording(tmp_path / "out.mcap")
+    with pytest.raises(UsageError, match="recorded already"):
+        run.runtime.start_recording(tmp_path / "out.mcap", overwrite=True)
+    run.runtime.stop()

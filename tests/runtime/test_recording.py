@@ -48,8 +48,8 @@ def chain(*topics):
 GRAPH = chain("/a", "/b", "/c")
 
 
-def packet(number, empty=False):
-    image = Image(np.zeros((1, 1), np.uint8), "mono8", Header(number * 10))
+def packet(number, empty=False, shape=(1, 1)):
+    image = Image(np.zeros(shape, np.uint8), "mono8", Header(number * 10))
     return Packet(number, None if empty else image, 0)
 
 
@@ -110,7 +110,7 @@ def test_a_slow_disk_drops_and_counts_what_a_live_source_gives():
     memory.go_on.clear()
     recording = RecorderThread(memory, chain("/a"), lossless=False)
     for number in range(100):
-        recording.put("/a", packet(number))
+        recording.put("/a", packet(number, shape=(4000, 8000)))
     memory.go_on.set()
     recording.close()
     assert recording.dropped > 0
@@ -127,6 +127,18 @@ def test_a_full_disk_ends_the_recording_and_holds_up_nobody(caplog):
     assert str(recording.error) == "memory: full"
     assert (len(memory.entries), memory.closed) == (2, 1)
     assert caplog.messages == ["memory: full"]
+
+
+def test_a_bug_in_a_recorder_ends_the_recording_and_holds_up_nobody(caplog):
+    memory = Memory()
+    memory.write = lambda topic, message: 1 / 0
+    recording = RecorderThread(memory, chain("/a"), lossless=True)
+    for number in range(100):
+        recording.put("/a", packet(number))
+    recording.close()
+    assert isinstance(recording.error, RecordingError)
+    assert memory.closed == 1
+    assert "ZeroDivisionError" in caplog.text
 
 
 @pytest.mark.parametrize("messages", [0, 2])

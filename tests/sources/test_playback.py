@@ -290,20 +290,15 @@ def test_close_from_another_thread_ends_a_real_wait() -> None:
     closer.join()
 
 
-def test_wait_tells_whether_it_was_closed(clock: FakeClock) -> None:
-    playback = Playback(clock=clock)
-    assert playback.wait(2) is False
-    assert clock.time_ns == 2 * S
-    clock.at(3, playback.close)
-    assert playback.wait(60) is True
-    assert clock.time_ns == 3 * S
-
-
 def live(clock: FakeClock, playback: Playback, items: list[int | None]) -> list[int]:
+    condition = threading.Condition()
+
     def pass_time() -> Generator[int | None, None, None]:
         for item in items:
             yield item
-            playback.wait(0.1)
+            until_ns = clock.time_ns + S // 10
+            while clock.time_ns < until_ns:
+                clock.wait(condition, until_ns)
 
     return list(playback.follow(pass_time()))
 
@@ -328,3 +323,29 @@ def test_following_ends_by_frames_and_by_close(clock: FakeClock) -> None:
     playback = Playback(clock=clock)
     clock.at(clock.time_ns / S + 0.25, playback.close)
     assert live(clock, playback, list(range(9))) == [0, 1, 2]
+
+
+def test_a_restart_ends_what_is_played_and_goes_on_where_it_was(clock: FakeClock) -> None:
+    playback = Playback(clock=clock)
+    first = playback.run(Frames([0, 0.1, 0.2]))
+    before = [next(first), next(first)]
+    playback.restart()
+    assert list(first) == []
+    assert playback.take_restart()
+    after = list(playback.run(Frames([0, 0.1, 0.2])))
+    assert not playback.take_restart()
+    assert [stamp - WALL for stamp, _ in before] == [0, S // 10]
+    assert [stamp - WALL for stamp, _ in after] == [S // 10, S // 5]
+
+
+def test_steps_back_count_from_where_one_goes(clock: FakeClock) -> None:
+    playback = Playback(hold=True, clock=clock)
+    shown = []
+    run = playback.run(Frames([0, 0.1, 0.2, 0.3]))
+    shown.append(next(run)[1])
+    playback.seek(0.3)
+    playback.step(-1)
+    shown.append(next(run)[1])
+    playback.step(-1000)
+    shown.append(next(run)[1])
+    assert shown == [0, 2, 0]

@@ -18,7 +18,7 @@ with None: nothing for this one.
 
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
-closed; and ``close()``.
+closed; ``close()``; and where needed ``report()``.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Protocol, TypeVar
 
+from ros_visualise.data import MESSAGES
 from ros_visualise.errors import OpenError, UsageError
 
 T = TypeVar("T")
@@ -87,8 +88,24 @@ class Source(Protocol):
     def close(self) -> None:
         """Let go of what is open; may be called from any thread."""
 
+    def report(self) -> dict[str, Any]:
+        """Figures of its own for the run report."""
 
-class _Function:
+
+class _Optional:
+    """What a node's or a source's class may leave out."""
+
+    def reset(self) -> None:
+        pass
+
+    def finish(self) -> Any:
+        return None
+
+    def report(self) -> dict[str, Any]:
+        return {}
+
+
+class _Function(_Optional):
     def __init__(self, function: Callable[..., Any]) -> None:
         self.step = function
 
@@ -102,12 +119,20 @@ def node(
     on_demand: tuple[str, ...] = (),
     drops: str | None = None,
 ) -> Callable[[T], T]:
-    """Declare the decorated function or class as a node; see the module's docstring."""
+    """Declare the decorated function or class as a node; see the module's docstring.
+
+    Raises:
+        UsageError: an input or output is not a message of `ros_visualise.data`.
+    """
+    for kind in (*inputs.values(), *outputs.values()):
+        if kind not in MESSAGES:
+            there = ", ".join(message.__name__ for message in MESSAGES)
+            raise UsageError(f"node {name}: {kind.__name__} is no message; there is {there}")
 
     def declare(target: T) -> T:
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
-            target if isinstance(target, type) else lambda params: _Function(target),  # type: ignore[arg-type]
+            _completed(target) if isinstance(target, type) else lambda _: _Function(target),  # type: ignore[arg-type]
             params,
             inputs,
             outputs,
@@ -127,7 +152,7 @@ def source(
     """Declare the decorated class as a source; see the module's docstring."""
 
     def declare(target: T) -> T:
-        declared = SourceType(name, target, params, outputs, live, _first_line(target))  # type: ignore[arg-type]
+        declared = SourceType(name, _completed(target), params, outputs, live, _first_line(target))  # type: ignore[arg-type]
         target.declared = declared  # type: ignore[attr-defined]
         return target
 
@@ -171,9 +196,10 @@ def _run_file(path: str) -> ModuleType:
         raise OpenError(f"{path}: not a Python file; give a node as FILE.py:NAME")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
+    sys.path.insert(0, str(Path(path).parent))  # as for a script: it may have files beside it
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise OpenError(f"{path}: {type(error).__name__}: {error}") from error
     return module
 
@@ -185,6 +211,11 @@ def _declared_in(module: ModuleType) -> dict[str, NodeType | SourceType]:
         if isinstance(declared, NodeType | SourceType):
             found[attribute] = found[declared.name] = declared
     return found
+
+
+def _completed(cls: type) -> type:
+    """The class, with what it leaves out."""
+    return type(cls.__name__, (cls, _Optional), {})
 
 
 def _first_line(target: Any) -> str:

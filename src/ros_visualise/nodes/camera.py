@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
@@ -39,6 +40,10 @@ class CameraSource:
         """The images as they come."""
         for stamp_ns, image in self._playback.follow(self._camera.images()):
             yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+
+    def report(self) -> dict[str, Any]:
+        """The images that came faster than they were taken."""
+        return {"dropped": {"source": self._camera.dropped} if self._camera.dropped else {}}
 
     def close(self) -> None:
         """Let go of the camera."""

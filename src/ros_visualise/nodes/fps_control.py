@@ -52,10 +52,6 @@ class FpsControl:
             self._first_arrival_ns = now_ns
         return now_ns - self._first_arrival_ns
 
-    def reset(self) -> None:
-        """Time has jumped back: the next frame passes."""
-        self._pacer.reset()
-
     def report(self) -> dict[str, Any]:
         """What was asked for; None while everything passes."""
         return {"requested_hz": self._requested_hz}

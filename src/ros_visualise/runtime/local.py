@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import ParameterEvent
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.nodes import Source, SourceType
 from ros_visualise.params import Parameters, Value, specs
@@ -21,7 +21,7 @@ from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Subscription, Topic
-from ros_visualise.sinks import open_recorder
+from ros_visualise.sinks import open_recorder, parse_target
 from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
@@ -34,15 +34,14 @@ class LocalRuntime:
 
     Args:
         graph: what to run.
-        playback: how its source is played.
-        lossless: no node drops what it has no time for; the source waits instead. A live source
-            cannot wait, so there it has no effect.
+        playback: how its source is played. At rate 0, and while it is recorded, no node drops what
+            it has no time for: the source waits instead, unless it is live.
 
     Raises:
         OpenError: the source cannot be opened.
     """
 
-    def __init__(self, graph: Graph, playback: Playback, lossless: bool = False) -> None:
+    def __init__(self, graph: Graph, playback: Playback) -> None:
         assert isinstance(graph.source.type, SourceType)
         self.graph = graph
         self.playback = playback
@@ -50,12 +49,11 @@ class LocalRuntime:
         self.parameters: Mapping[str, Parameters[Any]] = {
             node.name: Parameters(node.params) for node in graph.nodes
         }
-        self._can_wait = not self._source_type.live
-        self._lossless = lossless and self._can_wait
+        self._lossless = False
         self._topics = {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
+        self._source_parameters = self.parameters[graph.source.name]
         self._source = self._open_source()
-        self._reopen = threading.Event()
         self._source_stats = NodeStats()
         self._source_failed = False
         self._nodes = [self._join(node) for node in graph.nodes[1:]]
@@ -112,8 +110,8 @@ class LocalRuntime:
         nodes = {self.graph.source.name: self._report_source()}
         nodes |= {thread.runner.node.name: thread.report() for thread in self._nodes}
         for node in self.graph.nodes:
-            main = self._topics[next(iter(node.outputs.values()))]
-            nodes[node.name]["achieved_hz"] = main.report(window_s)["hz"]
+            for topic in tuple(node.outputs.values())[:1]:
+                nodes[node.name]["achieved_hz"] = self._topics[topic].report(window_s)["hz"]
         return {"topics": topics, "nodes": nodes, "recordings": self._recording_report()}
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
@@ -125,14 +123,16 @@ class LocalRuntime:
         """
         types = {name: topic.type for name, topic in self.graph.topics.items()}
         on_demand = [name for name, topic in self.graph.topics.items() if topic.on_demand]
+        path = parse_target(str(target))[0].resolve()
+        if any(one.is_open and one.path.resolve() == path for one in self._recordings):
+            raise UsageError(f"{path}: is being recorded already; choose another name")
         recorder = open_recorder(str(target), types, overwrite, on_demand)
-        recording = RecorderThread(recorder, self.graph, lossless=self._can_wait)
+        recording = RecorderThread(recorder, self.graph, not self._source_type.live)
         for name, parameters in self.parameters.items():
             recording.put_event(ParameterEvent(name, new=vars(parameters.current)))
         self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)
-        self._wait_for_disk(self._can_wait)
         return recording
 
     def stop_recording(self, recording: RecorderThread) -> None:
@@ -140,8 +140,6 @@ class LocalRuntime:
         recording.close()
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].disconnect(inbox)
-        recording_still = any(one.is_open for one in self._recordings)
-        self._wait_for_disk(self._lossless or (self._can_wait and recording_still))
 
     def _feed(self) -> None:
         node = self.graph.source
@@ -149,6 +147,7 @@ class LocalRuntime:
             for number, (port, message) in enumerate(self._messages()):
                 packet = Packet(number, message, time.monotonic_ns())
                 self._source_stats.received = self._source_stats.processed = number + 1
+                self._choose_queues()
                 self._topics[node.outputs[port]].publish(packet)
         except RosVisualiseError as error:
             log.error("%s", error)
@@ -163,39 +162,53 @@ class LocalRuntime:
         """What the source gives; when a parameter asks for it, it is opened anew."""
         while True:
             yield from self._source.messages()
-            if not self._reopen.is_set() or self.playback.closed:
+            if not self.playback.take_restart():
                 return
-            self._reopen.clear()
-            try:
-                source = self._open_source()
-            except OpenError as error:
-                log.error("%s", error)  # and the one before plays on
-            else:
-                self._source.close()
-                self._source = source
+            self._reopen_source()
+
+    def _reopen_source(self) -> None:
+        """Open the source with its parameters of now, or return to those that it had."""
+        if self._source_type.live:
+            self._source.close()  # a device can be opened but once
+        try:
+            source = self._open_source()
+        except RosVisualiseError as error:
+            if self._opened_with == self._source_parameters.current:
+                raise
+            log.error("%s", error)
+            self._source_parameters.update(vars(self._opened_with))
+        else:
+            self._source.close()
+            self._source = source
 
     def _open_source(self) -> Source:
-        parameters = self.parameters[self.graph.source.name]
-        return self._source_type.make(parameters.current, self.playback)
+        current = self._source_parameters.current
+        source = self._source_type.make(current, self.playback)
+        self._opened_with = current
+        return source
 
     def _join(self, node: Node) -> _NodeThread:
         [(port, topic)] = node.inputs.items()
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}
         runner = NodeRunner(node, self.parameters[node.name])
-        thread = _NodeThread(runner, port, outputs, self._lossless)
+        thread = _NodeThread(runner, port, outputs)
         self._topics[topic].connect(thread.inbox)
         return thread
 
-    def _wait_for_disk(self, lossless: bool) -> None:
-        for node in self._nodes:
-            node.inbox.lossless = lossless
+    def _choose_queues(self) -> None:
+        """Drop nothing where the source can wait and somebody wants everything."""
+        wanted = self.playback.state.rate == 0 or any(one.is_open for one in self._recordings)
+        lossless = wanted and not self._source_type.live
+        if lossless != self._lossless:
+            self._lossless = lossless
+            for node in self._nodes:
+                node.inbox.lossless = lossless
 
     def _parameters_changed(self, name: str, current: Any, changed: Mapping[str, Value]) -> None:
         for recording in self._recordings:
             recording.put_event(ParameterEvent(name, changed=changed))
         if name == self.graph.source.name:
             if any(spec.restart for spec in specs(current) if spec.name in changed):
-                self._reopen.set()
                 self.playback.restart()
         elif not self.playback.state.playing:
             for node in self._nodes:
@@ -203,8 +216,7 @@ class LocalRuntime:
                     node.repeat_last()
 
     def _report_source(self) -> dict[str, Any]:
-        own: dict[str, Any] = getattr(self._source, "report", dict)()
-        return {**self._source_stats.report(), **own}
+        return {**self._source_stats.report(), **self._source.report()}
 
     def _recording_report(self) -> dict[str, Any]:
         return {
@@ -215,32 +227,32 @@ class LocalRuntime:
 class _NodeThread:
     """Takes one node's messages, runs its steps, publishes what comes out."""
 
-    def __init__(
-        self, runner: NodeRunner, port: str, outputs: Mapping[str, Topic], lossless: bool
-    ) -> None:
+    def __init__(self, runner: NodeRunner, port: str, outputs: Mapping[str, Topic]) -> None:
         self.runner = runner
-        self.inbox = Inbox(lossless)
+        self.inbox = Inbox(lossless=False)
         self._port = port
         self._outputs = outputs
-        self._last: Packet | None = None
 
     def run(self) -> None:
         """Until the inbox is closed and empty."""
         number = arrival_ns = 0
-        while (packet := self.inbox.take()) is not None:
-            number, message, arrival_ns = self._last = packet
-            answer = NOTHING
-            if message is not None:
-                answer = self.runner.step({self._port: message}, arrival_ns)
-            self._publish(number, answer, arrival_ns)
-        self._publish(number, self.runner.finish(), arrival_ns)
-        for topic in self._outputs.values():
-            topic.finish()
+        try:
+            while (packet := self.inbox.take()) is not None:
+                number, message, arrival_ns = packet
+                answer = NOTHING
+                if message is not None:
+                    answer = self.runner.step({self._port: message}, arrival_ns)
+                self._publish(number, answer, arrival_ns)
+            self._publish(number, self.runner.finish(), arrival_ns)
+        finally:
+            self.inbox.close(discard=True)
+            for topic in self._outputs.values():
+                topic.finish()
 
     def repeat_last(self) -> None:
         """Process the last message once more, with the parameters as they are now."""
-        if self._last is not None and self.inbox.is_empty and self.runner.stateless:
-            self.inbox.put(self._last)
+        if self.runner.stateless:
+            self.inbox.repeat()
 
     def report(self) -> dict[str, Any]:
         """Counts, latencies and the node's own figures."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections import deque
 from typing import Any, NamedTuple
 
@@ -31,6 +32,9 @@ class Inbox:
         self._lossless = lossless
         self._depth = depth
         self._packets: deque[Packet] = deque()
+        self._taken: Packet | None = None  # the last one with a message
+        self._number = 0
+        self._again = False
         self._closed = False
         self._changed = threading.Condition()
 
@@ -44,11 +48,6 @@ class Inbox:
         with self._changed:
             self._lossless = lossless
             self._changed.notify_all()
-
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing waits to be taken."""
-        return not self._packets
 
     def put(self, packet: Packet) -> None:
         """Add a packet; after `close` it is let go."""
@@ -68,12 +67,25 @@ class Inbox:
     def take(self, timeout_s: float | None = None) -> Packet | None:
         """The oldest packet; None when none came in time, or when closed and empty."""
         with self._changed:
-            self._changed.wait_for(lambda: self._packets or self._closed, timeout_s)
+            self._changed.wait_for(lambda: self._packets or self._closed or self._again, timeout_s)
+            again, self._again = self._again, False
             if not self._packets:
-                return None
+                return self._repeated() if again and not self._closed else None
             packet = self._packets.popleft()
+            self._number = packet.number
+            self._taken = packet if packet.message is not None else self._taken
             self._changed.notify_all()
             return packet
+
+    def repeat(self) -> None:
+        """Let the last message be taken once more, unless a new one comes before."""
+        with self._changed:
+            self._again = self._taken is not None
+            self._changed.notify_all()
+
+    def _repeated(self) -> Packet | None:
+        assert self._taken is not None
+        return Packet(self._number, self._taken.message, time.monotonic_ns())
 
     def close(self, discard: bool = False) -> None:
         """Nothing more comes in; what is there can still be taken unless discarded."""

@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import Header, ParameterEvent
+from ros_visualise.data import Header, Image, ParameterEvent
 from ros_visualise.errors import RecordingError
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
@@ -17,6 +17,7 @@ from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
 log = logging.getLogger(__name__)
 
 _FINISHED = 2**63
+_MAX_PENDING_BYTES = 96 * 2**20
 
 
 class TopicInbox:
@@ -62,7 +63,7 @@ class RecorderThread:
         self.topics = tuple(t for t in graph.topics if t in recorder.topics)
         self.inboxes = {topic: TopicInbox(self, topic) for topic in self.topics}
         self._recorder = recorder
-        self._depth = 4 if lossless else 16
+        self._pending_bytes = 0
         self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
         self._answered = dict.fromkeys(self.topics, -1)
         self._events: deque[ParameterEvent] = deque()
@@ -81,16 +82,16 @@ class RecorderThread:
         """Take the publisher's answer for one number."""
         pending = self._pending[topic]
         with self._changed:
-            while self.lossless and len(pending) >= self._depth and not self._stopped:
+            while self.lossless and self._is_full(pending) and not self._stopped:
                 self._changed.wait()
             if self._stopped:
                 return
             self._answered[topic] = packet.number
-            if packet.message is not None:
-                if len(pending) < self._depth:
-                    pending.append((packet.number, packet.message))
-                else:
-                    self.dropped += 1
+            if packet.message is not None and self._is_full(pending):
+                self.dropped += 1
+            elif packet.message is not None:
+                pending.append((packet.number, packet.message))
+                self._pending_bytes += _size(packet.message)
             self._changed.notify_all()
 
     def finish(self, topic: str) -> None:
@@ -101,7 +102,8 @@ class RecorderThread:
 
     def put_event(self, event: ParameterEvent) -> None:
         """Record that parameters were set, at the time of the next message."""
-        self._events.append(event)
+        if not self._stopped:
+            self._events.append(event)
 
     def close(self) -> None:
         """Write what is pending and close the file."""
@@ -117,12 +119,23 @@ class RecorderThread:
             self._write_events()
             self._recorder.close()
         except RecordingError as error:
-            log.error("%s", error)
-            self.error = error
-            self._recorder.close()
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
+            self._fail(error)
+        except Exception as error:
+            log.exception("%s broke", self.path)
+            self._fail(RecordingError(f"{self.path}: {error}"))
+        finally:
+            with self._changed:
+                self._stopped = True
+                self._changed.notify_all()
+
+    def _fail(self, error: RecordingError) -> None:
+        log.error("%s", error)
+        self.error = error
+        self._recorder.close()
+
+    def _is_full(self, pending: deque[tuple[int, Any]]) -> bool:
+        """Too much waits; but a topic of which nothing waits may hold back the others."""
+        return bool(pending) and self._pending_bytes >= _MAX_PENDING_BYTES
 
     def _next(self) -> tuple[str, Any] | None:
         """The next message in order; None at the end."""
@@ -132,6 +145,7 @@ class RecorderThread:
             if topic is None:
                 return None
             _, message = self._pending[topic].popleft()
+            self._pending_bytes -= _size(message)
             self._changed.notify_all()
             return topic, message
 
@@ -155,3 +169,7 @@ class RecorderThread:
         while self._events:
             event = replace(self._events.popleft(), header=Header(self._stamp_ns))
             self._recorder.write(PARAMETER_EVENTS, event)
+
+
+def _size(message: Any) -> int:
+    return message.nbytes if isinstance(message, Image) else 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
+import traceback
 from collections.abc import Mapping
 from typing import Any
 
@@ -22,8 +23,8 @@ NOTHING: Mapping[str, Any] = {}
 class NodeRunner:
     """One node at work: its state, its live parameters, its counts.
 
-    An error in a step costs that one message: it is said once, counted under ``error``, and
-    ``failed`` stays set.
+    An error in a step costs that one message: it is said once for each place in the code where it
+    comes from, counted under ``error``, and ``failed`` stays set.
     """
 
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
@@ -36,7 +37,7 @@ class NodeRunner:
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
         self._last_stamp_ns = 0
-        self._said: set[str] = set()
+        self._said: set[tuple[type, str, int | None]] = set()
 
     def step(self, inputs: Mapping[str, Any], arrival_ns: int) -> Mapping[str, Any]:
         """What the node makes of these messages: output name -> message.
@@ -47,43 +48,60 @@ class NodeRunner:
         """
         self.stats.received += 1
         started_ns = time.monotonic_ns()
-        self._reset_if_time_went_back(inputs)
         try:
+            self._reset_if_time_went_back(inputs)
             answer = self._state.step(**inputs, params=self._parameters.current)
+            outputs = self._by_output(answer)
         except Exception as error:
+            self.stats.dropped["error"] += 1
             self._say(error)
             return NOTHING
-        if answer is None:
-            if self._type.drops:
-                self.stats.dropped[self._type.drops] += 1
-            return NOTHING
-        self.stats.answered(arrival_ns, started_ns)
-        return self._by_output(answer)
+        if not outputs and self._type.drops:
+            self.stats.dropped[self._type.drops] += 1
+        else:
+            self.stats.answered(arrival_ns, started_ns)
+        return outputs
 
     def finish(self) -> Mapping[str, Any]:
         """What the node still has at the end of the stream."""
-        answer = self._state.finish() if hasattr(self._state, "finish") else None
-        return NOTHING if answer is None else self._by_output(answer)
+        try:
+            return self._by_output(self._state.finish())
+        except Exception as error:
+            self._say(error)
+            return NOTHING
 
     def report(self) -> dict[str, Any]:
         """Counts and latencies, and the node's own figures."""
-        own = self._state.report() if hasattr(self._state, "report") else {}
+        try:
+            own = self._state.report()
+        except Exception as error:
+            self._say(error)
+            own = {}
         return {**self.stats.report(), **own}
 
     def _by_output(self, answer: Any) -> Mapping[str, Any]:
-        return answer if isinstance(answer, dict) else {next(iter(self._type.outputs)): answer}
+        if answer is None:
+            return NOTHING
+        declared = self._type.outputs
+        outputs = answer if isinstance(answer, dict) else {next(iter(declared), ""): answer}
+        for name, message in outputs.items():
+            if name not in declared or not isinstance(message, (declared[name], type(None))):
+                wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in declared.items())
+                given = f"{name or 'something'}: {type(message).__name__}"
+                raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
+        return outputs
 
     def _reset_if_time_went_back(self, inputs: Mapping[str, Any]) -> None:
         stamp_ns = max(message.header.stamp_ns for message in inputs.values())
-        if stamp_ns < self._last_stamp_ns and hasattr(self._state, "reset"):
+        if stamp_ns < self._last_stamp_ns:
             self._state.reset()
         self._last_stamp_ns = stamp_ns
 
     def _say(self, error: Exception) -> None:
         self.failed = True
-        self.stats.dropped["error"] += 1
-        text = f"{self.node.name}: {error}"
-        if text not in self._said:
-            self._said.add(text)
+        origin = traceback.extract_tb(error.__traceback__)[-1]
+        kind = (type(error), origin.filename, origin.lineno)
+        if kind not in self._said:
+            self._said.add(kind)
             bug = not isinstance(error, RosVisualiseError)
-            log.error("%s (said once)", text, exc_info=error if bug else None)
+            log.error("%s: %s (said once)", self.node.name, error, exc_info=error if bug else None)

@@ -36,7 +36,7 @@ class TopicStats:
 
 
 class _Rate:
-    """The mean rate of a series of times; jumps backwards are left out of it."""
+    """The mean rate of a series of times; repeated ones and jumps backwards are left out."""
 
     def __init__(self) -> None:
         self.times: deque[int] = deque(maxlen=_KEPT)
@@ -44,7 +44,7 @@ class _Rate:
         self._span_ns = 0
 
     def count(self, time_ns: int) -> None:
-        if self.times and time_ns >= self.times[-1]:
+        if self.times and time_ns > self.times[-1]:
             self._steps += 1
             self._span_ns += time_ns - self.times[-1]
         self.times.append(time_ns)
@@ -54,7 +54,7 @@ class _Rate:
 
     def mean_of_last(self, count: int) -> float | None:
         steps = np.diff(np.array(self.times.copy(), np.int64)[-max(count, 1) :])
-        return _hz(int((steps >= 0).sum()), int(steps[steps >= 0].sum()))
+        return _hz(int((steps > 0).sum()), int(steps[steps > 0].sum()))
 
 
 class NodeStats:

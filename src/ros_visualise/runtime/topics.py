@@ -44,7 +44,7 @@ class Topic:
 
     @property
     def wanted(self) -> bool:
-        """Whether messages that come count as published."""
+        """Whether a report tells of it: an output on demand only when somebody wanted it."""
         return not self.on_demand or bool(self._listeners) or self._stats.messages > 0
 
     def publish(self, packet: Packet) -> None:

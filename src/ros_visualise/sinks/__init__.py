@@ -85,7 +85,8 @@ def open_recorder(
     path, named = parse_target(target)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise UsageError(f"{path}: a recording's name ends in {' or '.join(SUFFIXES)}")
+        kinds = " or ".join(SUFFIXES)
+        raise UsageError(f"{path}: a recording's name ends in {kinds}, or then in @/TOPIC")
     for name in named:
         if name not in topics:
             raise UsageError(f"{target}: no topic {name}; there are {', '.join(topics)}")

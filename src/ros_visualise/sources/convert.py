@@ -17,6 +17,7 @@ from ros_visualise.errors import UsageError
 
 Size = tuple[int, int]
 
+_MAX_SIDE = 16384
 _PIXEL_FORMATS = {"mono8": "gray", "mono16": "gray16le", "bgr8": "bgr24"}
 _QUARTER_TURNS = {
     1: cv2.ROTATE_90_COUNTERCLOCKWISE,
@@ -34,9 +35,12 @@ def parse_size(text: str) -> Size | None:
     if not text:
         return None
     found = re.fullmatch(r"(\d{1,5})[xX](\d{1,5})", text.strip())
-    if found is None or "0" in (size := found.groups()):
-        raise UsageError(f"size={text}: give WIDTHxHEIGHT in pixels, such as 640x480")
-    return int(size[0]), int(size[1])
+    width, height = map(int, found.groups()) if found else (0, 0)
+    if not (0 < width <= _MAX_SIDE and 0 < height <= _MAX_SIDE):
+        raise UsageError(
+            f"size={text}: give WIDTHxHEIGHT in pixels, such as 640x480, at most {_MAX_SIDE} each"
+        )
+    return width, height
 
 
 class Converter:

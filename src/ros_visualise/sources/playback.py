@@ -20,7 +20,7 @@ _ROUNDING_NS = 1_000
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 
 
-class Recording(Protocol[T_co]):
+class Playable(Protocol[T_co]):
     """What can be played."""
 
     @property
@@ -73,7 +73,6 @@ class Playback:
         self._changed = threading.Condition()
         self._time = Timeline(self._clock, _checked_rate(rate))
         self._loop, self._hold = loop, hold
-        self._start_ns = round(start_s * 1e9)
         self._limit_ns = None if duration_s is None else round(duration_s * 1e9)
         self._limit_frames = frames
         self._closed = False
@@ -84,11 +83,11 @@ class Playback:
         self._steps = self._steps_back = 0
         self._target_ns: int | None = None
         self._duration_ns: int | None = None
-        self._position_ns = self._start_ns
+        self._position_ns = round(start_s * 1e9)
         self._period_ns = 0
         self._cycle_ns = 0  # where the present loop starts on the line of all loops
         self._line_ns = 0  # where the last message was on that line
-        self._base_ns = 0  # the stamp of that line's start
+        self._base_ns: int | None = None  # the stamp of that line's start
         self._fresh = True  # the next message is shown at once, and time goes on from it
         self._played_ns = self._played_frames = 0
 
@@ -161,10 +160,16 @@ class Playback:
             self._changed.notify_all()
 
     def restart(self) -> None:
-        """End what is played now, because its source is to be opened anew."""
+        """End what is played now, because its source is to be opened anew; see `take_restart`."""
         with self._changed:
             self._restarting = True
             self._changed.notify_all()
+
+    def take_restart(self) -> bool:
+        """Whether what was played ended for a `restart`, which is answered by this."""
+        with self._changed:
+            restarting, self._restarting = self._restarting, False
+            return restarting and not self._closed
 
     def close(self) -> None:
         """End the source and every wait."""
@@ -172,15 +177,7 @@ class Playback:
             self._closed = True
             self._changed.notify_all()
 
-    def wait(self, seconds: float) -> bool:
-        """Wait that long, or until it is closed; whether it is closed."""
-        with self._changed:
-            until_ns = self._clock.monotonic_ns() + round(seconds * 1e9)
-            while not self._closed and self._clock.monotonic_ns() < until_ns:
-                self._clock.wait(self._changed, until_ns)
-            return self._closed
-
-    def run(self, recording: Recording[T]) -> Iterator[tuple[int, T]]:
+    def run(self, recording: Playable[T]) -> Iterator[tuple[int, T]]:
         """(Stamp, item) of a recording, each when its time has come."""
         start_ns = self._begin(recording)
         while start_ns is not None:
@@ -192,7 +189,6 @@ class Playback:
 
         ``items`` gives None now and then while there is nothing new, so that an end is noticed.
         """
-        self._restarting = False
         start_ns = self._clock.monotonic_ns()
         for item in items:
             live_ns = self._clock.monotonic_ns() - start_ns
@@ -210,23 +206,22 @@ class Playback:
             self._played_frames += passes
             return passes
 
-    def _begin(self, recording: Recording[T]) -> int | None:
+    def _begin(self, recording: Playable[T]) -> int | None:
         with self._changed:
-            self._restarting, self._fresh = False, True
-            self._base_ns = self._clock.now_ns() if self._time.rate else 0
-            self._cycle_ns = 0
-            self._duration_ns = recording.duration_ns
-            return None if self._closed else self._start_ns
+            if self._base_ns is None:
+                self._base_ns = self._clock.now_ns() if self._time.rate else 0
+            self._duration_ns, self._fresh = recording.duration_ns, True
+            return None if self._closed else self._position_ns
 
     def _play_from(
-        self, start_ns: int, recording: Recording[T]
+        self, start_ns: int, recording: Playable[T]
     ) -> Generator[tuple[int, T], None, bool]:
         """Returns whether the end was reached."""
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
                 if not self._wait_turn(time_ns):
                     return False
-                yield self._base_ns + self._line_ns, item
+                yield (self._base_ns or 0) + self._line_ns, item
         return True
 
     def _wait_turn(self, time_ns: int) -> bool:
@@ -272,7 +267,7 @@ class Playback:
         """Somebody wants another place than the next message."""
         return self._restarting or self._target_ns is not None or self._steps_back > 0
 
-    def _next_start(self, recording: Recording[T], at_end: bool) -> int | None:
+    def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
         """Where to read on; None for nowhere."""
         with self._changed:
             if at_end:
@@ -283,8 +278,10 @@ class Playback:
                 return None
             if not self._moves():
                 return self._next_cycle()
-            back, self._steps_back = self._steps_back, 0
-        return self._move(_time_before(recording, self._position_ns, back))
+            position_ns = self._position_ns if self._target_ns is None else self._target_ns
+            back, self._steps_back, self._target_ns = self._steps_back, 0, None
+            self._again, self._fresh = False, True
+        return _time_before(recording, position_ns, back)
 
     def _correct_duration(self) -> None:
         """Whatever was promised, this is the end."""
@@ -306,15 +303,11 @@ class Playback:
         self._fresh, self._again = self._again, False
         return 0
 
-    def _move(self, back_ns: int) -> int:
-        with self._changed:
-            target_ns = back_ns if self._target_ns is None else self._target_ns
-            self._target_ns, self._again, self._fresh = None, False, True
-            return target_ns
 
-
-def _time_before(recording: Recording[T], time_ns: int, items_back: int) -> int:
+def _time_before(recording: Playable[T], time_ns: int, items_back: int) -> int:
     for _ in range(items_back):
+        if time_ns <= 0:
+            break
         with closing(recording.read(max(0, time_ns - 1))) as items:
             time_ns, _ = next(items, (0, None))
     return time_ns
