@@ -17,7 +17,7 @@ from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
 log = logging.getLogger(__name__)
 
 _FINISHED = 2**63
-_MAX_PENDING_BYTES = 96 * 2**20
+_MAX_PENDING_BYTES = 64 * 2**20
 
 
 class TopicInbox:
