@@ -1,11 +1,12 @@
 # `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
+# make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
 PYTHON ?= python3
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
 .PHONY: demo test clean
 
 demo: .venv/.ready
-	.venv/bin/ros-visualise demo
+	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
 
 test: .venv-test/.ready
 	.venv-test/bin/ruff format --check
@@ -14,6 +15,7 @@ test: .venv-test/.ready
 	.venv-test/bin/pytest $(TESTS)
 
 .venv/.ready: pyproject.toml package.xml
+	@echo 'setting up, which takes a minute or so ...'
 	$(call make_venv,.venv)
 	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless]'
 	touch $@

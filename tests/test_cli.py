@@ -239,6 +239,12 @@ class TestRefusals:
     def test_sizes(self, video):
         assert "640x480" in refused("video", video, *QUICK, "--size", "big")
 
+    def test_a_start_after_the_end(self, video):
+        assert "lasts 1.00 s" in refused("video", video, *QUICK, "--start", 5)
+
+    def test_a_file_without_a_command(self, video):
+        assert f"ros-visualise video {video}" in refused(video)
+
     def test_commands(self):
         assert "COMMAND" in refused()
         assert "demo" in refused("play")
@@ -347,3 +353,10 @@ def test_the_input_is_never_recorded_over(video, tmp_path):
     link.hardlink_to(video)
     assert "in use" in refused("video", video, *QUICK, "--record", link, "--overwrite")
     assert link.read_bytes() == video.read_bytes()
+
+
+def test_the_example_with_a_memory(video, request):
+    example = request.config.rootpath / "examples" / "03_frame_difference.py"
+    own = ["--node", f"{example}:FrameDifference@fps_control", "--set", "difference.show=mask"]
+    report = json.loads(run("video", video, *QUICK, "--json", *own).stdout)
+    assert report["topics"]["/difference"]["messages"] == 29

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -43,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
+        found = re.search("invalid choice: '(.*?)'", message)
+        if found and Path(found[1]).is_file():
+            message = f"to play {found[1]}: {self.prog} video {found[1]}"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
@@ -106,7 +110,12 @@ _port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
 def _playing_options() -> _Parser:
     options = _Parser(add_help=False)
     view = options.add_argument_group("viewing")
-    view.add_argument("--view", choices=("web", "windows", "none"), default="web")
+    view.add_argument(
+        "--view",
+        choices=("web", "windows", "none"),
+        default="web",
+        help="the page (default), OpenCV windows, or neither",
+    )
     view.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
     view.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
     play = options.add_argument_group("playing")

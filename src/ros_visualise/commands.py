@@ -203,6 +203,9 @@ def _say_summary(report: dict[str, Any]) -> None:
     for name, topic in report["topics"].items():
         rates = f"{topic['hz'] or 0:g} Hz by the stamps, {topic['wall_hz'] or 0:g} per second"
         print(f"{name}: {topic['messages']} messages, {rates}", file=sys.stderr)
+    for name, node in report["nodes"].items():
+        for reason, count in node["dropped"].items():
+            print(f"{name}: {count} of {node['received']} left out by {reason}", file=sys.stderr)
     for name, recording in report["recordings"].items():
         dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
         print(f"{name}: {recording['messages']} messages recorded{dropped}", file=sys.stderr)

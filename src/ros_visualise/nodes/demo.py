@@ -28,6 +28,7 @@ class Demo:
     def __init__(self, params: DemoParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
         self._scene = Scene(parse_size(params.size) or (640, 480))
+        playback.check_start(self._scene.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images, each when its time has come."""

@@ -32,6 +32,7 @@ class Streamer:
             raise OpenError("streamer: give the video file, path=FILE")
         self._params, self._playback = params, playback
         self._video = Video(params.path, parse_size(params.size))
+        playback.check_start(self._video.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images, each when its time has come."""

@@ -8,7 +8,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from typing import NamedTuple, Protocol, TypeVar
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.sources.timeline import Timeline
 
@@ -176,6 +176,16 @@ class Playback:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
+
+    def check_start(self, duration_ns: int | None) -> None:
+        """Refuse to start where there is nothing.
+
+        Raises:
+            UsageError: the start lies after the end.
+        """
+        if duration_ns and self._position_ns > duration_ns:
+            start, end = self._position_ns / 1e9, duration_ns / 1e9
+            raise UsageError(f"it cannot start at {start:g} s: it lasts {end:.2f} s")
 
     def run(self, recording: Playable[T]) -> Iterator[tuple[int, T]]:
         """(Stamp, item) of a recording, each when its time has come."""

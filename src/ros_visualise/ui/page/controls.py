@@ -10,6 +10,7 @@ from typing import Any
 
 import viser
 
+from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value
 from ros_visualise.ui.page.worker import Worker
 
@@ -50,6 +51,8 @@ class Controls:
     def _apply(self, name: str, value: Any) -> None:
         try:
             self._parameters.update({name: value})
+        except ParameterError as error:
+            raise ParameterError(f"{self._node}: {error}") from None
         finally:
             self._show(name)
 

@@ -13,6 +13,14 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
 [data-dock-region] img[src^="blob:"] {{
   max-height: max(100px, calc(100cqh - 16px - 29px * var(--rv-rows, 2))); }}
+/* Scrolled down to the other parameters, it stays in view at half its size. */
+@supports (animation-timeline: scroll()) {{
+  [data-dock-region] div:has(> div > img[src^="blob:"]) {{
+    position: sticky; top: 0; z-index: 3; pointer-events: none; }}
+  [data-dock-region] img[src^="blob:"] {{ transform-origin: top; animation: rv-shrink linear both;
+    animation-timeline: scroll(nearest block); animation-range: 0 150px; }}
+  @keyframes rv-shrink {{ to {{ transform: scale(.5); }} }}
+}}
 /* Docked windows meet: viser keeps 120 pixels of the 3D scene free between them. */
 @media (min-width: 37em) {{
   [data-dock-root] {{ width: calc(100% + 116px) !important; }}
@@ -22,8 +30,9 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 #webgl-software-rendering {{ display: none; }}
 .rv-caption {{ display: flex; justify-content: space-between; gap: 1em; padding: 0 .8em .5em;
   font-size: .75rem; opacity: .65; }}
-.rv-message {{ margin: 0 .6em .5em; padding: .4em .6em; border-left: 3px solid #fa5252;
-  background: #fa525222; font-size: .8rem; overflow-wrap: anywhere; }}
+.rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 30em;
+  margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
+  background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
 table.rv-topics {{ width: calc(100% - 1.9em); margin: 0 1.1em .6em .8em; border-collapse: collapse;
   font-size: .75rem; font-variant-numeric: tabular-nums; }}

@@ -10,7 +10,7 @@ from ros_visualise.pipelines import Graph
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
-    '<th title="dropped by the node">'
+    '<th title="lost; what the rate control leaves out as asked does not count">'
     'drops<th title="median time since the source, until the node is done">ms</tr>'
 )
 
@@ -26,10 +26,11 @@ def topic_table(graph: Graph, report: dict[str, Any]) -> str:
 
 def _row(name: str, topic: dict[str, Any], node: dict[str, Any]) -> str:
     drops = node["dropped"]
+    lost = sum(count for reason, count in drops.items() if reason != "rate")
     cells = (
         f'<span title="{_number(topic["wall_hz"])} per second">{_number(topic["hz"])}</span>',
         _number(node.get("requested_hz")),
-        f'<span title="{escape(_reasons(drops.items()))}">{sum(drops.values())}</span>',
+        f'<span title="{escape(_reasons(drops.items()))}">{lost}</span>',
         _number(node["p50_ms"]),
     )
     first = f"<td>{escape(name)}<small>{escape(topic['type'].replace('/msg/', '/'))}</small></td>"

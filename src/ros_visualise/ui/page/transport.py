@@ -15,8 +15,7 @@ from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
-_HINT = "one image back, play or pause, one image on; keys: arrows and space, home for the start"
-_MAX_RATE = 4.0
+_MIN_RATE, _MAX_RATE = 0.1, 4.0
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
 
@@ -32,7 +31,7 @@ class Transport:
         self._playback, self._live, self._worker = playback, live, worker
         self._moved_s = -_HANDS_OFF_S
         self._state = playback.state
-        self._buttons = gui.add_button_group("playback", self._options(), hint=_HINT)
+        self._buttons = gui.add_button_group("playback", self._options())
         self._buttons.on_click(self._clicked)
         if not live:
             self._add_elements(gui)
@@ -46,7 +45,7 @@ class Transport:
             return
         self._note.content = _describe(self._state)
         self._time.max = max(self._time.max, _end_s(self._state))
-        set_value(self._rate, min(self._state.rate, _MAX_RATE))
+        set_value(self._rate, _on_slider(self._state.rate))
         set_value(self._loop, self._state.loop)
         if time.monotonic() - self._moved_s > _HANDS_OFF_S:
             set_value(self._time, round(self._state.position_s, 2))
@@ -62,11 +61,11 @@ class Transport:
         self._note = gui.add_html(_describe(state))
         self._rate = gui.add_slider(
             "rate",
-            0.0,
+            _MIN_RATE,
             _MAX_RATE,
             0.05,
-            min(state.rate, _MAX_RATE),
-            hint="speed of playing; 0 is as fast as it goes",
+            _on_slider(state.rate),
+            hint="speed of playing",
         )
         self._rate.on_update(self._rate_moved)
         self._loop = gui.add_checkbox("loop", state.loop, hint="start over at the end")
@@ -117,6 +116,11 @@ class Transport:
     async def _loop_moved(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
             self._worker.post("loop", partial(self._playback.set_loop, event.target.value))
+
+
+def _on_slider(rate: float) -> float:
+    """As fast as it goes, written 0, is beyond the fast end."""
+    return min(max(rate or _MAX_RATE, _MIN_RATE), _MAX_RATE)
 
 
 def _end_s(state: PlaybackState) -> float:
