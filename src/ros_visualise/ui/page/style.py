@@ -30,7 +30,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 #webgl-software-rendering {{ display: none; }}
 .rv-caption {{ display: flex; justify-content: space-between; gap: 1em; padding: 0 .8em .5em;
   font-size: .75rem; opacity: .65; }}
-.rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 30em;
+.rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
