@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ros_visualise import params
+from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.nodes import NodeType, SourceType, find
 
@@ -37,14 +38,30 @@ class Topic:
 
 @dataclass(frozen=True)
 class Graph:
-    """Nodes in the order in which messages pass them; a source comes first."""
+    """Nodes in the order in which messages pass them; a source, if there is one, comes first."""
 
     nodes: tuple[Node, ...]
 
     @property
-    def source(self) -> Node:
-        """The node that everything starts from."""
-        return self.nodes[0]
+    def source(self) -> Node | None:
+        """The node that everything starts from; None where messages come from outside."""
+        return next((node for node in self.nodes if isinstance(node.type, SourceType)), None)
+
+    @property
+    def live(self) -> bool:
+        """Whether what it starts from cannot wait for whoever is slow."""
+        source = self.source
+        return source is None or (isinstance(source.type, SourceType) and source.type.live)
+
+    @property
+    def inputs(self) -> dict[str, type]:
+        """The topics that come from outside, and the type of their messages."""
+        return {
+            topic: node.type.inputs[port]
+            for node in self.nodes
+            for port, topic in node.inputs.items()
+            if topic not in self.topics
+        }
 
     @property
     def topics(self) -> dict[str, Topic]:
@@ -93,7 +110,7 @@ class Graph:
             raise UsageError(
                 f"{added.name}: needs one input of type {given.__name__} after {after}"
             )
-        new = _place(added, {next(iter(added.inputs)): topic})
+        new = place(added, {next(iter(added.inputs)): topic})
         taken = [output for output in new.outputs.values() if output in self.topics]
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
@@ -105,6 +122,16 @@ class Graph:
         return Graph(tuple(nodes))
 
 
+IMAGE_NODES = ("fps_control", "filters", "edge_detector")
+"""The nodes that images pass in the pipelines, in order."""
+
+_OUTPUTS = {
+    "fps_control": {"image": "/controlled_stream"},
+    "filters": {"image": "/processed_image"},
+    "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
+}
+
+
 def image_pipeline(source: str, **settings: Any) -> Graph:
     """``source`` -> fps_control -> filters -> edge_detector, on the topics of the ROS launch files.
 
@@ -112,18 +139,43 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
         source: name of a declared source of images.
         settings: its parameters.
     """
-    return Graph(
-        (
-            Node(source, found := find(source), found.params(), {}, {"image": "/image_raw"}),
-            _built_in("fps_control", "/image_raw", {"image": "/controlled_stream"}),
-            _built_in("filters", "/controlled_stream", {"image": "/processed_image"}),
-            _built_in(
-                "edge_detector",
-                "/processed_image",
-                {"edges": "/edges", "edges_overlay": "/edges_overlay"},
-            ),
-        )
-    ).configured({source: settings})
+    added = tuple(_built_in(name) for name in IMAGE_NODES)
+    return chain(added, source).configured({source: settings})
+
+
+def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
+    """Nodes that pass on images, each to the next, from ``source`` or the topic ``/image_raw``.
+
+    Raises:
+        UsageError: two of the same name, or one whose input is not what comes before it.
+    """
+    nodes: tuple[Node, ...] = ()
+    topic, given = "/image_raw", Image
+    if source is not None:
+        found = find(source)
+        nodes = (Node(source, found, found.params(), {}, {"image": topic}),)
+    for declared in added:
+        if any(node.name == declared.name for node in nodes):
+            raise UsageError(f"{declared.name}: is there twice")
+        if list(declared.inputs.values()) != [given]:
+            raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
+        node = place(declared, {next(iter(declared.inputs)): topic})
+        nodes += (node,)
+        topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
+    return Graph(nodes)
+
+
+def alone(declared: NodeType | SourceType) -> Graph:
+    """One node by itself, on the topics that it has in the pipelines.
+
+    A node that is in none listens to topics that are called as its inputs.
+    """
+    if isinstance(declared, SourceType):
+        return chain((), declared.name)
+    if declared.name in IMAGE_NODES:
+        whole = chain([_built_in(name) for name in IMAGE_NODES])
+        return Graph((whole.node(declared.name),))
+    return Graph((place(declared, {port: f"/{port}" for port in declared.inputs}),))
 
 
 def parse_node(text: str) -> tuple[str, str, str | None]:
@@ -139,15 +191,23 @@ def parse_node(text: str) -> tuple[str, str, str | None]:
     return path, name, after or None
 
 
-def _built_in(name: str, image: str, outputs: Mapping[str, str]) -> Node:
+def place(declared: NodeType, inputs: Mapping[str, str]) -> Node:
+    """A node in a graph, with its own parameters, on its topics of the pipelines if it is in them.
+
+    Args:
+        declared: its type.
+        inputs: input name -> topic.
+    """
+    single = len(declared.outputs) == 1
+    named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
+    outputs = _OUTPUTS.get(declared.name, named)
+    return Node(declared.name, declared, declared.params(), inputs, outputs)
+
+
+def _built_in(name: str) -> NodeType:
     found = find(name)
-    return Node(name, found, found.params(), {"image": image}, outputs)
-
-
-def _place(added: NodeType, inputs: Mapping[str, str]) -> Node:
-    single = len(added.outputs) == 1
-    outputs = {port: f"/{added.name}" if single else f"/{port}" for port in added.outputs}
-    return Node(added.name, added, added.params(), inputs, outputs)
+    assert isinstance(found, NodeType)
+    return found
 
 
 def _configure(node: Node, changes: Mapping[str, Any]) -> Node:

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.recording import TopicInbox
 from ros_visualise.runtime.stats import TopicStats
 
-Consumer = Inbox | TopicInbox
+
+class Consumer(Protocol):
+    """Who listens to a topic."""
+
+    def put(self, packet: Packet) -> None:
+        """Take a packet."""
+
+    def close(self) -> None:
+        """Nothing more comes."""
 
 
 class Subscription:
@@ -39,8 +48,14 @@ class Topic:
         self._stats = TopicStats()
         self._listeners: tuple[Consumer, ...] = ()
         self._last: Packet | None = None
+        self._last_s = -math.inf
         self._finished = False
         self._lock = threading.Lock()
+
+    @property
+    def idle_s(self) -> float:
+        """Seconds since the last message."""
+        return time.monotonic() - self._last_s
 
     @property
     def wanted(self) -> bool:
@@ -51,7 +66,7 @@ class Topic:
         """Hand on a packet."""
         listeners = self._listeners
         if packet.message is not None:
-            self._last = packet
+            self._last, self._last_s = packet, time.monotonic()
             if listeners or not self.on_demand:
                 self._stats.count(packet.message.header.stamp_ns)
         for listener in listeners:

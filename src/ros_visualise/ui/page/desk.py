@@ -11,7 +11,6 @@ from typing import Any
 
 import viser
 
-from ros_visualise.nodes import SourceType
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread
@@ -79,10 +78,10 @@ class Desk:
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE)
         self._message = gui.add_html("", visible=False)
-        playback, source = self._runtime.playback, self._runtime.graph.source.type
+        playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
-            live = isinstance(source, SourceType) and source.live
+            live = self._runtime.graph.live
             self._transport = Transport(gui, playback, live, self._worker)
         self._table = gui.add_html("")
         with gui.add_folder("windows"):

@@ -1,0 +1,109 @@
+"""The source of a graph on a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.nodes import Source, SourceType
+from ros_visualise.params import Parameters
+from ros_visualise.pipelines import Node
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.stats import NodeStats
+from ros_visualise.runtime.topics import Topic
+from ros_visualise.sources.playback import Playback
+
+log = logging.getLogger(__name__)
+
+
+class SourceThread:
+    """Publishes what a source gives; when a parameter asks for it, the source is opened anew.
+
+    Args:
+        node: the source.
+        parameters: its live parameters.
+        playback: how it is played.
+        outputs: output name -> topic.
+        on_message: called before each message is published.
+
+    Attributes:
+        failed: it broke.
+
+    Raises:
+        OpenError: the source cannot be opened.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        parameters: Parameters[Any],
+        playback: Playback,
+        outputs: Mapping[str, Topic],
+        on_message: Callable[[], None],
+    ) -> None:
+        assert isinstance(node.type, SourceType)
+        self.failed = False
+        self.name = node.name
+        self._type = node.type
+        self._parameters = parameters
+        self._playback = playback
+        self._outputs = outputs
+        self._on_message = on_message
+        self._stats = NodeStats()
+        self._source = self._open()
+
+    def run(self) -> None:
+        """Until the source ends or the playback is closed."""
+        try:
+            for number, (port, message) in enumerate(self._messages()):
+                packet = Packet(number, message, time.monotonic_ns())
+                self._stats.received = self._stats.processed = number + 1
+                self._on_message()
+                self._outputs[port].publish(packet)
+        except RosVisualiseError as error:
+            log.error("%s", error)
+            self.failed = True
+        except Exception:
+            log.exception("%s broke", self.name)
+            self.failed = True
+        for topic in self._outputs.values():
+            topic.finish()
+
+    def report(self) -> dict[str, Any]:
+        """Counts and the source's own figures."""
+        return {**self._stats.report(), **self._source.report()}
+
+    def close(self) -> None:
+        """Let go of what is open."""
+        self._source.close()
+
+    def _messages(self) -> Iterator[tuple[str, Any]]:
+        while True:
+            yield from self._source.messages()
+            if not self._playback.take_restart():
+                return
+            self._reopen()
+
+    def _reopen(self) -> None:
+        """Open the source with its parameters of now, or return to those that it had."""
+        if self._type.live:
+            self._source.close()  # a device can be opened but once
+        try:
+            source = self._open()
+        except RosVisualiseError as error:
+            if self._opened_with == self._parameters.current:
+                raise
+            log.error("%s", error)
+            self._parameters.update(vars(self._opened_with))
+        else:
+            self._source.close()
+            self._source = source
+
+    def _open(self) -> Source:
+        current = self._parameters.current
+        source = self._type.make(current, self._playback)
+        self._opened_with = current
+        return source
