@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from ros_visualise.errors import UsageError
 from ros_visualise.runtime.base import Runtime
 
 
@@ -27,11 +28,17 @@ class View(Protocol):
         """Take it away."""
 
 
-def open_view(name: str, host: str, port: int) -> View:
+def open_view(name: str, host: str, port: int, place: str = "") -> View:
     """The view called ``web``, ``windows`` or ``none``.
+
+    Args:
+        name: which.
+        host, port: where the page is served.
+        place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
 
     Raises:
         OpenError: the port is in use, or there is no screen for windows.
+        UsageError: there is no such view or place.
     """
     if name == "web":
         from ros_visualise.ui.page import Page
@@ -40,7 +47,9 @@ def open_view(name: str, host: str, port: int) -> View:
     if name == "windows":
         from ros_visualise.ui.windows import Windows
 
-        return Windows()
-    from ros_visualise.ui.progress import Progress
+        return Windows(place)
+    if name == "none":
+        from ros_visualise.ui.progress import Progress
 
-    return Progress()
+        return Progress()
+    raise UsageError(f"view={name}: choose web, windows or none")

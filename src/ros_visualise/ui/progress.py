@@ -22,7 +22,8 @@ class Progress:
     def open(self, runtime: Runtime) -> None:
         """Show the progress of this graph's source."""
         self._runtime = runtime
-        self._bar = tqdm(unit="s", disable=None, dynamic_ncols=True, leave=False)
+        if runtime.playback is not None:
+            self._bar = tqdm(unit="s", disable=None, dynamic_ncols=True, leave=False)
 
     def spin(self, timeout_s: float) -> None:
         """Wait, then bring the bar up to date."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from ros_visualise.errors import UsageError
+
 TITLE = 36  # what a window manager adds above a window, in pixels
 _EDGE = 6  # and around it
 
@@ -38,3 +40,24 @@ def tile(area: Box, extras: list[int]) -> list[Box]:
             boxes.append(Box(x, y, width - _EDGE, height - _EDGE))
         y += max(image, width // 4) + max(row) + TITLE
     return boxes
+
+
+def parse_place(text: str) -> tuple[int, int]:
+    """``2/4``, the second of four, as (2, 4); nothing is the only one.
+
+    Raises:
+        UsageError: it is not of that form.
+    """
+    number, slash, of = (text or "1/1").partition("/")
+    if not (slash and number.isdecimal() and of.isdecimal() and 1 <= int(number) <= int(of)):
+        raise UsageError(f"window={text}: give the place of a window as 2/4, the second of four")
+    return int(number), int(of)
+
+
+def part_of(area: Box, number: int, of: int) -> Box:
+    """One of equal parts of an area, counted from 1 in rows."""
+    columns = math.ceil(math.sqrt(of))
+    rows = math.ceil(of / columns)
+    row, column = divmod(number - 1, columns)
+    width, height = area.width // columns, area.height // rows
+    return Box(area.x + column * width, area.y + row * height, width, height)

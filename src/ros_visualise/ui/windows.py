@@ -13,7 +13,7 @@ from ros_visualise.pipelines import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.pane import ROW, STRIP, Pane
 from ros_visualise.ui.screen import check_windows, provide_font, screen_size
-from ros_visualise.ui.tiling import TITLE, Box, tile
+from ros_visualise.ui.tiling import TITLE, Box, parse_place, part_of, tile
 from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
 
 _BESIDE = 10  # a node with more trackbars than this has them in a window of their own
@@ -33,13 +33,19 @@ _KEYS = {
 class Windows:
     """Shows what every node publishes first, with the node's parameters as trackbars.
 
+    Args:
+        place: "2/4" takes the second of four equal parts of the screen, for several programs with
+            windows; empty takes all of it.
+
     Raises:
         OpenError: this OpenCV has no windows, or there is no screen for them.
+        UsageError: the place is not of that form.
     """
 
     stays = True
 
-    def __init__(self) -> None:
+    def __init__(self, place: str = "") -> None:
+        self._part = parse_place(place)
         check_windows()
         self._font = provide_font()
         self._panes: list[Pane] = []
@@ -54,14 +60,14 @@ class Windows:
                 "step": playback.step,
                 "back": lambda: playback.step(-1),
             }
-        width, height = screen_size()
+        area = part_of(Box(0, 0, *screen_size()), *self._part)
         images = list(_image_topics(runtime))
-        controls = list(_control_windows(runtime, height - TITLE))
-        taken = min(_COLUMN * len(controls), width // 2)
-        self._open_images(runtime, images, Box(0, 0, width - taken, height))
+        controls = list(_control_windows(runtime, area.height - TITLE))
+        taken = min(_COLUMN * len(controls), area.width // 2)
+        self._open_images(runtime, images, area._replace(width=area.width - taken))
         for number, (node, title, scales) in enumerate(controls):
-            x = width - taken + number * taken // len(controls)
-            box = Box(x, 0, _COLUMN - 6, STRIP + ROW * len(scales))
+            x = area.x + area.width - taken + number * taken // len(controls)
+            box = Box(x, area.y, _COLUMN - 6, STRIP + ROW * len(scales))
             pane = Pane(title, box, hint=_HINT)
             pane.trackbars = Trackbars(title, runtime.parameters[node.name], scales)
             self._panes.append(pane)
