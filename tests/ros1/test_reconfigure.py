@@ -9,14 +9,8 @@ from dataclasses import asdict, dataclass
 from enum import Enum
 
 import pytest
-
-from ros_visualise.errors import ParameterError
-from ros_visualise.nodes import find
-from ros_visualise.params import Parameters, param, specs
-
-rospy = pytest.importorskip("rospy")
-
-from dynamic_reconfigure.msg import (  # noqa: E402
+import rospy
+from dynamic_reconfigure.msg import (
     BoolParameter,
     Config,
     ConfigDescription,
@@ -24,10 +18,13 @@ from dynamic_reconfigure.msg import (  # noqa: E402
     IntParameter,
     StrParameter,
 )
-from dynamic_reconfigure.srv import Reconfigure  # noqa: E402
+from dynamic_reconfigure.srv import Reconfigure
 
-from ros_visualise.runtime.ros1.description import describe  # noqa: E402
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer, starting_values  # noqa: E402
+from ros_visualise.errors import ParameterError
+from ros_visualise.nodes import find
+from ros_visualise.params import Parameters, param, specs
+from ros_visualise.runtime.ros1.description import describe
+from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer, starting_values
 
 pytestmark = [
     pytest.mark.usefixtures("ros_master"),

@@ -1,0 +1,147 @@
+"""What dynamic_reconfigure tells of a node elsewhere -> a declaration of its parameters."""
+
+from __future__ import annotations
+
+import ast
+import keyword
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, make_dataclass
+from enum import Enum
+from functools import cache
+from typing import Any
+
+from dynamic_reconfigure.encoding import decode_config, encode_config
+from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescription
+
+from ros_visualise.nodes import NodeType, SourceType, find_all
+from ros_visualise.params import Spec, Value, param, specs
+from ros_visualise.runtime.ros1.description import Plain, describe
+from ros_visualise.runtime.ros1.playing import playing_params
+
+_TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
+_MAX_INT = 2**31 - 1
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A node's parameters here, and how they are written there.
+
+    Attributes:
+        params: the dataclass: that of our own node, if it is one of ours, else made for it.
+        node: our own node, if it is one.
+        choices: parameter -> the text of its choices -> what is sent for them.
+    """
+
+    params: type
+    node: NodeType | SourceType | None = None
+    choices: Mapping[str, Mapping[str, Plain]] = field(default_factory=dict)
+
+    def decode(self, config: Config) -> dict[str, Any]:
+        """The values in a message that fit the declaration."""
+        sent: Mapping[str, Plain] = decode_config(config)
+        return {
+            spec.name: self._shown(spec.name, sent[_there(spec.name)])
+            for spec in specs(self.params)
+            if _there(spec.name) in sent
+        }
+
+    def encode(self, declared: Sequence[Spec], values: Mapping[str, Value]) -> Config:
+        """A message that sets these values."""
+        types = {spec.name: spec.type for spec in declared}
+        return encode_config(
+            {_there(name): self._sent(name, types[name], v) for name, v in values.items()}
+        )
+
+    def _shown(self, name: str, value: Plain) -> Plain:
+        choices = self.choices.get(name, {})
+        return next((text for text, sent in choices.items() if sent == value), value)
+
+    def _sent(self, name: str, kind: type, value: Value) -> Plain:
+        if isinstance(value, Enum):
+            text = str(value.value)
+            return self.choices.get(name, {}).get(text, text)
+        converted: Plain = kind(value)
+        return converted
+
+
+def declare(description: ConfigDescription) -> Declaration:
+    """The declaration for a description: our own, if it tells the same, else one made for it."""
+    for ours, declaration in _our_own():
+        if ours == description:
+            return declaration
+    return _make(description)
+
+
+@cache
+def _our_own() -> list[tuple[ConfigDescription, Declaration]]:
+    found = []
+    for node in find_all():
+        kinds = [node.params]
+        if isinstance(node, SourceType):
+            kinds.append(playing_params(node.params))
+        found += [(describe(specs(kind)), Declaration(kind, node)) for kind in kinds if specs(kind)]
+    return found
+
+
+def _make(description: ConfigDescription) -> Declaration:
+    low, high, default = (
+        decode_config(c) for c in (description.min, description.max, description.dflt)
+    )
+    fields, choices = [], {}
+    for group, told in _parameters(description):
+        name, there = _here(told.name), told.name
+        sent = _choices(told)
+        value, kind = default[there], _TYPES[told.type]
+        if value in sent.values():
+            choices[name] = sent
+            kind, value = _choice(told.name, sent, value)
+        limits = _limits(told.type, low[there], high[there])
+        grouped = group.name if group.id else ""
+        declared = param(value, told.description, min=limits[0], max=limits[1], group=grouped)
+        fields.append((name, kind, declared))
+    params = make_dataclass("Params", fields, frozen=True)
+    return Declaration(params, choices=choices)
+
+
+def _choice(name: str, sent: Mapping[str, Plain], value: Plain) -> tuple[type, Any]:
+    """An Enum of the texts of choices, and its member for a value."""
+    members = [(f"CHOICE_{number}", text) for number, text in enumerate(sent)]
+    made: Any = Enum(name, members)  # type: ignore[misc]  # known only now
+    return made, made(next(text for text, one in sent.items() if one == value))
+
+
+def _parameters(description: ConfigDescription) -> list[tuple[Group, ParamDescription]]:
+    return [
+        (group, told)
+        for group in description.groups
+        for told in group.parameters
+        if told.type in _TYPES
+    ]
+
+
+def _choices(told: ParamDescription) -> dict[str, Plain]:
+    """The constants that an ``edit_method`` lists: name -> value; empty where there are none."""
+    try:
+        listed = ast.literal_eval(told.edit_method)["enum"]
+        return {str(constant["name"]): constant["value"] for constant in listed}
+    except (SyntaxError, ValueError, KeyError, TypeError):
+        return {}
+
+
+def _limits(kind: str, low: Any, high: Any) -> tuple[float | None, float | None]:
+    """The limits of a number; None for those that only say how far its type goes."""
+    if kind not in ("int", "double"):
+        return None, None
+    far = _MAX_INT if kind == "int" else math.inf
+    return (None if low <= -far else low), (None if high >= far else high)
+
+
+def _here(name: str) -> str:
+    """A name that a field may have."""
+    return f"{name}_" if keyword.iskeyword(name) else name
+
+
+def _there(name: str) -> str:
+    """The name of a field on the graph."""
+    return name[:-1] if keyword.iskeyword(name[:-1]) else name
