@@ -57,6 +57,7 @@ class Master:
         self.uri = f"http://127.0.0.1:{port}"
         self.environment = {
             **os.environ,
+            "PATH": f"/usr/bin:{os.environ['PATH']}",  # whose python3 the tools of ROS need
             "ROS_MASTER_URI": self.uri,
             "ROS_IP": "127.0.0.1",
             "ROS_HOME": str(folder),

@@ -17,9 +17,11 @@ from ros_visualise.ui.tiling import TITLE, Box, parse_place, part_of, tile
 from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
 
 _BESIDE = 10  # a node with more trackbars than this has them in a window of their own
+_WHOLE = (1, 1)
 _COLUMN = 400  # width of such a window, in pixels
 _TICK_MS = 15
-_HINT = "space: pause   arrows, comma, full stop: step\nq or Esc: quit"
+_HINT = "q or Esc: quit"
+_PLAYING_HINT = f"space: pause   arrows, comma, full stop: step\n{_HINT}"
 
 _KEYS = {
     **{ord(" "): "pause", ord(","): "back", ord("."): "step"},
@@ -34,8 +36,8 @@ class Windows:
     """Shows what every node publishes first, with the node's parameters as trackbars.
 
     Args:
-        place: "2/4" takes the second of four equal parts of the screen, for several programs with
-            windows; empty takes all of it.
+        place: "2/4" shows the images in the second of four equal parts of the screen, for several
+            programs with windows; empty takes all of it.
 
     Raises:
         OpenError: this OpenCV has no windows, or there is no screen for them.
@@ -60,15 +62,16 @@ class Windows:
                 "step": playback.step,
                 "back": lambda: playback.step(-1),
             }
-        area = part_of(Box(0, 0, *screen_size()), *self._part)
+        width, height = screen_size()
         images = list(_image_topics(runtime))
-        controls = list(_control_windows(runtime, area.height - TITLE))
-        taken = min(_COLUMN * len(controls), area.width // 2)
-        self._open_images(runtime, images, area._replace(width=area.width - taken))
+        controls = list(_control_windows(runtime, height - TITLE))
+        columns = max(len(controls), self._part != _WHOLE)  # others' may be there too
+        taken = min(_COLUMN * columns, width // 2)
+        self._open_images(runtime, images, part_of(Box(0, 0, width - taken, height), *self._part))
         for number, (node, title, scales) in enumerate(controls):
-            x = area.x + area.width - taken + number * taken // len(controls)
-            box = Box(x, area.y, _COLUMN - 6, STRIP + ROW * len(scales))
-            pane = Pane(title, box, hint=_HINT)
+            x = width - taken + number * taken // len(controls)
+            box = Box(x, 0, _COLUMN - 6, STRIP + ROW * len(scales))
+            pane = Pane(title, box, hint=_PLAYING_HINT if runtime.playback else _HINT)
             pane.trackbars = Trackbars(title, runtime.parameters[node.name], scales)
             self._panes.append(pane)
         for pane in self._panes:
