@@ -1,0 +1,94 @@
+"""This process as a node of the ROS graph: its start, its options, its log and its end."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import time
+import xmlrpc.client
+from typing import Any
+
+import rosgraph
+import rospkg
+import rospy
+
+_CHECK_S = 0.5
+
+_SAY = {
+    logging.DEBUG: rospy.logdebug,
+    logging.INFO: rospy.loginfo,
+    logging.WARNING: rospy.logwarn,
+    logging.ERROR: rospy.logerr,
+    logging.CRITICAL: rospy.logfatal,
+}
+
+
+def begin(name: str) -> None:
+    """Register as a node, send what the package logs to rosout, and end when the master does.
+
+    A node without its master cannot be reached by anybody new, nor be asked to end: roslaunch's own
+    would stay behind.
+    """
+    _return_to_where_it_was_typed()
+    rospy.init_node(name)
+    log = logging.getLogger("ros_visualise")
+    log.addHandler(_ToRosout())
+    log.setLevel(logging.INFO)
+    threading.Thread(target=_watch_master, name="master watch", daemon=True).start()
+
+
+def arguments() -> list[str]:
+    """What stands on the command line beside remappings and private parameters."""
+    return list(rospy.myargv())[1:]
+
+
+def option(name: str, default: Any) -> Any:
+    """A private ROS parameter that is read once."""
+    return rospy.get_param(f"~{name}", default)
+
+
+def resolve(name: str) -> str:
+    """A topic's name on the graph, remapped as this node was told to."""
+    return str(rospy.resolve_name(name))
+
+
+def is_over() -> bool:
+    """Whether this node has to end."""
+    return bool(rospy.is_shutdown())
+
+
+def end(reason: str) -> None:
+    """Leave the graph."""
+    rospy.signal_shutdown(reason)
+
+
+class _ToRosout(logging.Handler):
+    """Hands log records to rospy, which prints them and publishes them on /rosout."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        _SAY[max(level for level in _SAY if level <= max(record.levelno, logging.DEBUG))](
+            "%s", self.format(record)
+        )
+
+
+def _return_to_where_it_was_typed() -> None:
+    """roslaunch starts nodes in ROS_HOME; a path that a person gave it is meant from elsewhere."""
+    typed_in = os.environ.get("PWD", "")
+    if os.path.isdir(typed_in) and os.path.samefile(os.getcwd(), rospkg.get_ros_home()):
+        os.chdir(typed_in)
+
+
+def _watch_master() -> None:
+    master = xmlrpc.client.ServerProxy(rosgraph.get_master_uri())
+    missed = 0
+    while not rospy.is_shutdown():
+        try:
+            master.getPid(rospy.get_name())
+            missed = 0
+        except (OSError, xmlrpc.client.Error):
+            missed += 1
+        if missed == 2:  # a single call may fail on a busy network
+            rospy.logwarn("the ROS master is gone: this node ends")
+            end("no master")
+        time.sleep(_CHECK_S)

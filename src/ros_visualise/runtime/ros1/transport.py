@@ -1,0 +1,246 @@
+"""Publishing and subscribing as rospy does it, without its copies of large messages.
+
+rospy registers the topics, connects and keeps the connections; only what is sent and received on
+our own topics goes another way: from the message's buffer to the sockets (see `outbox`), and from
+the socket into the buffer that the message then holds (see `wire`). Stock rospy and roscpp at the
+other end see no difference.
+"""
+
+from __future__ import annotations
+
+import copy
+import logging
+import time
+from collections.abc import Callable
+from functools import cache, partial
+from typing import Any
+
+import genpy
+import numpy as np
+import rospy
+from rospy import topics
+from rospy.exceptions import TransportException, TransportTerminated
+from rospy.impl.registration import Registration, get_topic_manager
+from rospy.impl.tcpros_base import TCPROSTransport
+
+from ros_visualise.runtime.ros1.outbox import Outbox
+from ros_visualise.runtime.ros1.wire import (
+    BrokenStream,
+    BufferPool,
+    decode,
+    encode,
+    is_large,
+    receive,
+)
+
+log = logging.getLogger(__name__)
+
+_SAY_AGAIN_S = 10
+
+
+class Publisher:
+    """Publishes messages of one class; each subscriber gets the newest one that it has time for.
+
+    A message's data is not copied: it must not change after it was published.
+
+    Args:
+        topic: relative names and remappings are resolved as everywhere in ROS.
+        message_class: of genpy; the data of an Image, CompressedImage or PointCloud2 may be any
+            buffer of bytes.
+        latch: whoever subscribes gets the last message at once.
+
+    Attributes:
+        name: the topic's full name on the graph.
+    """
+
+    def __init__(self, topic: str, message_class: Any, *, latch: bool = False) -> None:
+        self._large = is_large(message_class)
+        self.name = str(rospy.resolve_name(topic))
+        with get_topic_manager().lock:
+            self._ours = _provide(Registration.PUB, topic, message_class, latch)
+            self._publisher = rospy.Publisher(
+                topic, message_class, latch=latch, queue_size=1, tcp_nodelay=True
+            )
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are."""
+        impl = self._publisher.impl
+        return len(impl.connections or ()) if impl is not None else 0
+
+    @property
+    def dropped(self) -> int:
+        """Messages that a subscriber had no time for, over all that are there now."""
+        return sum(getattr(one, "dropped", 0) for one in self._connections())
+
+    def publish(self, message: Any) -> None:
+        """Send a message to whoever is connected, waiting for nobody; after `close`, to nobody.
+
+        Raises:
+            rospy.ROSSerializationException: a field holds what it cannot.
+        """
+        if self._publisher.impl is None or rospy.is_shutdown():
+            return
+        if self._large and not self._ours:
+            message = copy.copy(message)
+            message.data = bytes(message.data)
+        self._publisher.publish(message)
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until everybody who reads on has been sent the last message."""
+        end_s = time.monotonic() + timeout_s
+        for one in self._connections():
+            if isinstance(one, Outbox):
+                one.flush(max(end_s - time.monotonic(), 0))
+
+    def close(self) -> None:
+        """Leave the topic."""
+        if self._publisher.impl is not None:
+            self._publisher.unregister()
+
+    def _connections(self) -> list[Any]:
+        impl = self._publisher.impl
+        return list(impl.connections or ()) if impl is not None else []
+
+
+class Subscriber:
+    """Calls ``callback`` with each message of a topic, on a thread of its publisher's connection.
+
+    The data of an Image, CompressedImage or PointCloud2 is a numpy array of uint8, which may be
+    kept for as long as anybody likes. A publisher waits while the callback works: hand on and
+    return.
+
+    Attributes:
+        name: the topic's full name on the graph.
+    """
+
+    def __init__(self, topic: str, message_class: Any, callback: Callable[[Any], None]) -> None:
+        self.name = str(rospy.resolve_name(topic))
+        with get_topic_manager().lock:
+            ours = _provide(Registration.SUB, topic, message_class)
+            if not ours and is_large(message_class):
+                callback = partial(_with_array, callback)
+            self._subscriber = rospy.Subscriber(
+                topic,
+                message_class,
+                callback,
+                queue_size=None if ours else 1,
+                tcp_nodelay=True,
+            )
+
+    @property
+    def connections(self) -> int:
+        """How many publishers there are."""
+        impl = self._subscriber.impl
+        return len(impl.connections or ()) if impl is not None else 0
+
+    def close(self) -> None:
+        """Leave the topic."""
+        if self._subscriber.impl is not None:
+            self._subscriber.unregister()
+
+
+class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
+    """What all publishers of one topic in this process share, with an outbox per subscriber."""
+
+    def add_connection(self, connection: Any) -> bool:
+        outbox = Outbox(connection)
+        super(topics._PublisherImpl, self).add_connection(outbox)
+        for listener in self.subscriber_listeners:
+            listener.peer_subscribe(self.resolved_name, self.publish, self.publish)
+        with self.publock:
+            if self.is_latch and self.latch is not None:
+                self.publish(self.latch, outbox)
+        return True
+
+    def publish(self, message: Any, connection_override: Any = None) -> bool:
+        if self.closed:
+            return False
+        if self.is_latch:
+            self.latch = message
+        outboxes = [connection_override] if connection_override else self.connections
+        if not outboxes:
+            return False
+        self.seq += 1
+        parcel = encode(message, self.seq)
+        for outbox in outboxes:
+            outbox.offer(parcel)
+        self.message_data_sent += parcel.size
+        return True
+
+
+class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
+    """What all subscribers of one topic in this process share."""
+
+    def __init__(self, topic: str, message_class: Any) -> None:
+        super().__init__(topic, message_class)
+        self.set_tcp_nodelay(True)  # before anybody connects
+
+    def add_connection(self, connection: Any) -> bool:
+        connection.receive_once = partial(_receive_once, connection, self.data_class, BufferPool())
+        return bool(super().add_connection(connection))
+
+
+_IMPLS = {Registration.PUB: _PublisherImpl, Registration.SUB: _SubscriberImpl}
+
+
+def _provide(direction: str, topic: str, message_class: Any, latch: bool = False) -> bool:
+    """Put our own object in rospy's place for this topic; whether it is there."""
+    if not _fits():
+        return False
+    manager = get_topic_manager()
+    there = manager.pubs if direction == Registration.PUB else manager.subs
+    name = rospy.resolve_name(topic)
+    if name not in there:
+        impl = _IMPLS[direction](topic, message_class)
+        if latch:
+            impl.enable_latch()
+        manager._add(impl, there, direction)
+    return isinstance(there[name], _IMPLS[direction])
+
+
+@cache
+def _fits() -> bool:
+    """Whether this rospy is built as the ones that this was written for."""
+    manager = get_topic_manager()
+    there = [
+        *(hasattr(manager, name) for name in ("lock", "pubs", "subs", "_add")),
+        *(hasattr(topics._PublisherImpl, name) for name in ("add_connection", "publish")),
+        hasattr(topics._SubscriberImpl, "add_connection"),
+        *(hasattr(TCPROSTransport, name) for name in ("receive_once", "set_cleanup_callback")),
+    ]
+    if not all(there):
+        log.warning("this rospy is not known: large images pass as slowly as it passes them")
+    return all(there)
+
+
+def _receive_once(connection: Any, message_class: Any, pool: BufferPool) -> list[Any]:
+    """The next message of a connection, as TCPROSTransport.receive_once gives it."""
+    sock = connection.socket
+    if sock is None:
+        raise TransportException("connection not initialized")
+    try:
+        sock.setblocking(True)
+        body = receive(sock, pool)
+        message = decode(body, message_class)
+    except genpy.DeserializationError as error:
+        rospy.logwarn_throttle(_SAY_AGAIN_S, f"{connection.name}: not a message: {error}")
+        return []
+    except BrokenStream as error:
+        log.warning("%s: %s; leaving %s", connection.name, error, connection.endpoint_id)
+        raise TransportTerminated(str(error)) from error
+    except EOFError as error:
+        raise TransportTerminated("the publisher has gone") from error
+    except OSError as error:
+        raise TransportException(str(error)) from error
+    message._connection_header = connection.header
+    connection.stat_bytes += body.nbytes + 4
+    connection.stat_num_msg += 1
+    if connection.is_latched:
+        connection.latch = message
+    return [message]
+
+
+def _with_array(callback: Callable[[Any], None], message: Any) -> None:
+    message.data = np.frombuffer(message.data, np.uint8)
+    callback(message)

@@ -1,0 +1,156 @@
+"""ROS 1's wire format for messages whose data is large: written and read without a copy.
+
+On the wire a message is its length, four bytes, and its fields in order. The large field, ``data``,
+is left where it is: what stands before and after it is serialized by the message's own class.
+"""
+
+from __future__ import annotations
+
+import copy
+import socket
+import struct
+import sys
+from io import BytesIO
+from typing import Any, NamedTuple
+
+import genpy
+import numpy as np
+import numpy.typing as npt
+
+_AFTER_DATA = {
+    "sensor_msgs/Image": 0,
+    "sensor_msgs/CompressedImage": 0,
+    "sensor_msgs/PointCloud2": 1,
+}
+"""The types with a large field ``data`` -> how many bytes follow it."""
+
+_LENGTH = struct.Struct("<I")
+_LARGEST = 2**30  # bytes; a longer message is a broken stream
+_KEPT_BUFFERS = 4
+
+Buffer = npt.NDArray[np.uint8]
+
+
+class Parcel(NamedTuple):
+    """A message as it goes out: the buffers that make it up, and their length."""
+
+    buffers: list[memoryview]
+    size: int
+
+
+class BrokenStream(Exception):
+    """What comes is not a message."""
+
+
+def is_large(message_class: Any) -> bool:
+    """Whether messages of that class have a large field ``data``."""
+    return message_class._type in _AFTER_DATA
+
+
+def encode(message: Any, seq: int) -> Parcel:
+    """A message for the wire; its data must not change until it is sent.
+
+    Args:
+        message: of any class; the data of a large one may be any buffer of bytes.
+        seq: for its header, if it has one.
+
+    Raises:
+        genpy.SerializationError: a field holds what it cannot.
+    """
+    if isinstance(getattr(message, "header", None), genpy.Message) and hasattr(
+        message.header, "seq"
+    ):
+        message.header.seq = seq
+    if not is_large(message):
+        body = _serialize(message)
+        return Parcel([memoryview(_LENGTH.pack(len(body)) + body)], len(body) + 4)
+    data = memoryview(message.data).cast("B")
+    empty = copy.copy(message)
+    empty.data = b""
+    body = _serialize(empty)
+    cut = len(body) - _AFTER_DATA[message._type]
+    size = len(body) + data.nbytes
+    head = _LENGTH.pack(size) + body[: cut - 4] + _LENGTH.pack(data.nbytes)
+    buffers = [memoryview(head), data, memoryview(body[cut:])]
+    return Parcel([one for one in buffers if one.nbytes], size + 4)
+
+
+def decode(body: Buffer, message_class: Any) -> Any:
+    """The message in a buffer; the data of a large one is a part of it, not a copy.
+
+    Raises:
+        genpy.DeserializationError: it is not of that class.
+    """
+    message = message_class()
+    if not is_large(message_class):
+        return message.deserialize(body.tobytes())
+    message.deserialize(body.view(_Sliceable))
+    message.data = message.data.view(np.ndarray)
+    return message
+
+
+def receive(sock: socket.socket, pool: BufferPool) -> Buffer:
+    """The next message's bytes, without its length.
+
+    Raises:
+        EOFError: the connection was closed.
+        BrokenStream: it announces what cannot be.
+    """
+    length = bytearray(4)
+    _receive_into(sock, memoryview(length))
+    (size,) = _LENGTH.unpack(length)
+    if size > _LARGEST:
+        raise BrokenStream(f"a message of {size} bytes is announced")
+    body = pool.take(size)
+    _receive_into(sock, body.data)
+    return body
+
+
+class BufferPool:
+    """Buffers to receive into, used anew as soon as nobody holds what was received in them.
+
+    A fresh buffer for each image costs more in page faults than its bytes in copying.
+    """
+
+    def __init__(self) -> None:
+        self._buffers: list[Buffer] = []
+
+    def take(self, size: int) -> Buffer:
+        """``size`` bytes that nobody else holds."""
+        for buffer in self._buffers:
+            unheld = sys.getrefcount(buffer) == _UNHELD
+            if unheld and size <= buffer.nbytes <= 2 * size:
+                return buffer[:size]
+        fresh = np.empty(size, np.uint8)
+        self._buffers = [*self._buffers[-_KEPT_BUFFERS + 1 :], fresh]
+        return fresh[:]
+
+
+def _count_unheld() -> int:
+    """References to a buffer that only the pool holds, as its loop sees them."""
+    buffers = [np.empty(1, np.uint8)]
+    return next(sys.getrefcount(buffer) for buffer in buffers)
+
+
+class _Sliceable(np.ndarray[Any, Any]):
+    """Bytes that genpy's code can slice without copying them, and read text from."""
+
+    def decode(self, *args: str) -> str:
+        return self.tobytes().decode(*args)
+
+
+def _serialize(message: Any) -> bytes:
+    buffer = BytesIO()
+    message.serialize(buffer)
+    return buffer.getvalue()
+
+
+def _receive_into(sock: socket.socket, view: memoryview) -> None:
+    while view.nbytes:
+        count = sock.recv_into(view, 0, socket.MSG_WAITALL)
+        if not count:
+            raise EOFError
+        view = view[count:]
+
+
+_UNHELD = _count_unheld()
