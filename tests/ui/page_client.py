@@ -43,9 +43,13 @@ class Client:
         """Send one message."""
         self.socket.send(msgspec.msgpack.encode(message))
 
+    def uuid(self, label: str) -> str:
+        """What the protocol calls an element."""
+        return next(uuid for uuid, known in self._labels.items() if known == label)
+
     def set(self, label: str, value: Any) -> None:
         """Move an element; no value is too wild."""
-        uuid = next(uuid for uuid, known in self._labels.items() if known == label)
+        uuid = self.uuid(label)
         self.values[label] = value  # nobody is told of what they moved themselves
         self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
@@ -60,6 +64,8 @@ class Client:
 
     def _take(self, message: dict[str, Any]) -> None:
         props = message.get("props") or message.get("updates") or {}
+        if message["type"] == "GuiRemoveMessage":
+            self.values.pop(self._labels.pop(message["uuid"], None), None)
         if props.get("label") and "value" in message:
             self._labels[message["uuid"]] = props["label"]
             self.values[props["label"]] = message["value"]

@@ -4,13 +4,16 @@ import threading
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 from types import SimpleNamespace
 
 import pytest
 
+from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError
+from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import param, specs
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.pipelines import Graph, Node, chain, image_pipeline
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import topic_table
@@ -74,6 +77,47 @@ def test_the_picture_shows_every_node_and_topic_below_what_leads_to_it():
     assert sum(1 for _ in picture.iter("path")) == 1 + len(graph.topics) + 3  # with the arrow's tip
 
 
+def places_in(graph):
+    picture = ET.fromstring(graph_picture(graph))
+    texts = list(picture.iter("text"))
+    return {text.text: (float(text.get("x")), float(text.get("y"))) for text in texts}
+
+
+def test_what_comes_from_outside_stands_above_who_takes_it():
+    heights = {name: y for name, (_, y) in places_in(image_chain()).items()}
+    assert heights["/image_raw"] < heights["fps_control"] < heights["/edges"]
+
+
+def image_chain():
+    return chain([find(name) for name in ("fps_control", "filters", "edge_detector")])
+
+
+def seen_elsewhere(name, takes, gives):
+    declared = NodeType(
+        name, None, NoParams, dict.fromkeys(takes, Image), dict.fromkeys(gives, Image)
+    )
+    return Node(name, declared, NoParams(), {t: t for t in takes}, {t: t for t in gives})
+
+
+def test_a_circle_can_be_pictured():
+    a, b = seen_elsewhere("a", ["/2"], ["/1"]), seen_elsewhere("b", ["/1"], ["/2"])
+    assert set(places_in(Graph((a, b)))) == {"a", "b", "/1", "/2"}
+    assert set(places_in(Graph((seen_elsewhere("c", ["/1"], ["/1"]),)))) == {"c", "/1"}
+
+
+def test_an_empty_graph_is_pictured_in_words():
+    assert "nobody is there" in graph_picture(Graph(()))
+
+
+def test_wide_graphs_overlap_nowhere():
+    cameras = [
+        seen_elsewhere(f"camera_{n}", [], [f"/camera_{n}/image_rect_color"]) for n in (1, 2, 3)
+    ]
+    topics = sorted(x for name, (x, _) in places_in(Graph(tuple(cameras))).items() if "/" in name)
+    width = 6.6 * len("/camera_1/image_rect_color")
+    assert all(right - left >= width for left, right in pairwise(topics))
+
+
 def test_the_table_tells_rates_drops_and_latency():
     node = {"dropped": {"rate": 4, "queue": 2}, "requested_hz": 25, "p50_ms": 1.26}
     topics = {"/controlled_stream": {"type": "sensor_msgs/msg/Image", "hz": 24.96, "wall_hz": 25.1}}
@@ -118,7 +162,7 @@ def test_what_is_refused_is_said_and_the_work_goes_on():
 
 def test_text_is_escaped_in_the_picture():
     node = SimpleNamespace(name="<b>", inputs={}, outputs={"out": "/a&b"})
-    graph = SimpleNamespace(nodes=(node,), topics={"/a&b": None})
+    graph = SimpleNamespace(nodes=(node,), topics={"/a&b": None}, inputs={})
     assert [text.text for text in ET.fromstring(graph_picture(graph)).iter("text")] == [
         "<b>",
         "/a&b",

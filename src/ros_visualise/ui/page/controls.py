@@ -30,7 +30,7 @@ class Controls:
     ) -> None:
         self._gui, self._node, self._parameters, self._worker = gui, node, parameters, worker
         self._elements: dict[str, viser.GuiInputHandle[Any]] = {}
-        self.close: Callable[[], None] = parameters.on_change(self._changed_elsewhere)
+        self._forget = parameters.on_change(self._changed_elsewhere)
 
     def add(self, specs: Iterable[Spec]) -> None:
         """Add elements for these parameters to the present container."""
@@ -39,6 +39,11 @@ class Controls:
             element = add_element(self._gui, spec, value)
             element.on_update(self._listener(spec.name))
             self._elements[spec.name] = element
+
+    def close(self) -> None:
+        """Let go of the parameters; what was asked for and not done yet is let go too."""
+        self._forget()
+        self._elements.clear()
 
     def _listener(self, name: str) -> Callable[[viser.GuiEvent[Any]], Any]:
         async def moved(event: viser.GuiEvent[Any]) -> None:
@@ -49,6 +54,8 @@ class Controls:
         return moved
 
     def _apply(self, name: str, value: Any) -> None:
+        if name not in self._elements:
+            return
         try:
             self._parameters.update({name: value})
         except ParameterError as error:
@@ -61,8 +68,8 @@ class Controls:
             self._worker.post(("show", self._node, name), partial(self._show, name))
 
     def _show(self, name: str) -> None:
-        if self._worker.is_posted((self._node, name)):
-            return  # the person at the slider is ahead of us
+        if self._worker.is_posted((self._node, name)) or name not in self._elements:
+            return  # the person at the slider is ahead of us, or it was closed
         value = shown(getattr(self._parameters.current, name))
         element = self._elements[name]
         if isinstance(element, viser.GuiSliderHandle):

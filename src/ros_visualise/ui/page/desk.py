@@ -11,15 +11,16 @@ from typing import Any
 
 import viser
 
+from ros_visualise.pipelines import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.images import SIZE, ImageThread
+from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.style import STYLE
 from ros_visualise.ui.page.tables import topic_table
 from ros_visualise.ui.page.transport import Transport
-from ros_visualise.ui.page.windows import Choice, Window, arrange
+from ros_visualise.ui.page.windows import Choice, Window, arrange, has_window
 from ros_visualise.ui.page.worker import Worker
 
 _PERIOD_S = 0.2
@@ -40,7 +41,10 @@ class _MessageLine(logging.Handler):
 
 
 class Desk:
-    """Builds the page and keeps it up to date; what the package logs shows as a message on it."""
+    """Builds the page and keeps it up to date; what the package logs shows as a message on it.
+
+    Where the graph changes, what is the same in the new one stays as it is.
+    """
 
     def __init__(self, server: viser.ViserServer, runtime: Runtime) -> None:
         self._server, self._runtime = server, runtime
@@ -48,9 +52,10 @@ class Desk:
         self._ticks = 0
         self._worker = Worker(self.say, self._refresh, _PERIOD_S)
         gui = server.gui
-        self._windows = [Window(gui, runtime, node, self._worker) for node in runtime.graph.nodes]
-        pictures = [window.picture for window in self._windows if window.picture is not None]
-        self._images = ImageThread(pictures, self._is_watched, self._in_haste)
+        self._graph = runtime.graph
+        self._windows: list[Window] = []
+        self._windows = self._make_windows()
+        self._images = ImageThread(self._pictures(), self._is_watched, self._in_haste)
         self._add_main_panel(gui)
         arrange(gui, self._windows)
         self._log = _MessageLine(self._say_soon)
@@ -67,9 +72,9 @@ class Desk:
     def close(self) -> None:
         """End the threads and let go of the graph."""
         logging.getLogger("ros_visualise").removeHandler(self._log)
+        self._worker.close(_CLOSE_S)
         for window in self._windows:
             window.close()
-        self._worker.close(_CLOSE_S)
         self._images.close(_CLOSE_S)
 
     def _say_soon(self, message: str) -> None:
@@ -81,18 +86,21 @@ class Desk:
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
-            live = self._runtime.graph.live
+            live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
         self._table = gui.add_html("")
-        with gui.add_folder("windows"):
-            Choice(gui, self._windows, self._worker)
+        folder = gui.add_folder("windows")
+        with folder:
             self._add_size(gui)
+        self._choice = Choice(gui, folder, self._worker)
+        self._choice.follow(self._windows)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker)
         with gui.add_folder("graph"):
-            gui.add_html(graph_picture(self._runtime.graph))
-        with gui.add_folder("plots", expand_by_default=False):
-            self._plots = Plots(gui, self._runtime.graph)
+            self._picture = gui.add_html(graph_picture(self._graph))
+        self._plots_folder = gui.add_folder("plots", expand_by_default=False)
+        with self._plots_folder:
+            self._plots = Plots(gui, self._graph)
 
     def _add_size(self, gui: viser.GuiApi) -> None:
         size = gui.add_slider(
@@ -108,7 +116,38 @@ class Desk:
         async def _(event: viser.GuiEvent[Any]) -> None:
             self._images.size = event.target.value
 
+    def _make_windows(self) -> list[Window]:
+        """A window for each node that has anything to show; those that fit are kept."""
+        there = {window.name: window for window in self._windows}
+        return [self._make_window(n, there.get(n.name)) for n in self._graph.nodes if has_window(n)]
+
+    def _make_window(self, node: Node, there: Window | None) -> Window:
+        if there is not None and there.shows(node):
+            return there
+        return Window(self._server.gui, self._runtime, node, self._worker)
+
+    def _pictures(self) -> list[Picture]:
+        return [window.picture for window in self._windows if window.picture is not None]
+
+    def _follow(self) -> None:
+        """Show the graph as it is now."""
+        self._graph, before = self._runtime.graph, self._windows
+        self._windows = self._make_windows()
+        self._images.show(self._pictures())
+        for window in before:
+            if window not in self._windows:
+                window.remove()
+        self._picture.content = graph_picture(self._graph)
+        self._plots.remove()
+        with self._plots_folder:
+            self._plots = Plots(self._server.gui, self._graph)
+        self._choice.follow(self._windows)
+        if before != self._windows:
+            self._choice.show()
+
     def _refresh(self) -> None:
+        if self._runtime.graph is not self._graph:
+            self._follow()
         if self._said_s is not None and time.monotonic() - self._said_s > _MESSAGE_S:
             self._said_s, self._message.visible = None, False
         self._recorder.refresh()
@@ -118,8 +157,11 @@ class Desk:
             self._transport.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
-            report = self._runtime.report(_WINDOW_S)
-            self._table.content = topic_table(self._runtime.graph, report)
+            self._show_report(self._runtime.report(_WINDOW_S))
+
+    def _show_report(self, report: dict[str, Any]) -> None:
+        if self._runtime.graph is self._graph:  # else the report may be of the next one
+            self._table.content = topic_table(self._graph, report)
             self._plots.add(report)
 
     def _is_watched(self) -> bool:

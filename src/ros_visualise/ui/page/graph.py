@@ -22,13 +22,17 @@ class _Place(NamedTuple):
 
 def graph_picture(graph: Graph) -> str:
     """An SVG of a graph; what passes later stands lower."""
-    places = _places(_layers(graph))
+    if not graph.nodes:
+        return '<div class="rv-note">nobody is there yet</div>'
+    layers = _layers(graph)
+    width = max(_WIDTH, *(sum(_width(name) for _, name in layer) for layer in layers))
+    places = _places(layers, width)
     height = max(place.y for place in places.values()) + _ROW / 2
     lines = "".join(_line(places[a], places[b]) for a, b in _edges(graph))
     nodes = "".join(_node(node.name, places["node", node.name]) for node in graph.nodes)
-    topics = "".join(_topic(name, places["topic", name]) for name in graph.topics)
+    topics = "".join(_topic(n, places["topic", n]) for n in (*graph.inputs, *graph.topics))
     return (
-        f'<svg class="rv-graph" viewBox="0 0 {_WIDTH:g} {height:g}" role="img">'
+        f'<svg class="rv-graph" viewBox="0 0 {width:g} {height:g}" role="img">'
         f"{_ARROW}{lines}{nodes}{topics}</svg>"
     )
 
@@ -44,21 +48,31 @@ def _edges(graph: Graph) -> list[tuple[Key, Key]]:
 
 def _layers(graph: Graph) -> list[list[Key]]:
     """Nodes and topics, each below all that leads to it."""
-    depth: dict[Key, int] = {}
+    depth: dict[Key, int] = {("topic", topic): 0 for topic in graph.inputs}
     for node in graph.nodes:  # in the order in which messages pass
-        above = [depth["topic", topic] for topic in node.inputs.values()]
+        inputs = [("topic", topic) for topic in node.inputs.values()]
+        above = [depth[key] for key in inputs if key in depth]  # but for what goes round
         depth["node", node.name] = max(above, default=-1) + 1
         for topic in node.outputs.values():
             depth["topic", topic] = depth["node", node.name] + 1
     return [[key for key in depth if depth[key] == d] for d in range(max(depth.values()) + 1)]
 
 
-def _places(layers: list[list[Key]]) -> dict[Key, _Place]:
-    return {
-        key: _Place(_WIDTH * (number + 0.5) / len(layer), _ROW * (depth + 0.5))
-        for depth, layer in enumerate(layers)
-        for number, key in enumerate(layer)
-    }
+def _places(layers: list[list[Key]], width: float) -> dict[Key, _Place]:
+    """Where each stands: the room that a layer leaves is shared evenly."""
+    places: dict[Key, _Place] = {}
+    for depth, layer in enumerate(layers):
+        widths = [_width(name) for _, name in layer]
+        room = (width - sum(widths)) / max(len(layer), 1)
+        x = 0.0
+        for key, taken in zip(layer, widths, strict=True):
+            places[key] = _Place(x + (room + taken) / 2, _ROW * (depth + 0.5))
+            x += room + taken
+    return places
+
+
+def _width(name: str) -> float:
+    return len(name) * _CHARACTER + 20
 
 
 def _line(a: _Place, b: _Place) -> str:
@@ -69,7 +83,7 @@ def _line(a: _Place, b: _Place) -> str:
 
 
 def _node(name: str, at: _Place) -> str:
-    width = len(name) * _CHARACTER + 20
+    width = _width(name)
     text = _text(name, at, 'font-weight="600"')
     return (
         f'<rect x="{at.x - width / 2:g}" y="{at.y - _BOX / 2:g}" width="{width:g}" '

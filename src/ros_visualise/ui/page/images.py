@@ -101,12 +101,21 @@ class ImageThread:
     ) -> None:
         self.size = SIZE
         self._pictures, self._is_watched, self._in_haste = pictures, is_watched, in_haste
+        self._at_work = threading.Lock()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="images", daemon=True)
 
     def start(self) -> None:
         """Begin."""
         self._thread.start()
+
+    def show(self, pictures: Sequence[Picture]) -> None:
+        """Keep these pictures fresh from now on; the others ask for nothing any more."""
+        with self._at_work:
+            for picture in self._pictures:
+                if picture not in pictures:
+                    picture.rest()
+            self._pictures = pictures
 
     def close(self, timeout_s: float) -> None:
         """End after the round that is under way."""
@@ -118,7 +127,8 @@ class ImageThread:
         pause_s = 0.0
         while not self._closed.wait(pause_s):
             start_s, cpu_s = time.perf_counter(), time.thread_time()
-            self._refresh()
+            with self._at_work:
+                self._refresh()
             spent_s = time.perf_counter() - start_s
             pause_s = max(_PERIOD_S - spent_s, self._rest * (time.thread_time() - cpu_s))
         for picture in self._pictures:

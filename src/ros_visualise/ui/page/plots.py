@@ -33,16 +33,25 @@ class Plots:
         self._rates.add(now_s, [topics.get(t, {}).get("wall_hz") for t in self._publishers])
         self._latencies.add(now_s, [nodes[node]["p50_ms"] for node in self._publishers.values()])
 
+    def remove(self) -> None:
+        """Take them off the page."""
+        self._rates.remove()
+        self._latencies.remove()
+
 
 class _Plot:
     def __init__(self, gui: viser.GuiApi, title: str, topics: Sequence[str]) -> None:
         self._rows: deque[list[float]] = deque(maxlen=_KEPT)
-        self._element = _add_plot(gui, title, topics)
+        self._element = _add_plot(gui, title, topics) if topics else None
 
     def add(self, time_s: float, values: Sequence[float | None]) -> None:
         self._rows.append([time_s, *(value or 0.0 for value in values)])
-        if len(self._rows) > 1:
+        if self._element is not None and len(self._rows) > 1:
             self._element.data = tuple(np.array(self._rows, np.float64).T.copy())
+
+    def remove(self) -> None:
+        if self._element is not None:
+            self._element.remove()
 
 
 def _add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiUplotHandle:

@@ -32,11 +32,12 @@ class Window:
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, node: Node, worker: Worker) -> None:
         self.name = node.name
         self.picture: Picture | None = None
+        self._looks = _looks_of(node)
         self._gui, self._worker = gui, worker
         self._controls = Controls(gui, node.name, runtime.parameters[node.name], worker)
         self._panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
-        images = [t for port, t in node.outputs.items() if node.type.outputs[port] is Image]
+        images = _images_of(node)
         main = [spec for spec in declared if not spec.group]
         with self._panel.add_tab(node.name):
             self._controls.add(main)
@@ -60,9 +61,18 @@ class Window:
         """What can be placed."""
         return self._panel
 
+    def shows(self, node: Node) -> bool:
+        """Whether a window made for this node would be just like it."""
+        return self._looks == _looks_of(node)
+
     def close(self) -> None:
         """Let go of the node's parameters."""
         self._controls.close()
+
+    def remove(self) -> None:
+        """Take it off the page for good."""
+        self.close()
+        self._panel.remove()
 
     def _add_picture(self, runtime: Runtime, topics: Sequence[str], rows: int) -> None:
         chosen = self._gui.add_dropdown("show", topics) if len(topics) > 1 else None
@@ -79,6 +89,19 @@ class Window:
         for group, members in groupby(declared, key=lambda spec: spec.group):
             with self._gui.add_folder(group, expand_by_default=False):
                 self._controls.add(members)
+
+
+def has_window(node: Node) -> bool:
+    """Whether a node has anything to show: images or parameters."""
+    return bool(_images_of(node) or specs(node.params))
+
+
+def _images_of(node: Node) -> list[str]:
+    return [t for port, t in node.outputs.items() if node.type.outputs[port] is Image]
+
+
+def _looks_of(node: Node) -> object:
+    return node.name, type(node.params), _images_of(node)
 
 
 def rearrange(windows: Sequence[Window], chosen: Sequence[Window]) -> None:
@@ -117,18 +140,29 @@ def _place(panels: Sequence[viser.PanelHandle]) -> None:
 
 
 class Choice:
-    """A switch for each window, in the present container."""
+    """A switch for each window, in a folder; those added later are on."""
 
-    def __init__(self, gui: viser.GuiApi, windows: Sequence[Window], worker: Worker) -> None:
-        self._windows, self._worker = windows, worker
-        self._switches = [gui.add_checkbox(window.name, True) for window in windows]
-        for switch in self._switches:
-            switch.on_update(self._switched)
+    def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
+        self._gui, self._folder, self._worker = gui, folder, worker
+        self._windows: Sequence[Window] = ()
+        self._switches: dict[str, viser.GuiCheckboxHandle] = {}
+
+    def follow(self, windows: Sequence[Window]) -> None:
+        """These are the windows from now on."""
+        names = [window.name for window in windows]
+        for name in self._switches.keys() - set(names):
+            self._switches.pop(name).remove()
+        with self._folder:
+            for name in names:
+                if name not in self._switches:
+                    self._switches[name] = self._gui.add_checkbox(name, True)
+                    self._switches[name].on_update(self._switched)
+        self._windows = windows
+
+    def show(self) -> None:
+        """Show the chosen windows alone."""
+        chosen = [window for window in self._windows if self._switches[window.name].value]
+        rearrange(self._windows, chosen)
 
     async def _switched(self, _: viser.GuiEvent[Any]) -> None:
-        self._worker.post("windows", self._show)
-
-    def _show(self) -> None:
-        pairs = zip(self._windows, self._switches, strict=True)
-        chosen = [window for window, switch in pairs if switch.value]
-        rearrange(self._windows, chosen)
+        self._worker.post("windows", self.show)

@@ -1,0 +1,123 @@
+"""The page of a graph that changes while somebody looks: what is the same stays."""
+
+import time
+
+import numpy as np
+import pytest
+from page_client import Client
+
+from ros_visualise.data import Image
+from ros_visualise.nodes import NodeType, NoParams, find
+from ros_visualise.params import Parameters
+from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.topics import Subscription
+from ros_visualise.ui.page import Page
+
+
+def make(name, output=None, params=NoParams):
+    outputs = {} if output is None else {output: output}
+    declared = NodeType(name, None, params, {}, dict.fromkeys(outputs, Image))
+    return Node(name, declared, params(), {}, outputs)
+
+
+class Changing:
+    """A graph whose nodes a test takes away and adds."""
+
+    playback = None
+
+    def __init__(self):
+        self.graph = Graph(())
+        self.parameters = {}
+        self.looked_at = []
+
+    def show(self, *nodes):
+        for node in nodes:
+            self.parameters.setdefault(node.name, Parameters(node.params))
+        self.graph = Graph(nodes)
+
+    def subscribe(self, topic):
+        inbox = Inbox(lossless=False)
+        inbox.put(Packet(0, Image(np.zeros((6, 8), np.uint8), "mono8"), 0))
+        self.looked_at.append(topic)
+        return Subscription(inbox, lambda: self.looked_at.remove(topic))
+
+    def report(self, window_s=None):
+        blank = {"dropped": {}, "p50_ms": None}
+        topic = {"type": "sensor_msgs/msg/Image", "messages": 0, "hz": None, "wall_hz": None}
+        graph = self.graph
+        return {
+            "topics": {name: topic for name in graph.topics},
+            "nodes": {node.name: blank for node in graph.nodes},
+        }
+
+
+@pytest.fixture
+def changing():
+    return Changing()
+
+
+@pytest.fixture
+def client(changing, port):
+    page = Page(port=port)
+    page.open(changing)
+    client = Client(port)
+    yield client
+    client.socket.close()
+    page.close()
+
+
+def test_an_empty_graph_says_so_until_somebody_comes(client, changing):
+    client.read_until(lambda: any("nobody is there" in text for text in client.html))
+    changing.show(make("camera", "/image_raw"))
+    client.read_until(lambda: "camera" in client.values)
+    client.read_until(lambda: changing.looked_at == ["/image_raw"])
+    client.read_until(
+        lambda: any("rv-graph" in text and "/image_raw" in text for text in client.html)
+    )
+    client.read_until(
+        lambda: any("rv-topics" in text and "/image_raw" in text for text in client.html)
+    )
+
+
+def test_what_has_gone_is_taken_away_and_what_stays_is_not_touched(client, changing):
+    edges = make("edge_detector", "/edges", find("edge_detector").params)
+    changing.show(make("camera", "/image_raw"), edges)
+    client.read_until(lambda: {"low", "camera", "edge_detector"} <= set(client.values))
+    client.read_until(lambda: sorted(changing.looked_at) == ["/edges", "/image_raw"])
+    slider = client.uuid("low")
+    changing.show(edges)
+    client.read_until(lambda: "camera" not in client.values)
+    client.read_until(lambda: changing.looked_at == ["/edges"])
+    assert client.uuid("low") == slider
+    client.set("low", 33)
+    client.read_until(lambda: changing.parameters["edge_detector"].current.low == 33)
+
+
+def test_a_node_that_comes_back_with_other_parameters_gets_others(client, changing):
+    changing.show(make("own", "/own", find("fps_control").params))
+    client.read_until(lambda: "fps" in client.values)
+    changing.parameters.clear()
+    changing.show(make("own", "/own", find("edge_detector").params))
+    client.read_until(lambda: "low" in client.values and "fps" not in client.values)
+    changing.parameters["own"].update({"low": 44})
+    client.read_until(lambda: client.values["low"] == 44)
+
+
+def test_a_node_with_nothing_to_show_has_no_window(client, changing):
+    changing.show(make("image_view"), make("camera", "/image_raw"))
+    client.read_until(lambda: "camera" in client.values)
+    assert "image_view" not in client.values
+    client.read_until(lambda: any(">image_view<" in text for text in client.html))
+
+
+def test_graphs_that_change_fast_break_nothing(client, changing, caplog):
+    nodes = [make(f"n{n}", f"/n{n}", find("fps_control").params) for n in range(4)]
+    for turn in range(30):
+        changing.show(*[node for n, node in enumerate(nodes) if (turn >> n % 3) & 1])
+        client.read_until(lambda: True)
+        time.sleep(0.05)
+    changing.show(*nodes)
+    client.read_until(lambda: {"n0", "n1", "n2", "n3"} <= set(client.values))
+    client.read_until(lambda: sorted(changing.looked_at) == ["/n0", "/n1", "/n2", "/n3"])
+    assert not [record for record in caplog.records if record.exc_info]
