@@ -349,3 +349,19 @@ def test_steps_back_count_from_where_one_goes(clock: FakeClock) -> None:
     playback.step(-1000)
     shown.append(next(run)[1])
     assert shown == [0, 2, 0]
+
+
+def test_live_stamps_are_the_times_at_which_messages_pass():
+    clock = FakeClock()
+    playback = Playback(live_stamps=True, loop=True, frames=60, clock=clock)
+    clock.at(0.55, playback.pause)
+    clock.at(3.0, playback.play)
+    clock.at(4.0, lambda: playback.set_rate(2))
+    clock.at(4.5, lambda: playback.seek(0.3))
+    clock.at(5.0, lambda: playback.set_rate(0.5))
+    stamps = []
+    for stamp_ns, _ in playback.run(regular(10)):
+        assert stamp_ns == clock.now_ns()
+        stamps.append(stamp_ns)
+    assert len(stamps) == 60
+    assert sorted(set(stamps)) == stamps

@@ -55,6 +55,8 @@ class Playback:
         duration_s: how much to play in all, over loops and seeks.
         frames: how many messages to play in all.
         hold: stay at the end, seekable, until it is closed.
+        live_stamps: stamp each message with the clock's time at which it is due, as a camera would,
+            rather than with its place in the recording.
         clock: what tells the time.
     """
 
@@ -67,12 +69,13 @@ class Playback:
         duration_s: float | None = None,
         frames: int | None = None,
         hold: bool = False,
+        live_stamps: bool = False,
         clock: Clock | None = None,
     ) -> None:
         self._clock = clock or WallClock()
         self._changed = threading.Condition()
         self._time = Timeline(self._clock, _checked_rate(rate))
-        self._loop, self._hold = loop, hold
+        self._loop, self._hold, self._live_stamps = loop, hold, live_stamps
         self._limit_ns = None if duration_s is None else round(duration_s * 1e9)
         self._limit_frames = frames
         self._closed = False
@@ -88,6 +91,7 @@ class Playback:
         self._cycle_ns = 0  # where the present loop starts on the line of all loops
         self._line_ns = 0  # where the last message was on that line
         self._base_ns: int | None = None  # the stamp of that line's start
+        self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._fresh = True  # the next message is shown at once, and time goes on from it
         self._played_ns = self._played_frames = 0
 
@@ -231,8 +235,13 @@ class Playback:
             for time_ns, item in items:
                 if not self._wait_turn(time_ns):
                     return False
-                yield (self._base_ns or 0) + self._line_ns, item
+                yield self._stamp_ns(), item
         return True
+
+    def _stamp_ns(self) -> int:
+        if self._live_stamps:
+            return self._due_at_ns
+        return (self._base_ns or 0) + self._line_ns
 
     def _wait_turn(self, time_ns: int) -> bool:
         """Wait until the message of that time is due; whether it may pass."""
@@ -263,6 +272,8 @@ class Playback:
                 continue
             if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
                 self._time.put(line_ns)
+                due_ns = now_ns
+            self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)
             self._steps = max(0, self._steps - 1)
             return True
         return False
