@@ -67,14 +67,15 @@ class Declaration:
 
 def declare(description: ConfigDescription) -> Declaration:
     """The declaration for a description: our own, if it tells the same, else one made for it."""
-    for ours, declaration in _our_own():
+    for ours, declaration in our_own():
         if ours == description:
             return declaration
     return _make(description)
 
 
 @cache
-def _our_own() -> list[tuple[ConfigDescription, Declaration]]:
+def our_own() -> list[tuple[ConfigDescription, Declaration]]:
+    """Our own nodes, each with its description; the first call takes a second of imports."""
     found = []
     for node in find_all():
         kinds = [node.params]

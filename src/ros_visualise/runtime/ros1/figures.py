@@ -1,0 +1,72 @@
+"""What nodes elsewhere report on /diagnostics, read back into the layout of the run report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+
+_FRESH_S = 5.0
+_NUMBERS = ("received", "processed", "p50_ms", "p99_ms", "step_ms", "requested_hz", "achieved_hz")
+_BLANK: Mapping[str, Any] = {
+    "received": 0,
+    "processed": 0,
+    "p50_ms": None,
+    "p99_ms": None,
+    "step_ms": None,
+}
+
+
+class Figures:
+    """The newest figures of every node that reports some."""
+
+    def __init__(self) -> None:
+        self._newest: dict[str, tuple[float, dict[str, str]]] = {}
+        self._subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, self._take)
+
+    def node(self, name: str) -> dict[str, Any]:
+        """A node's part of the run report; nothing but zeros where it reports nothing."""
+        told = self._fresh(name)
+        report = dict(_BLANK)
+        report |= {key: n for key in _NUMBERS if (n := _number(told.get(key))) is not None}
+        dropped = {k.removeprefix("dropped/"): n for k, n in told.items() if "dropped/" in k[:8]}
+        report["dropped"] = {why: int(n) for why, n in dropped.items() if n.isdecimal()}
+        return report
+
+    def hz(self, name: str, topic: str) -> float | None:
+        """How often a node publishes a topic, as it says itself."""
+        return _number(self._fresh(name).get(f"topics/{topic}/hz"))
+
+    def outputs(self, name: str) -> set[str]:
+        """The topics that a node has ever said to publish."""
+        _, told = self._newest.get(name, (0.0, {}))
+        keys = [key.removeprefix("topics/") for key in told if key.startswith("topics/")]
+        return {key.rpartition("/")[0] for key in keys}
+
+    def inputs(self, name: str) -> set[str]:
+        """The topics that a node has ever said to take."""
+        _, told = self._newest.get(name, (0.0, {}))
+        return {topic for key, topic in told.items() if key.startswith("inputs/")}
+
+    def close(self) -> None:
+        """Read no more."""
+        self._subscriber.unregister()
+
+    def _fresh(self, name: str) -> Mapping[str, str]:
+        came_s, told = self._newest.get(name, (0.0, {}))
+        return told if time.monotonic() - came_s < _FRESH_S else {}
+
+    def _take(self, array: DiagnosticArray) -> None:
+        for status in array.status:
+            told = {value.key: value.value for value in status.values}
+            self._newest["/" + status.name.removeprefix("/")] = (time.monotonic(), told)
+
+
+def _number(text: str | None) -> int | float | None:
+    try:
+        return None if text is None else int(text) if text.isdecimal() else float(text)
+    except ValueError:
+        return None

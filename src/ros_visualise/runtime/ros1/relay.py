@@ -1,0 +1,99 @@
+"""One image topic of the ROS graph, subscribed only while somebody looks at it or records it."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.ros1.topics import ImageInput
+from ros_visualise.runtime.topics import Consumer, Topic
+
+
+class Relay:
+    """Hands the images of a topic to whoever listens.
+
+    Args:
+        name: the topic.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._topic = Topic(on_demand=True)
+        self._listeners: list[Consumer] = []
+        self._input: ImageInput | None = None
+        self._lock = threading.Lock()
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is subscribed to."""
+        return self._input is not None
+
+    def connect(self, listener: Consumer, compressed: bool, latched: bool = False) -> None:
+        """Add a listener.
+
+        Args:
+            listener: who takes the messages.
+            compressed: whether to subscribe to the compressed images, if nobody listens yet.
+            latched: give it the last message at once, if there was one.
+        """
+        with self._lock:
+            self._listeners.append(listener)
+            self._topic.connect(listener, latched)
+            if self._input is None:
+                self._input = ImageInput(self._name, self._name, self._topic, compressed)
+
+    def disconnect(self, listener: Consumer) -> None:
+        """Remove a listener; more than once does no harm."""
+        with self._lock:
+            self._topic.disconnect(listener)
+            self._listeners = [one for one in self._listeners if one is not listener]
+            if not self._listeners and self._input is not None:
+                self._input.close()
+                self._input = None
+
+    def close(self) -> None:
+        """Remove all listeners."""
+        for listener in tuple(self._listeners):
+            self.disconnect(listener)
+
+    def report(self, window_s: float | None) -> dict[str, Any]:
+        """Counts and rates of what was received."""
+        return self._topic.report(window_s)
+
+
+class Arrivals:
+    """Numbers the messages of all recorded topics as they arrive: in this order they are written.
+
+    Nobody on a ROS graph tells which message was made from which, nor that none will come.
+    """
+
+    def __init__(self, recording: RecorderThread) -> None:
+        self.inboxes: Mapping[str, Consumer] = {
+            topic: _Arrival(self, topic) for topic in recording.topics
+        }
+        self._recording = recording
+        self._number = 0
+        self._lock = threading.Lock()
+
+    def put(self, topic: str, message: Any) -> None:
+        """A message has arrived; none of the other topics has one for its number."""
+        with self._lock:
+            self._number += 1
+            for name, inbox in self._recording.inboxes.items():
+                given = message if name == topic else None
+                inbox.put(Packet(self._number, given, time.monotonic_ns()))
+
+
+class _Arrival:
+    def __init__(self, arrivals: Arrivals, topic: str) -> None:
+        self._arrivals, self._topic = arrivals, topic
+
+    def put(self, packet: Packet) -> None:
+        self._arrivals.put(self._topic, packet.message)
+
+    def close(self) -> None:
+        pass

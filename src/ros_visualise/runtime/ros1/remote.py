@@ -1,0 +1,190 @@
+"""The runtime of nodes in other processes: what the ROS graph has, to look at and to tune."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterable, Mapping
+from functools import partial
+from http.client import HTTPException
+from pathlib import Path
+from typing import Any
+from xmlrpc.client import Error as XmlRpcError
+
+import rosgraph
+
+from ros_visualise.data import Image, ParameterEvent
+from ros_visualise.errors import UsageError
+from ros_visualise.messages import type_name
+from ros_visualise.nodes import NoParams
+from ros_visualise.params import Parameters, Value
+from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.queues import Inbox
+from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.ros1.declaration import our_own
+from ros_visualise.runtime.ros1.discovery import Discovery, Sight
+from ros_visualise.runtime.ros1.figures import Figures
+from ros_visualise.runtime.ros1.places import Place, places, to_graph
+from ros_visualise.runtime.ros1.relay import Arrivals, Relay
+from ros_visualise.runtime.ros1.remote_parameters import RemoteParameters
+from ros_visualise.runtime.topics import Subscription
+from ros_visualise.sinks import open_recorder, parse_target
+
+log = logging.getLogger(__name__)
+
+_LOOK_S = 0.5
+_PATIENCE_S = 1.0
+"""For so long a new node is waited for to tell of its parameters, before it is shown without."""
+_CLOSE_S = 1.0
+
+
+class RemoteRuntime:
+    """Looks at nodes elsewhere on the ROS graph; see `ros_visualise.runtime.base.Runtime`.
+
+    ``graph`` is another object as soon as nodes or topics have come or gone; ``parameters`` keeps
+    those that have gone.
+
+    Args:
+        compressed: whether images come compressed, where somebody publishes them so.
+    """
+
+    playback = None
+
+    def __init__(self, compressed: bool = False) -> None:
+        self.graph = Graph(())
+        self.parameters: dict[str, Parameters[Any]] = {}
+        self._compressed = compressed
+        self._discovery = Discovery()
+        self._sight = Sight((), frozenset())
+        self._figures = Figures()
+        self._key: object = None
+        self._seen_s: dict[str, float] = {}
+        self._relays: dict[str, Relay] = {}
+        self._recordings: dict[RecorderThread, Arrivals] = {}
+        self._lock = threading.Lock()
+        self._closed = threading.Event()
+        our_own()  # is needed at once, and by threads that must not wait for it
+        self._look()
+        self._thread = threading.Thread(target=self._follow, name="discovery", daemon=True)
+        self._thread.start()
+
+    def subscribe(self, topic: str) -> Subscription:
+        """Look at a topic, beginning with its last message if it was looked at before."""
+        inbox = Inbox(lossless=False)
+        relay = self._relay(topic)
+        relay.connect(inbox, self._comes_compressed(topic), latched=True)
+        return Subscription(inbox, partial(relay.disconnect, inbox))
+
+    def report(self, window_s: float | None = None) -> dict[str, Any]:
+        """The run report: our nodes' own figures, and the rates of what is received here."""
+        graph = self.graph
+        nodes = {node.name: self._figures.node(f"/{node.name}") for node in graph.nodes}
+        topics = {
+            name: self._topic_report(name, f"/{topic.publisher}", window_s)
+            for name, topic in graph.topics.items()
+        }
+        recordings = {
+            str(r.path): {"messages": r.written, "dropped": r.dropped} for r in self._recordings
+        }
+        return {"topics": topics, "nodes": nodes, "recordings": recordings}
+
+    def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
+        """Record the topics that there are now, in the order in which their messages arrive.
+
+        Raises:
+            OpenError: it exists or cannot be written.
+            UsageError: it names a topic that there is not, or no known kind of file.
+        """
+        graph = self.graph
+        types = {name: topic.type for name, topic in graph.topics.items()}
+        on_demand = [name for name, topic in graph.topics.items() if topic.on_demand]
+        path = parse_target(str(target))[0].resolve()
+        if any(one.is_open and one.path.resolve() == path for one in self._recordings):
+            raise UsageError(f"{path}: is being recorded already; choose another name")
+        recorder = open_recorder(str(target), types, overwrite, on_demand)
+        recording = RecorderThread(recorder, graph, lossless=False)
+        for node in graph.nodes:
+            current = self.parameters[node.name].current
+            recording.put_event(ParameterEvent(node.name, new=vars(current)))
+        arrivals = self._recordings[recording] = Arrivals(recording)
+        for topic, inbox in arrivals.inboxes.items():
+            self._relay(topic).connect(inbox, self._comes_compressed(topic))
+        return recording
+
+    def stop_recording(self, recording: RecorderThread) -> None:
+        """End and close a recording; more than once does no harm."""
+        for topic, inbox in self._recordings[recording].inboxes.items():
+            self._relay(topic).disconnect(inbox)
+        recording.close()
+
+    def close(self) -> None:
+        """Look no longer; all recordings are closed."""
+        self._closed.set()
+        for recording in tuple(self._recordings):
+            self.stop_recording(recording)
+        self._thread.join(_CLOSE_S)
+        for relay in tuple(self._relays.values()):
+            relay.close()
+        for parameters in tuple(self.parameters.values()):
+            if isinstance(parameters, RemoteParameters):
+                parameters.close()
+        self._figures.close()
+
+    def _follow(self) -> None:
+        while not self._closed.wait(_LOOK_S):
+            self._look()
+        self._discovery.close()
+
+    def _look(self) -> None:
+        """See who is there; the graph changes only if something about it has."""
+        try:
+            self._sight = self._discovery.look()
+        except (OSError, HTTPException, XmlRpcError, rosgraph.MasterException) as error:
+            log.debug("the ROS master does not answer: %s", error)
+        found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
+        self._meet(found)
+        shown = [place for place in found if self._is_settled(place)]
+        key = [(place, type(self.parameters[place.name].current)) for place in shown]
+        if key != self._key:
+            self._key, self.graph = key, to_graph(shown, self.parameters)
+        for parameters in self.parameters.values():
+            if isinstance(parameters, RemoteParameters):
+                parameters.follow()
+
+    def _meet(self, found: Iterable[Place]) -> None:
+        """Get to know the parameters of whoever is new."""
+        for place in found:
+            known = self.parameters.get(place.name)
+            if place.reconfigure and not isinstance(known, RemoteParameters):
+                remote = RemoteParameters(place.path)
+                remote.on_change(partial(self._parameters_changed, place.name))
+                self.parameters[place.name] = remote
+                self._seen_s[place.name] = time.monotonic()
+            elif known is None:
+                self.parameters[place.name] = Parameters(NoParams())
+
+    def _is_settled(self, place: Place) -> bool:
+        parameters = self.parameters[place.name]
+        if not isinstance(parameters, RemoteParameters) or parameters.wait(0):
+            return True
+        return time.monotonic() - self._seen_s[place.name] > _PATIENCE_S
+
+    def _topic_report(self, name: str, publisher: str, window_s: float | None) -> dict[str, Any]:
+        """What is received here; where nobody looks, how often its publisher says to publish."""
+        relay = self._relay(name)
+        told = relay.report(window_s)
+        if not relay.is_open:
+            told["hz"] = told["wall_hz"] = self._figures.hz(publisher, name)
+        return {"type": type_name(Image), **told}
+
+    def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
+        for recording in tuple(self._recordings):
+            recording.put_event(ParameterEvent(name, changed=changed))
+
+    def _relay(self, topic: str) -> Relay:
+        with self._lock:
+            return self._relays.setdefault(topic, Relay(topic))
+
+    def _comes_compressed(self, topic: str) -> bool:
+        return self._compressed and topic in self._sight.compressed

@@ -1,0 +1,363 @@
+"""Looking at nodes in other processes: who is there, what they publish, what is recorded of it."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from sensor_msgs.msg import Image as RosImage
+
+from ros_visualise.data import Image
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.nodes import find
+from ros_visualise.params import Parameters
+from ros_visualise.runtime.ros1.discovery import Peer, survey
+from ros_visualise.runtime.ros1.places import Place, in_order
+from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+
+pytestmark = [
+    pytest.mark.usefixtures("ros_master"),
+    pytest.mark.filterwarnings("ignore::ResourceWarning"),  # rospy leaves sockets to the collector
+    pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
+    pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
+]
+
+PATIENCE_S = 20.0
+
+PEER = """
+import sys, rospy
+from sensor_msgs.msg import Image
+from ros_visualise.nodes import find
+from ros_visualise.params import Parameters
+from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+name, takes, gives = sys.argv[1:4]
+rospy.init_node(name)
+publishers = [rospy.Publisher(gives, Image, queue_size=1) for gives in gives.split()]
+taken = rospy.Subscriber(takes, Image, lambda _: None) if takes else None
+server = ReconfigureServer(Parameters(find(name).params())) if name != "plain" else None
+number = 0
+while not rospy.is_shutdown():
+    number += 1
+    for n, publisher in enumerate(publishers):
+        image = Image(height=2, width=3, step=3, encoding="mono8", data=bytes([n] * 6))
+        image.header.stamp = rospy.Time(number, 5)
+        image.header.frame_id = "camera_optical"
+        publisher.publish(image)
+    rospy.sleep(0.02)
+"""
+
+
+def wait_until(check):
+    end_s = time.monotonic() + PATIENCE_S
+    while not (found := check()):
+        assert time.monotonic() < end_s, "it did not come about"
+        time.sleep(0.01)
+    return found
+
+
+@pytest.fixture
+def peer(ros_master):
+    """``peer(name, takes, gives)`` starts a node that publishes images of 3x2 pixels."""
+    started = []
+
+    def start(name, takes, gives):
+        started.append(subprocess.Popen([sys.executable, "-c", PEER, name, takes, gives]))
+        return started[-1]
+
+    yield start
+    for process in started:
+        process.terminate()
+        process.wait()
+
+
+@pytest.fixture
+def runtime():
+    made = RemoteRuntime()
+    yield made
+    made.close()
+
+
+def node(runtime, name):
+    """The node of that name, as soon as its parameters are known."""
+    found = next((node for node in runtime.graph.nodes if node.name == name), None)
+    known = name == "plain" or (found and vars(found.params))
+    return found if known else None
+
+
+def subscribed(topic):
+    """Whether this process has subscribed to a topic."""
+    _, subscribers, _ = rospy.get_master().getSystemState()[2]
+    return rospy.get_name() in dict(subscribers).get(topic, [])
+
+
+def test_the_survey_finds_images_and_parameters_and_leaves_out_who_looks_on():
+    publishers = [
+        ("/image_raw", ["/camera"]),
+        ("/image_raw/compressed/parameter_descriptions", ["/camera"]),
+        ("/image_raw/compressed", ["/camera"]),
+        ("/edges", ["/edge_detector"]),
+        ("/edge_detector/parameter_descriptions", ["/edge_detector"]),
+        ("/pipeline/a/parameter_descriptions", ["/pipeline"]),
+        ("/rosout_agg", ["/rosout"]),
+        ("/drawn", ["/rviz_1"]),
+        ("/scan", ["/laser"]),
+    ]
+    subscribers = [
+        ("/image_raw", ["/edge_detector", "/record_123", "/own", "/image_view"]),
+        ("/edges", ["/rviz_1", "/rviz_2"]),
+    ]
+    description = "dynamic_reconfigure/ConfigDescription"
+    types = [(t, "sensor_msgs/Image") for t in ("/image_raw", "/edges", "/drawn")]
+    types += [(t, description) for t, _ in publishers if t.endswith("descriptions")]
+    types += [("/image_raw/compressed", "sensor_msgs/CompressedImage"), ("/scan", "a/Scan")]
+    sight = survey(publishers, subscribers, types, "/own")
+    assert sight.peers == (
+        Peer("/camera", ("/image_raw",), (), ()),
+        Peer("/edge_detector", ("/edges",), ("/image_raw",), ("/edge_detector",)),
+        Peer("/image_view", (), ("/image_raw",), ()),
+        Peer("/pipeline", (), (), ("/pipeline/a",)),
+        Peer("/rviz_1", ("/drawn",), ("/edges",), ()),
+    )
+    assert sight.compressed == {"/image_raw"}
+
+
+def test_places_come_after_those_that_they_take_from_and_circles_end():
+    a, b = Place("/a", ("/1",), ("/2",), False), Place("/b", ("/2",), ("/0",), False)
+    c = Place("/c", ("/0",), (), False)
+    assert in_order([a, b, c]) == [c, b, a]
+    x, y = Place("/x", ("/1",), ("/2",), False), Place("/y", ("/2",), ("/1",), False)
+    assert in_order([y, x]) == [x, y]
+    alone = Place("/z", ("/1",), ("/1",), False)
+    assert in_order([alone]) == [alone]
+
+
+def test_nodes_are_found_as_they_come_and_go(runtime, peer):
+    assert node(runtime, "plain") is None
+    process = peer("plain", "", "/far/image_raw")
+    found = wait_until(lambda: node(runtime, "plain"))
+    assert found.outputs == {"/far/image_raw": "/far/image_raw"}
+    assert runtime.graph.topics["/far/image_raw"].type is Image
+    assert vars(runtime.parameters["plain"].current) == {}
+    before = runtime.graph
+    time.sleep(1.2)
+    assert runtime.graph is before, "nothing has changed"
+    process.terminate()
+    wait_until(lambda: node(runtime, "plain") is None)
+
+
+def test_our_nodes_have_their_declared_parameters_and_order(runtime, peer):
+    peer("edge_detector", "/plain/image", "/edges_overlay /edges")
+    peer("plain", "", "/plain/image")
+    wait_until(lambda: node(runtime, "plain") and node(runtime, "edge_detector"))
+    names = [node.name for node in runtime.graph.nodes]
+    assert names.index("plain") < names.index("edge_detector")
+    found = node(runtime, "edge_detector")
+    assert found.params == find("edge_detector").params()
+    assert list(found.outputs) == ["/edges", "/edges_overlay"]
+    assert runtime.graph.topics["/edges_overlay"].on_demand
+    assert not runtime.graph.topics["/edges"].on_demand
+    runtime.parameters["edge_detector"].update({"low": 12})
+    assert rospy.get_param("/edge_detector/low") == 12
+
+
+def test_a_topic_is_subscribed_only_while_somebody_looks(runtime, peer):
+    peer("plain", "", "/plain/image")
+    wait_until(lambda: node(runtime, "plain"))
+    assert not subscribed("/plain/image")
+    first, second = (runtime.subscribe("/plain/image") for _ in range(2))
+    image = first.take(PATIENCE_S)
+    assert isinstance(image, Image)
+    assert image.encoding == "mono8"
+    assert image.header.frame_id == "camera_optical"
+    assert image.header.stamp_ns % 1_000_000_000 == 5
+    assert np.array_equal(image.pixels, np.zeros((2, 3)))
+    assert second.take(PATIENCE_S) is not None
+    first.close()
+    assert subscribed("/plain/image")
+    second.close()
+    wait_until(lambda: not subscribed("/plain/image"))
+
+
+def test_what_is_received_is_reported_in_the_common_layout(runtime, peer):
+    peer("plain", "", "/plain/image")
+    wait_until(lambda: node(runtime, "plain"))
+    idle = runtime.report(2.0)
+    assert idle["topics"]["/plain/image"] == {
+        "type": "sensor_msgs/msg/Image",
+        "messages": 0,
+        "hz": None,
+        "wall_hz": None,
+    }
+    assert idle["nodes"]["plain"]["dropped"] == {}
+    assert idle["nodes"]["plain"]["p50_ms"] is None
+    subscription = runtime.subscribe("/plain/image")
+    wait_until(lambda: runtime.report(2.0)["topics"]["/plain/image"]["messages"] > 5)
+    told = runtime.report()["topics"]["/plain/image"]
+    assert told["hz"] == 1.0, "the stamps are one second apart"
+    assert told["wall_hz"] > 2
+    subscription.close()
+
+
+def diagnostics(name, **values):
+    told = [KeyValue(key.replace("__", "/"), str(value)) for key, value in values.items()]
+    return DiagnosticArray(status=[DiagnosticStatus(name=name, values=told)])
+
+
+def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
+    peer("plain", "", "/plain/image")
+    wait_until(lambda: node(runtime, "plain"))
+    publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+    told = diagnostics("/plain", received=9, dropped__rate=3, dropped__queue=2, p50_ms=1.5, x="-")
+    told.status[0].values.append(KeyValue("topics//plain/image/hz", "49.5"))
+    told.status[0].values.append(KeyValue("p99_ms", "a lot"))
+    wait_until(lambda: publisher.publish(told) or runtime.report()["nodes"]["plain"]["received"])
+    publisher.unregister()
+    report = runtime.report(2.0)
+    assert report["nodes"]["plain"] == {
+        "received": 9,
+        "processed": 0,
+        "dropped": {"rate": 3, "queue": 2},
+        "p50_ms": 1.5,
+        "p99_ms": None,
+        "step_ms": None,
+    }
+    assert report["topics"]["/plain/image"]["hz"] == 49.5
+
+
+def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
+    """As the pipeline executable does it: this process plays it, another looks."""
+    servers = [
+        ReconfigureServer(Parameters(find(name).params()), name)
+        for name in ("filters", "edge_detector")
+    ]
+    publishers = [rospy.Publisher(f"/shared/{name}", RosImage, queue_size=1) for name in "ab"]
+    told = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+    looking = subprocess.Popen(
+        [sys.executable, "-c", LOOKING], stdout=subprocess.PIPE, text=True, stdin=subprocess.PIPE
+    )
+    ended = threading.Event()
+
+    def tell():
+        while not ended.wait(0.1):
+            for name, topic in (("filters", "/shared/a"), ("edge_detector", "/shared/b")):
+                array = diagnostics(f"/tests/{name}")
+                array.status[0].values.append(KeyValue(f"topics/{topic}/hz", "3.0"))
+                if name == "edge_detector":
+                    array.status[0].values.append(KeyValue("inputs/image", "/shared/a"))
+                told.publish(array)
+
+    thread = threading.Thread(target=tell)
+    thread.start()
+    try:
+        seen, _ = looking.communicate(timeout=60)
+    finally:
+        ended.set()
+        thread.join()
+        looking.kill()
+        for one in (*servers,):
+            one.close()
+        for publisher in (*publishers, told):
+            publisher.unregister()
+    assert seen.split("\n")[:2] == [
+        "tests/filters ['/shared/a'] []",
+        "tests/edge_detector ['/shared/b'] ['/shared/a']",
+    ]
+
+
+LOOKING = """
+import time, rospy
+try: import bshim
+except ImportError: pass
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+rospy.init_node("looking")
+runtime = RemoteRuntime()
+end_s = time.monotonic() + 20
+while time.monotonic() < end_s:
+    shown = [n for n in runtime.graph.nodes if n.name.startswith("tests")]
+    if len(shown) == 2 and all(n.outputs for n in shown):
+        break
+    time.sleep(0.05)
+for node in shown:
+    print(node.name, list(node.outputs), list(node.inputs))
+runtime.close()
+"""
+
+
+def test_a_recording_takes_every_topic_in_the_order_of_arrival(runtime, peer, tmp_path):
+    from mcap.reader import make_reader
+
+    peer("plain", "", "/plain/a /plain/b /plain/silent_one")
+    peer("edge_detector", "/plain/a", "/edges")
+    wait_until(lambda: len(runtime.graph.topics) >= 4 and node(runtime, "edge_detector"))
+    path = tmp_path / "run.mcap"
+    recording = runtime.start_recording(path)
+    with pytest.raises(UsageError, match="is being recorded already"):
+        runtime.start_recording(path, overwrite=True)
+    wait_until(lambda: recording.written > 20)
+    runtime.parameters["edge_detector"].update({"low": 3})
+    written = recording.written
+    wait_until(lambda: recording.written > written + 8)
+    assert runtime.report()["recordings"] == {
+        str(path): {"messages": recording.written, "dropped": 0}
+    }
+    runtime.stop_recording(recording)
+    runtime.stop_recording(recording)
+    wait_until(lambda: not subscribed("/plain/a"))
+    with path.open("rb") as file:
+        messages = list(make_reader(file).iter_messages(log_time_order=False))
+    by_topic = {}
+    for _, channel, message in messages:
+        by_topic.setdefault(channel.topic, []).append(message.log_time)
+    assert set(by_topic) == {"/plain/a", "/plain/b", "/plain/silent_one", "/edges"} | {
+        "/parameter_events"
+    }
+    for topic in ("/plain/a", "/plain/b", "/edges"):
+        assert by_topic[topic] == sorted(by_topic[topic])
+        assert len(by_topic[topic]) > 3
+    assert sum(map(len, by_topic.values())) - len(by_topic["/parameter_events"]) == (
+        recording.written
+    )
+    with pytest.raises(OpenError, match="exists"):
+        runtime.start_recording(path)
+
+
+def test_a_topic_that_falls_silent_holds_up_no_recording(runtime, peer, tmp_path):
+    silent = rospy.Publisher("/silent", RosImage, queue_size=1)
+    loud = rospy.Publisher("/loud", RosImage, queue_size=1)
+    other = subprocess.Popen([sys.executable, "-c", RECORDING, str(tmp_path / "run.mcap")])
+    image = RosImage(height=1, width=1, step=1, encoding="mono8", data=b"x")
+    try:
+        wait_until(lambda: silent.get_num_connections() and loud.get_num_connections())
+        while other.poll() is None:
+            loud.publish(image)
+            time.sleep(0.01)
+        assert other.returncode == 0
+    finally:
+        other.kill()
+        other.wait()
+        silent.unregister()
+        loud.unregister()
+
+
+RECORDING = """
+import sys, time, rospy
+try: import bshim
+except ImportError: pass
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+rospy.init_node("recording")
+runtime = RemoteRuntime()
+while not {"/silent", "/loud"} <= set(runtime.graph.topics):
+    time.sleep(0.05)
+recording = runtime.start_recording(sys.argv[1])
+end_s = time.monotonic() + 20
+while recording.written < 10 and time.monotonic() < end_s:
+    time.sleep(0.02)
+enough = recording.written >= 10
+runtime.close()
+sys.exit(not enough)
+"""
