@@ -1,22 +1,20 @@
-"""A real ROS 1 master for the tests, and our executables as processes of its graph."""
+"""Fixtures that need ROS 1: a master, and our executables as processes of its graph."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
-import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from ros_graph import Master, is_ready, wait_for
 
 NODES = Path(__file__).parents[2] / "nodes"
 _MISSING = "ROS 1 is not installed here; on Debian: sh tests/install-debian-packages.sh"
-_PATIENCE_S = 20.0
 
 
 class _WithoutRos(pytest.Module):
@@ -31,73 +29,6 @@ def pytest_pycollect_makemodule(module_path: Path, parent: Any) -> Any:
     if importlib.util.find_spec("rospy") is None:
         return _WithoutRos.from_parent(parent, path=module_path)
     return None
-
-
-def wait_for(condition: Callable[[], Any], what: str, patience_s: float = _PATIENCE_S) -> Any:
-    """What the condition gives as soon as it gives something."""
-    end_s = time.monotonic() + patience_s
-    while time.monotonic() < end_s:
-        if found := condition():
-            return found
-        time.sleep(0.02)
-    return pytest.fail(f"waited {patience_s:g} s for {what}")
-
-
-def free_port() -> int:
-    with socket.socket() as listener:
-        listener.bind(("127.0.0.1", 0))
-        return int(listener.getsockname()[1])
-
-
-class Master:
-    """A roscore of its own, and processes in its environment."""
-
-    def __init__(self, folder: Path) -> None:
-        port = free_port()
-        self.uri = f"http://127.0.0.1:{port}"
-        self.environment = {
-            **os.environ,
-            "PATH": f"/usr/bin:{os.environ['PATH']}",  # whose python3 the tools of ROS need
-            "ROS_MASTER_URI": self.uri,
-            "ROS_IP": "127.0.0.1",
-            "ROS_HOME": str(folder),
-            "ROS_LOG_DIR": str(folder / "log"),
-            "PYTHONUNBUFFERED": "1",
-        }
-        self.core = self.run("roscore", "-p", str(port))
-        wait_for(self.answers, "roscore")
-
-    def run(self, *command: str, **options: Any) -> subprocess.Popen[str]:
-        """A process in this environment, with its output as text."""
-        options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, **options}
-        return subprocess.Popen(command, env=self.environment, text=True, **options)
-
-    def call(self, *command: str, timeout_s: float = 30.0) -> str:
-        """The output of a command that ends by itself."""
-        done = subprocess.run(
-            command, env=self.environment, text=True, capture_output=True, timeout=timeout_s
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
-        return done.stdout
-
-    def answers(self) -> bool:
-        import rosgraph
-
-        return bool(rosgraph.is_master_online(self.uri))
-
-    def stop(self) -> None:
-        end(self.core)
-
-
-def end(process: subprocess.Popen[str]) -> str:
-    """Stop a process, if it still runs; all that it printed."""
-    if process.poll() is None:
-        process.terminate()
-    try:
-        return process.communicate(timeout=10)[0] or ""
-    except subprocess.TimeoutExpired:
-        process.kill()
-        return process.communicate()[0] or ""
 
 
 @pytest.fixture(scope="session")
@@ -136,9 +67,3 @@ def start(ros_master: Master) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     for process in started:
         process.kill()
         process.communicate()
-
-
-def is_ready(master: Any, node: str, process: subprocess.Popen[str]) -> bool:
-    assert process.poll() is None, process.communicate()[0]
-    _, _, services = master.getSystemState()
-    return any(name.startswith(f"{node}/") and "set_parameters" in name for name, _ in services)
