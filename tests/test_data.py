@@ -3,7 +3,7 @@ import threading
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, Deferred, Image
+from ros_visualise.data import ENCODINGS, Deferred, Image, Odometry, Path, PoseStamped
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -64,3 +64,29 @@ def test_deferred_pixels_are_made_once_whoever_asks():
     assert made == [1]
     assert all(pixels is seen[0] for pixels in seen)
     assert not seen[0].flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("make", "wrong"),
+    [
+        (lambda: PoseStamped(np.zeros(2), np.zeros(4)), "PoseStamped.position_xyz"),
+        (lambda: PoseStamped(np.zeros(3), np.zeros(3)), "PoseStamped.quat_xyzw"),
+        (lambda: Odometry(np.zeros(3), np.zeros(4), np.zeros(1)), "Odometry.linear_xyz"),
+        (
+            lambda: Odometry(np.zeros(3), np.zeros(4), twist_covariance=np.zeros(36)),
+            "Odometry.twist_covariance",
+        ),
+        (lambda: Path(np.zeros(2), np.zeros((2, 3)), np.zeros((1, 4))), "Path.quats_xyzw"),
+        (lambda: Path(np.zeros(2), np.zeros((3, 2)), np.zeros((2, 4))), "Path.positions_xyz"),
+    ],
+)
+def test_poses_of_other_shapes_are_refused_by_name(make, wrong):
+    with pytest.raises(ValueError, match=wrong):
+        make()
+
+
+def test_poses_are_numbers_that_cannot_be_written():
+    pose = PoseStamped([1, 2, 3], [0, 0, 0, 1])
+    assert pose.position_xyz.dtype == pose.quat_xyzw.dtype == np.float64
+    with pytest.raises(ValueError, match="read-only"):
+        pose.position_xyz[0] = 2

@@ -3,14 +3,23 @@
 from collections.abc import Callable
 from dataclasses import replace
 from enum import Enum
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
-from ros_visualise.data import ENCODINGS, CameraInfo, Header, Image, ParameterEvent
+from ros_visualise.data import (
+    ENCODINGS,
+    CameraInfo,
+    CompressedImage,
+    Header,
+    Image,
+    Odometry,
+    ParameterEvent,
+    Path,
+    PoseStamped,
+)
 from ros_visualise.messages import data_class, from_message, to_message, type_name
 
 ROS1 = get_typestore(Stores.ROS1_NOETIC)
@@ -62,15 +71,16 @@ def test_a_cut_out_is_written_as_it_looks() -> None:
 
 
 def message(encoding: str, height: int, width: int, step: int, data: Any, big: int = 0) -> Any:
-    header = SimpleNamespace(stamp=SimpleNamespace(sec=0, nanosec=0), frame_id="")
-    return SimpleNamespace(
-        header=header,
+    types = ROS2.types
+    stamp = types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    return types["sensor_msgs/msg/Image"](
+        header=types["std_msgs/msg/Header"](stamp=stamp, frame_id=""),
         encoding=encoding,
         height=height,
         width=width,
         step=step,
         is_bigendian=big,
-        data=data,
+        data=np.frombuffer(data, np.uint8),
     )
 
 
@@ -105,8 +115,86 @@ def test_sizes_that_contradict_are_refused(step: int, size: int, expected: str) 
 
 
 def test_an_unknown_encoding_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"'yuv422'; known are mono8, mono16"):
-        from_message(message("yuv422", 1, 2, 4, bytes(4)), Image)
+    with pytest.raises(ValueError, match=r"'nv21'; known are mono8, mono16"):
+        from_message(message("nv21", 1, 2, 4, bytes(4)), Image)
+
+
+def test_depth_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match=r"'32FC1' holds measurements \(depth\)"):
+        from_message(message("32FC1", 1, 2, 8, bytes(8)), Image)
+
+
+@pytest.mark.parametrize(
+    ("name", "encoding"),
+    [("8UC1", "mono8"), ("8UC3", "bgr8"), ("8UC4", "bgra8"), ("16UC1", "mono16")],
+)
+def test_the_names_of_opencv_are_read_as_cv_bridge_reads_them(name: str, encoding: str) -> None:
+    image = random_image(encoding)
+    sent = replace(to_message(image, ROS2.types), encoding=name)
+    found = from_message(sent, Image)
+    assert found.encoding == encoding
+    np.testing.assert_array_equal(found.pixels, image.pixels)
+    assert np.shares_memory(found.pixels, image.pixels)
+
+
+# luma 16-235, chroma around 128, by ITU-R BT.601
+RED, BLUE, WHITE = (82, 90, 240), (41, 240, 110), (235, 128, 128)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "order"),
+    [("yuv422", "UYVY"), ("uyvy", "UYVY"), ("yuv422_yuy2", "YUYV"), ("yuyv", "YUYV")],
+)
+def test_what_usb_cameras_send_is_read_as_bgr8(encoding: str, order: str) -> None:
+    data = b""
+    for y, u, v in (RED, BLUE, WHITE):
+        values = {"U": [u], "V": [v], "Y": [y, y]}
+        data += bytes(values[name].pop() for name in order)
+    found = from_message(message(encoding, 3, 2, 4, data), Image)
+    assert (found.encoding, found.height, found.width) == ("bgr8", 3, 2)
+    expected = np.repeat(np.array([[[0, 0, 255]], [[255, 0, 0]], [[255, 255, 255]]]), 2, axis=1)
+    np.testing.assert_allclose(found.pixels, expected, atol=3)
+
+
+def test_pairs_of_pixels_make_even_widths() -> None:
+    with pytest.raises(ValueError, match="yuv422 of an odd width, 3 pixels"):
+        from_message(message("yuv422", 1, 3, 6, bytes(6)), Image)
+
+
+def test_pixels_are_not_copied_on_the_way_in_and_cannot_be_written() -> None:
+    sent = message("bgr8", 2, 2, 6, bytearray(range(12)))
+    found = from_message(sent, Image)
+    assert np.shares_memory(found.pixels, sent.data)
+    with pytest.raises(ValueError, match="read-only"):
+        found.pixels[0, 0] = 1
+
+
+def test_16_bit_at_an_odd_address_is_as_any_other() -> None:
+    data = np.frombuffer(bytes(range(9)), np.uint8)[1:]
+    found = from_message(replace(message("mono16", 2, 2, 4, b""), data=data), Image)
+    assert found.pixels.flags.aligned
+    np.testing.assert_array_equal(found.pixels, [[0x0201, 0x0403], [0x0605, 0x0807]])
+
+
+@pytest.mark.parametrize("stamp_ns", [-1, -(10**9), 2**31 * 10**9, 2**63])
+def test_stamps_that_ros_cannot_hold_are_refused(stamp_ns: int) -> None:
+    image = replace(random_image("mono8"), header=Header(stamp_ns))
+    with pytest.raises(ValueError, match="from 1970 to 2038"):
+        to_message(image, ROS1.types)
+
+
+@pytest.mark.parametrize("stamp_ns", [0, 1, 10**9 - 1, 2**31 * 10**9 - 1])
+def test_the_first_and_the_last_stamps_survive(stamp_ns: int) -> None:
+    image = replace(random_image("mono8"), header=Header(stamp_ns))
+    assert from_message(through_ros1(image), Image).header.stamp_ns == stamp_ns
+
+
+@pytest.mark.parametrize("through", [through_ros1, through_ros2])
+def test_compressed_images_survive(through: Callable[..., Any]) -> None:
+    image = CompressedImage(np.arange(9, dtype=np.uint8), "bgr8; jpeg compressed bgr8", HEADER)
+    found = from_message(through(image), CompressedImage)
+    assert (found.format, found.header) == (image.format, HEADER)
+    np.testing.assert_array_equal(found.data, image.data)
 
 
 CAMERA = CameraInfo(
@@ -133,6 +221,52 @@ def test_calibrations_survive(through: Callable[..., Any]) -> None:
 def test_an_unrectified_camera_projects_by_its_own_matrix() -> None:
     found = from_message(through_ros2(replace(CAMERA, P=None)), CameraInfo)
     np.testing.assert_array_equal(found.P, np.column_stack([CAMERA.K, np.zeros(3)]))
+
+
+def test_an_uncalibrated_camera_has_its_size_alone() -> None:
+    found = from_message(through_ros1(CameraInfo.uncalibrated(480, 640)), CameraInfo)
+    assert (found.height, found.width, found.distortion_model) == (480, 640, "")
+    assert not found.K.any()
+    assert not found.P.any()
+    assert len(found.D) == 0
+    np.testing.assert_array_equal(found.R, np.eye(3))
+
+
+def numbers(*shape: int) -> Any:
+    return np.random.default_rng(3).normal(size=shape)
+
+
+ODOMETRY = Odometry(
+    position_xyz=numbers(3),
+    quat_xyzw=numbers(4),
+    linear_xyz=numbers(3) + 1,
+    angular_xyz=numbers(3) + 2,
+    pose_covariance=numbers(6, 6),
+    twist_covariance=numbers(6, 6) + 1,
+    child_frame_id="base_link",
+    header=HEADER,
+)
+POSE = PoseStamped(numbers(3), numbers(4), HEADER)
+PATH = Path(np.array([0, 5, 1_700_000_000_123_456_789]), numbers(3, 3), numbers(3, 4) + 1, HEADER)
+NO_PATH = Path(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)), HEADER)
+
+
+@pytest.mark.parametrize("data", [ODOMETRY, POSE, PATH, NO_PATH])
+@pytest.mark.parametrize("through", [through_ros1, through_ros2])
+def test_poses_survive(through: Callable[..., Any], data: Any) -> None:
+    found = from_message(through(data), type(data))
+    assert vars(found).keys() == vars(data).keys()
+    for name, value in vars(data).items():
+        np.testing.assert_array_equal(getattr(found, name), value, err_msg=name)
+
+
+def test_the_poses_of_a_path_have_its_frame_and_times_of_their_own() -> None:
+    first, second, third = through_ros1(PATH).poses
+    assert {p.header.frame_id for p in (first, second, third)} == {HEADER.frame_id}
+    assert (second.header.stamp.sec, second.header.stamp.nanosec) == (0, 5)
+    assert (third.header.stamp.sec, third.header.stamp.nanosec) == (1_700_000_000, 123_456_789)
+    with pytest.raises(ValueError, match=r"stamp of -1 s: .* from 1970 to 2038"):
+        to_message(replace(PATH, stamps_ns=np.array([0, -1, 0])), ROS1.types)
 
 
 class Method(Enum):
@@ -176,9 +310,10 @@ def test_classes_with_slots_are_filled() -> None:
     class Slotted:
         __slots__ = ("data", "encoding", "header", "height", "is_bigendian", "step", "width")
 
-        def __init__(self, **fields: Any) -> None:
-            assert fields.keys() == set(self.__slots__)
-            self.step = fields["step"]
+        def __init__(self, *values: Any) -> None:
+            for name, value in zip(self.__slots__, values, strict=True):
+                setattr(self, name, value)
 
     types = {**ROS1.types, "sensor_msgs/msg/Image": Slotted}
-    assert to_message(random_image("rgba8"), types).step == 20
+    found = to_message(random_image("rgba8"), types)
+    assert (found.encoding, found.height, found.step, found.width) == ("rgba8", 3, 20, 5)

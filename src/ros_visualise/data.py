@@ -17,6 +17,7 @@ import numpy.typing as npt
 from ros_visualise.params import Value
 
 Pixels = npt.NDArray[Any]
+Floats = npt.NDArray[np.float64]
 
 _BAYER = ("rggb", "bggr", "gbrg", "grbg")
 ENCODINGS: dict[str, tuple[str, int]] = {
@@ -90,6 +91,12 @@ class CameraInfo:
     P: npt.NDArray[np.float64] | None = None
     distortion_model: str = "plumb_bob"
 
+    @classmethod
+    def uncalibrated(cls, height: int, width: int) -> CameraInfo:
+        """What ROS says of a camera that nobody has calibrated: its size, and ``K`` all zero."""
+        zero = np.zeros((3, 4))
+        return cls(height, width, K=zero[:, :3], D=np.zeros(0), P=zero, distortion_model="")
+
 
 @dataclass(frozen=True, eq=False)
 class Image:
@@ -144,6 +151,67 @@ class Image:
         return len(self.data.shape) == 3
 
 
+@dataclass(frozen=True, eq=False)
+class CompressedImage:
+    """An image as JPEG or PNG; ``format`` is as image_transport writes it."""
+
+    data: npt.NDArray[np.uint8]
+    format: str
+    header: Header = Header()
+
+
+@dataclass(frozen=True, eq=False)
+class PoseStamped:
+    """Where something is in the frame of its header: position (3,) in metres, quaternion (4,)."""
+
+    position_xyz: Floats
+    quat_xyzw: Floats
+    header: Header = Header()
+
+    def __post_init__(self) -> None:
+        _keep(self, position_xyz=(3,), quat_xyzw=(4,))
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry:
+    """A pose in the frame of its header, and velocities in the frame ``child_frame_id``.
+
+    ``position_xyz`` (3,) in metres and ``quat_xyzw`` (4,); ``linear_xyz`` (3,) in m/s and
+    ``angular_xyz`` (3,) in rad/s; covariances 6x6 in the order x, y, z, and rotations about them.
+    """
+
+    position_xyz: Floats
+    quat_xyzw: Floats
+    linear_xyz: Floats = field(default_factory=lambda: np.zeros(3))
+    angular_xyz: Floats = field(default_factory=lambda: np.zeros(3))
+    pose_covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+    twist_covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+    child_frame_id: str = ""
+    header: Header = Header()
+
+    def __post_init__(self) -> None:
+        _keep(self, position_xyz=(3,), quat_xyzw=(4,), linear_xyz=(3,), angular_xyz=(3,))
+        _keep(self, pose_covariance=(6, 6), twist_covariance=(6, 6))
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Poses in the frame of its header, in the order in which they were passed.
+
+    ``stamps_ns`` (N,), ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    positions_xyz: Floats
+    quats_xyzw: Floats
+    header: Header = Header()
+
+    def __post_init__(self) -> None:
+        count = len(self.stamps_ns)
+        _keep(self, np.int64, stamps_ns=(count,))
+        _keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
+
+
 @dataclass(frozen=True)
 class ParameterEvent:
     """Parameters of one node at a time: ``new`` as it starts, ``changed`` when one is moved."""
@@ -154,8 +222,21 @@ class ParameterEvent:
     header: Header = Header()
 
 
-MESSAGES: tuple[type, ...] = (Image, ParameterEvent)
+MESSAGES: tuple[type, ...] = (Image, Odometry, PoseStamped, Path, ParameterEvent)
 """What can travel on a topic: each has a `Header`."""
+
+
+def _keep(message: Any, dtype: npt.DTypeLike = np.float64, **shapes: tuple[int, ...]) -> None:
+    """Make fields of a frozen message read-only arrays of that type and these shapes.
+
+    Raises:
+        ValueError: one is of another shape.
+    """
+    for name, shape in shapes.items():
+        array = np.asarray(getattr(message, name), dtype)
+        if array.shape != shape:
+            raise ValueError(f"{type(message).__name__}.{name} is {array.shape}, not {shape}")
+        object.__setattr__(message, name, _read_only(array))
 
 
 def _read_only(pixels: Pixels) -> Pixels:

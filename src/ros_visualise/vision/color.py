@@ -72,6 +72,16 @@ def demosaic(mosaic: Pixels, encoding: str) -> Pixels:
     return np.ascontiguousarray(cv2.cvtColor(wide, code)[2:-2, 2:-2])
 
 
+def yuv422_to_bgr(packed: Pixels, order: str) -> Pixels:
+    """BGR of two bytes per pixel, where two neighbours share their colour.
+
+    Args:
+        packed: (height, width, 2), of an even width.
+        order: of the bytes of two pixels, ``UYVY`` or ``YUYV``.
+    """
+    return cv2.cvtColor(packed, getattr(cv2, f"COLOR_YUV2BGR_{order}"))
+
+
 def keep_alpha(process: Callable[[Pixels], Pixels], pixels: Pixels) -> Pixels:
     """Process the colours of an image and give the result the alpha that it had."""
     if pixels.shape[2:] != (4,):

@@ -1,0 +1,106 @@
+"""Making and reading messages whose classes the caller brings.
+
+The table holds the ROS 2 names of the fields in lower case; what a version of a message names
+differently (``K`` and ``k``, ``secs`` and ``sec``) or lacks is found out here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Header
+
+Types = Mapping[str, Callable[..., Any]]
+
+_NS = 1_000_000_000
+_SECONDS = 2**31  # what ROS 2 holds; ROS 1 has one bit more
+_SAME_AS = {"secs": "sec", "nsecs": "nanosec"}  # genpy's names
+
+
+class Fields(NamedTuple):
+    """A message before its class is known: the name of its type, and its fields."""
+
+    type_name: str
+    values: Mapping[str, Any]
+
+
+class Columns(NamedTuple):
+    """Many messages of one type before their class is known: each field's values in a row."""
+
+    type_name: str
+    values: Mapping[str, Iterable[Any] | Columns]
+
+
+def build(value: Any, types: Types) -> Any:
+    """The message or messages for `Fields`, `Columns`, or a list of them; anything else as it is.
+
+    Classes take their fields in order.
+    """
+    if isinstance(value, Fields):
+        cls, values = types[value.type_name], value.values
+        return cls(*[build(values[name], types) for name in field_names(cls)])
+    if isinstance(value, Columns):
+        cls, columns = types[value.type_name], value.values
+        return list(map(cls, *[build(columns[name], types) for name in field_names(cls)]))
+    return [build(item, types) for item in value] if isinstance(value, list) else value
+
+
+@cache
+def field_names(cls: Any) -> dict[str, str]:
+    """The fields of a message class in its order: the table's name -> its own name."""
+    slots = next(filter(None, (getattr(base, "__slots__", ()) for base in cls.__mro__)), None)
+    names = slots or [one.name for one in fields(cls)]
+    lowered = {name: name.lower() for name in names if not name.startswith("_")}
+    return {_SAME_AS.get(low, low): name for name, low in lowered.items()}
+
+
+def field(message: Any, name: str) -> Any:
+    """A field by the table's name."""
+    return getattr(message, field_names(message.__class__)[name])
+
+
+def time(stamp_ns: int) -> Fields:
+    """A time.
+
+    Raises:
+        ValueError: ROS cannot hold it.
+    """
+    sec, nanosec = divmod(stamp_ns, _NS)
+    if not 0 <= sec < _SECONDS:
+        raise _no_time(sec)
+    return Fields("builtin_interfaces/msg/Time", {"sec": sec, "nanosec": nanosec})
+
+
+def times(stamps_ns: npt.NDArray[np.int64]) -> Columns:
+    """Many times; as `time`."""
+    sec, nanosec = np.divmod(stamps_ns, _NS)
+    for wrong in sec[(sec < 0) | (sec >= _SECONDS)]:
+        raise _no_time(wrong)
+    columns = {"sec": sec.tolist(), "nanosec": nanosec.tolist()}
+    return Columns("builtin_interfaces/msg/Time", columns)
+
+
+def read_time(time: Any) -> int:
+    """Nanoseconds of a time."""
+    return int(field(time, "sec")) * _NS + int(field(time, "nanosec"))
+
+
+def header(header: Header) -> Fields:
+    """A header; ROS 1 numbers messages itself when it sends them."""
+    values = {"seq": 0, "stamp": time(header.stamp_ns), "frame_id": header.frame_id}
+    return Fields("std_msgs/msg/Header", values)
+
+
+def read_header(header: Any) -> Header:
+    """Our header for a message's."""
+    return Header(read_time(header.stamp), str(header.frame_id))
+
+
+def _no_time(sec: int) -> ValueError:
+    return ValueError(f"a stamp of {sec} s: ROS holds times from 1970 to 2038 alone")

@@ -1,0 +1,136 @@
+"""Images and calibrations <-> messages of sensor_msgs."""
+
+from __future__ import annotations
+
+import sys
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import (
+    ENCODINGS,
+    CameraInfo,
+    CompressedImage,
+    Deferred,
+    Header,
+    Image,
+    Pixels,
+)
+from ros_visualise.messages.build import Fields, field, header, read_header
+from ros_visualise.vision.color import yuv422_to_bgr
+
+_ALSO_CALLED = {
+    "8UC1": "mono8",
+    "8UC3": "bgr8",
+    "8UC4": "bgra8",
+    "16UC1": "mono16",
+    "16UC3": "bgr16",
+    "16UC4": "bgra16",
+}
+"""OpenCV's own names, which say nothing of colours -> what cv_bridge takes them for."""
+
+_YUV422 = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUYV"}
+"""What many cameras send -> the order of its bytes. They are read as bgr8."""
+
+
+def write_image(image: Image, _: Header) -> dict[str, Any]:
+    """The fields of a sensor_msgs/msg/Image, with the pixels as they lie in memory."""
+    pixels = np.ascontiguousarray(image.pixels)
+    return {
+        "header": header(image.header),
+        "height": image.height,
+        "width": image.width,
+        "encoding": image.encoding,
+        "is_bigendian": int(pixels.itemsize > 1 and sys.byteorder == "big"),
+        "step": pixels.nbytes // image.height if image.height else 0,
+        "data": pixels.reshape(-1).view(np.uint8),
+    }
+
+
+def read_image(message: Any) -> Image:
+    """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be."""
+    name = str(message.encoding)
+    encoding = _ALSO_CALLED.get(name, name)
+    found = read_header(message.header)
+    if name in _YUV422:
+        return Image(_yuv422(message, _YUV422[name]), "bgr8", found)
+    if encoding not in ENCODINGS:
+        raise ValueError(_unknown(name))
+    return Image(_pixels(message, *ENCODINGS[encoding]), encoding, found)
+
+
+def _unknown(encoding: str) -> str:
+    if encoding.startswith(("32F", "64F")):
+        return f"image encoding {encoding!r} holds measurements (depth), not gray or colours"
+    known = ", ".join((*ENCODINGS, *_ALSO_CALLED, *_YUV422))
+    return f"unknown image encoding {encoding!r}; known are {known}"
+
+
+def _pixels(message: Any, dtype: str, channels: int) -> Pixels:
+    height, width, step = int(message.height), int(message.width), int(message.step)
+    stored = np.dtype(dtype).newbyteorder(">" if message.is_bigendian else "<")
+    row = width * channels * stored.itemsize
+    flat = np.frombuffer(message.data, np.uint8)
+    if step < row or flat.size != step * height:
+        raise ValueError(
+            f"{message.encoding} of {width}x{height} with a step of {step} bytes needs"
+            f" {max(step, row) * height} bytes, but the message holds {flat.size}"
+        )
+    rows = np.ascontiguousarray(flat.reshape(height, step)[:, :row])
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    pixels: Pixels = rows.view(stored).reshape(shape).astype(dtype, copy=False)
+    return pixels if pixels.flags.aligned else pixels.copy()
+
+
+def _yuv422(message: Any, order: str) -> Deferred:
+    if message.width % 2:
+        raise ValueError(f"{message.encoding} of an odd width, {message.width} pixels")
+    packed = _pixels(message, "uint8", 2)
+    shape = (*packed.shape[:2], 3)
+    return Deferred(shape, np.uint8, partial(yuv422_to_bgr, packed, order))
+
+
+def write_compressed(image: CompressedImage, _: Header) -> dict[str, Any]:
+    """The fields of a sensor_msgs/msg/CompressedImage."""
+    return {"header": header(image.header), "format": image.format, "data": image.data}
+
+
+def read_compressed(message: Any) -> CompressedImage:
+    """The compressed image in a sensor_msgs/msg/CompressedImage."""
+    data = np.frombuffer(message.data, np.uint8)
+    return CompressedImage(data, str(message.format), read_header(message.header))
+
+
+def write_camera_info(info: CameraInfo, of_image: Header) -> dict[str, Any]:
+    """The fields of a sensor_msgs/msg/CameraInfo with the header of its image."""
+    P = np.column_stack([info.K, np.zeros(3)]) if info.P is None else info.P
+    matrices = {"d": info.D, "k": info.K, "r": info.R, "p": P}
+    whole_image = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
+    return {
+        "header": header(of_image),
+        "height": info.height,
+        "width": info.width,
+        "distortion_model": info.distortion_model,
+        **{name: np.asarray(m, np.float64).ravel() for name, m in matrices.items()},
+        "binning_x": 0,
+        "binning_y": 0,
+        "roi": Fields("sensor_msgs/msg/RegionOfInterest", {**whole_image, "do_rectify": False}),
+    }
+
+
+def read_camera_info(message: Any) -> CameraInfo:
+    """The calibration in a sensor_msgs/msg/CameraInfo."""
+
+    def matrix(name: str, *shape: int) -> Any:
+        return np.array(field(message, name), np.float64).reshape(shape)
+
+    return CameraInfo(
+        height=int(message.height),
+        width=int(message.width),
+        K=matrix("k", 3, 3),
+        D=matrix("d", -1),
+        R=matrix("r", 3, 3),
+        P=matrix("p", 3, 4),
+        distortion_model=str(message.distortion_model),
+    )
