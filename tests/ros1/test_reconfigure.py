@@ -7,6 +7,7 @@ import threading
 import time
 from dataclasses import asdict, dataclass
 from enum import Enum
+from functools import partial
 
 import pytest
 import rospy
@@ -19,6 +20,7 @@ from dynamic_reconfigure.msg import (
     StrParameter,
 )
 from dynamic_reconfigure.srv import Reconfigure
+from ros_graph import wait_for
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.nodes import find
@@ -32,6 +34,8 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
 ]
+
+wait_until = partial(wait_for, what="it to come about")
 
 DYNPARAM = ("/usr/bin/python3", "/usr/lib/dynamic_reconfigure/dynparam")
 
@@ -87,13 +91,6 @@ def latched(node, topic, message_class):
 
 def values_in(config):
     return {p.name: p.value for p in config.bools + config.ints + config.strs + config.doubles}
-
-
-def wait_until(check):
-    end_s = time.monotonic() + 20
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
 
 
 def set_over_ros(node, **kinds):

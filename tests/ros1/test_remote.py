@@ -4,11 +4,13 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from ros_graph import wait_for
 from sensor_msgs.msg import Image as RosImage
 
 from ros_visualise.data import Image
@@ -26,6 +28,8 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning"),
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
 ]
+
+wait_until = partial(wait_for, what="it to come about")
 
 PATIENCE_S = 20.0
 
@@ -50,14 +54,6 @@ while not rospy.is_shutdown():
         publisher.publish(image)
     rospy.sleep(0.02)
 """
-
-
-def wait_until(check):
-    end_s = time.monotonic() + PATIENCE_S
-    while not (found := check()):
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
-    return found
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import threading
 import time
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 import rospy
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import ConfigDescription, Group, ParamDescription
+from ros_graph import wait_for
 
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.nodes import find
@@ -30,6 +32,8 @@ QUIET = [
     pytest.mark.filterwarnings("ignore:notifyAll:DeprecationWarning"),  # rospy's threads
 ]
 pytestmark = [pytest.mark.usefixtures("ros_master"), *QUIET]
+
+wait_until = partial(wait_for, what="it to come about")
 
 PATIENCE_S = 20.0
 
@@ -56,13 +60,6 @@ class Own:
     blur: Blur = param(Blur.BOX, "a choice")
     lit: bool = param(True, "a switch", group="more")
     name: str = param("x", "a text", group="more")
-
-
-def wait_until(check):
-    end_s = time.monotonic() + PATIENCE_S
-    while not check():
-        assert time.monotonic() < end_s, "it did not come about"
-        time.sleep(0.01)
 
 
 @pytest.fixture
