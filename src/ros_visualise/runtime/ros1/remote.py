@@ -54,6 +54,7 @@ class RemoteRuntime:
     def __init__(self, compressed: bool = False) -> None:
         self.graph = Graph(())
         self.parameters: dict[str, Parameters[Any]] = {}
+        self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
         self._discovery = Discovery()
         self._sight = Sight((), frozenset())
@@ -126,7 +127,7 @@ class RemoteRuntime:
         self._thread.join(_CLOSE_S)
         for relay in tuple(self._relays.values()):
             relay.close()
-        for parameters in tuple(self.parameters.values()):
+        for parameters in tuple(self._met.values()):
             if isinstance(parameters, RemoteParameters):
                 parameters.close()
         self._figures.close()
@@ -145,27 +146,28 @@ class RemoteRuntime:
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
         self._meet(found)
         shown = [place for place in found if self._is_settled(place)]
-        key = [(place, type(self.parameters[place.name].current)) for place in shown]
+        key = [(place, type(self._met[place.name].current)) for place in shown]
         if key != self._key:
+            self.parameters |= {place.name: self._met[place.name] for place in shown}
             self._key, self.graph = key, to_graph(shown, self.parameters)
-        for parameters in self.parameters.values():
+        for parameters in self._met.values():
             if isinstance(parameters, RemoteParameters):
                 parameters.follow()
 
     def _meet(self, found: Iterable[Place]) -> None:
         """Get to know the parameters of whoever is new."""
         for place in found:
-            known = self.parameters.get(place.name)
+            known = self._met.get(place.name)
             if place.reconfigure and not isinstance(known, RemoteParameters):
                 remote = RemoteParameters(place.path)
                 remote.on_change(partial(self._parameters_changed, place.name))
-                self.parameters[place.name] = remote
+                self._met[place.name] = remote
                 self._seen_s[place.name] = time.monotonic()
             elif known is None:
-                self.parameters[place.name] = Parameters(NoParams())
+                self._met[place.name] = Parameters(NoParams())
 
     def _is_settled(self, place: Place) -> bool:
-        parameters = self.parameters[place.name]
+        parameters = self._met[place.name]
         if not isinstance(parameters, RemoteParameters) or parameters.wait(0):
             return True
         return time.monotonic() - self._seen_s[place.name] > _PATIENCE_S

@@ -81,6 +81,8 @@ class RemoteParameters(Parameters[Any]):
             ParameterError: as `ros_visualise.params.update`.
             OpenError: the node does not answer.
         """
+        if not self.wait(_ANSWER_S):
+            raise self._no_answer()
         wanted = params.update(self.current, changes)
         values = {name: getattr(wanted, name) for name in changes}
         with self._came:
@@ -108,8 +110,11 @@ class RemoteParameters(Parameters[Any]):
             finally:
                 self._calls.release()
         if not answers:
-            raise OpenError(f"{self._name} does not answer; is it still running?")
+            raise self._no_answer()
         return answers[0]
+
+    def _no_answer(self) -> OpenError:
+        return OpenError(f"{self._name} does not answer; is it still running?")
 
     def _ask_aside(self, config: Config, answers: list[Config]) -> None:
         """Ask on a thread that is left behind when no answer comes."""
