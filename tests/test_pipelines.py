@@ -1,9 +1,9 @@
 import pytest
 
-from ros_visualise.data import Image, ParameterEvent
+from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.nodes import load, node
-from ros_visualise.pipelines import image_pipeline, parse_node
+from ros_visualise.pipelines import image_pipeline, parse_node, path_pipeline
 
 OWN = """
 from dataclasses import dataclass
@@ -51,6 +51,14 @@ def test_the_image_pipeline_has_the_topics_of_the_ros_package():
 def test_only_the_overlay_is_made_on_demand():
     topics = image_pipeline("demo").topics
     assert [name for name, topic in topics.items() if topic.on_demand] == ["/edges_overlay"]
+
+
+def test_the_path_is_made_of_odometry_from_outside():
+    graph = path_pipeline()
+    assert topics_of(graph) == {"path": ({"odom": "/odom"}, {"path": "/path"})}
+    assert graph.inputs == {"/odom": Odometry}
+    assert graph.source is None
+    assert graph.node("path").type.latched == {"path"}
 
 
 @pytest.mark.parametrize("name", ["negative", "Negative"])
@@ -118,6 +126,12 @@ def test_two_nodes_cannot_publish_to_one_topic():
 def test_what_travels_on_topics_are_messages():
     with pytest.raises(UsageError, match="float is no message; there is Image"):
         node("measure", inputs={"image": Image}, outputs={"sharpness": float})
+
+
+@pytest.mark.parametrize("port", ["on_demand", "latched"])
+def test_what_is_said_of_outputs_is_of_those_that_there_are(port):
+    with pytest.raises(UsageError, match="node measure: no output 'edges'; there is image"):
+        node("measure", inputs={"image": Image}, outputs={"image": Image}, **{port: ("edges",)})
 
 
 @pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])

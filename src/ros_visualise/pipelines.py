@@ -165,6 +165,11 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     return Graph(nodes)
 
 
+def path_pipeline() -> Graph:
+    """The topic ``/odom`` -> path."""
+    return alone(_built_in("path"))
+
+
 def alone(declared: NodeType | SourceType) -> Graph:
     """One node by itself, on the topics that it has in the pipelines.
 

@@ -49,7 +49,8 @@ class NoParams:
 class NodeType:
     """A declared node.
 
-    ``on_demand`` names the outputs that are only made while somebody wants them; ``drops`` is the
+    ``on_demand`` names the outputs that are only made while somebody wants them; ``latched`` those
+    whose last message holds until the next, so that whoever comes later gets it; ``drops`` is the
     reason under which an answer of None is counted, where that means a dropped message;
     ``stateless`` where the same message and parameters always give the same answer.
     """
@@ -63,6 +64,7 @@ class NodeType:
     drops: str | None = None
     stateless: bool = True
     doc: str = ""
+    latched: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -117,13 +119,18 @@ def node(
     outputs: Mapping[str, type],
     params: type = NoParams,
     on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
     drops: str | None = None,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see the module's docstring.
 
     Raises:
-        UsageError: an input or output is not a message of `ros_visualise.data`.
+        UsageError: an input or output is not a message of `ros_visualise.data`, or there is no
+            such output.
     """
+    for port in (*on_demand, *latched):
+        if port not in outputs:
+            raise UsageError(f"node {name}: no output {port!r}; there is {', '.join(outputs)}")
     for kind in (*inputs.values(), *outputs.values()):
         if kind not in MESSAGES:
             there = ", ".join(message.__name__ for message in MESSAGES)
@@ -140,6 +147,7 @@ def node(
             drops,
             stateless=not isinstance(target, type),
             doc=_first_line(target),
+            latched=frozenset(latched),
         )
         return target
 
