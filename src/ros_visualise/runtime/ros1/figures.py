@@ -62,7 +62,8 @@ class Figures:
     def _take(self, array: DiagnosticArray) -> None:
         for status in array.status:
             told = {value.key: value.value for value in status.values}
-            self._newest["/" + status.name.removeprefix("/")] = (time.monotonic(), told)
+            name = "/" + "/".join(filter(None, status.name.split("/")))
+            self._newest[name] = (time.monotonic(), told)
 
 
 def _number(text: str | None) -> int | float | None:
