@@ -26,7 +26,6 @@ _ALSO_CALLED = {
     "8UC4": "bgra8",
     "16UC1": "mono16",
     "16UC3": "bgr16",
-    "16UC4": "bgra16",
 }
 """OpenCV's own names, which say nothing of colours -> what cv_bridge takes them for."""
 

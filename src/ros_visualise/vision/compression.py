@@ -1,0 +1,108 @@
+"""Images as JPEG and PNG, in the convention of ROS's compressed_image_transport.
+
+``format`` says how the image was encoded before, and how the channels were put into the file:
+``rgb8; jpeg compressed bgr8``, ``mono16; png compressed``. Many programs write ``jpeg`` alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import ENCODINGS, CompressedImage, Image, Pixels
+from ros_visualise.vision.color import encoding_of, is_bayer, order_of, to_bgr
+
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+_LARGEST_JPEG = 65500  # pixels along a side
+
+
+def compress(image: Image, quality: int = 80) -> CompressedImage:
+    """JPEG of 8-bit images, PNG of 16-bit ones and mosaics, whose values JPEG would mix.
+
+    Alpha is left out.
+
+    Args:
+        image: of any encoding.
+        quality: of a JPEG, 1 to 100.
+
+    Raises:
+        ValueError: the image has no pixels, or too many.
+    """
+    pixels, stored = image.pixels, ""
+    if image.is_color:
+        pixels = to_bgr(pixels, order_of(image.encoding))
+        stored = encoding_of(pixels, "BGR")
+    is_jpeg = pixels.dtype == np.uint8 and not is_bayer(image.encoding)
+    if not pixels.size or (is_jpeg and max(pixels.shape) > _LARGEST_JPEG):
+        raise ValueError(f"an image of {image.width}x{image.height} pixels cannot be compressed")
+    if is_jpeg:
+        data = _encode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, quality])
+    else:
+        data = _encode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    kind = "jpeg" if is_jpeg else "png"
+    return CompressedImage(data, f"{image.encoding}; {kind} compressed {stored}", image.header)
+
+
+def decompress(compressed: CompressedImage) -> Image:
+    """The image, in the encoding that its format names; where it names none, in that of the file.
+
+    Raises:
+        ValueError: the data is broken, or no picture in gray or colours.
+    """
+    encoding, named, how = (part.strip() for part in compressed.format.partition(";"))
+    if "compressedDepth" in how:
+        raise ValueError(f"compressed image {compressed.format!r} holds depth, not gray or colours")
+    pixels, order = _decode(compressed), "BGR"
+    if not named or encoding not in ENCODINGS:
+        encoding = encoding_of(pixels, order)
+    elif encoding.startswith(("bgr", "rgb")) and "compressed bgr" not in how:
+        order = "RGB"  # so the transport's own subscriber has it: its first versions wrote that
+    pixels, encoding = _as(pixels, order, encoding)
+    return Image(pixels, encoding, compressed.header)
+
+
+def _encode(suffix: str, pixels: Pixels, options: list[int]) -> Pixels:
+    _, data = cv2.imencode(suffix, pixels, options)
+    encoded: Pixels = data.reshape(-1)
+    return encoded
+
+
+def _decode(compressed: CompressedImage) -> Pixels:
+    """The picture in the file: gray, or colour in the order B, G, R, perhaps with alpha."""
+    data = np.ascontiguousarray(compressed.data, np.uint8)
+    pixels: Any = None
+    if _is_whole(data):
+        with contextlib.suppress(cv2.error):
+            pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+    if pixels is None:
+        raise ValueError(
+            f"compressed image {compressed.format!r}: its {data.size} bytes are broken"
+        )
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise ValueError(f"compressed image {compressed.format!r} holds {pixels.dtype} values")
+    if pixels.shape[2:] == (4,) and pixels.dtype == np.uint16:
+        return to_bgr(pixels, "BGR")  # there is no encoding for it
+    found: Pixels = pixels
+    return found
+
+
+def _is_whole(data: Pixels) -> bool:
+    """Not empty, and a JPEG has its end; OpenCV would fill up what lacks with gray."""
+    raw = data.tobytes()
+    return bool(raw) and (not raw.startswith(_JPEG_START) or _JPEG_END in raw)
+
+
+def _as(pixels: Pixels, order: str, encoding: str) -> tuple[Pixels, str]:
+    """The picture in an encoding, at its own depth, and the name of that."""
+    kind = encoding.rstrip("0123456789")
+    name = f"{kind}{8 * pixels.dtype.itemsize}"
+    if name not in ENCODINGS or (is_bayer(name) and pixels.ndim == 3):
+        return pixels, encoding_of(pixels, order)
+    source = order + ("A" if pixels.shape[2:] == (4,) else "") if pixels.ndim == 3 else "GRAY"
+    target = "GRAY" if kind == "mono" or is_bayer(name) else kind.upper()
+    if source != target:
+        pixels = cv2.cvtColor(pixels, getattr(cv2, f"COLOR_{source}2{target}"))
+    return pixels, name
