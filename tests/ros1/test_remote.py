@@ -6,11 +6,13 @@ import threading
 import time
 from functools import partial
 
+import cv2
 import numpy as np
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ros_graph import wait_for
+from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
 
 from ros_visualise.data import Image
@@ -179,6 +181,42 @@ def test_a_topic_is_subscribed_only_while_somebody_looks(runtime, peer):
     wait_until(lambda: not subscribed("/plain/image"))
 
 
+def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_master):
+    pixels = np.full((16, 16), 77, np.uint8)
+    packed = RosCompressed(format="mono8; png compressed mono8")
+    packed.data = cv2.imencode(".png", pixels)[1].tobytes()
+    raw = rospy.Publisher("/packed/image", RosImage, queue_size=1)
+    compressed = rospy.Publisher("/packed/image/compressed", RosCompressed, queue_size=1)
+    looking = subprocess.Popen(
+        [sys.executable, "-c", COMPRESSED], stdout=subprocess.PIPE, text=True
+    )
+    try:
+        wait_until(compressed.get_num_connections)
+        while looking.poll() is None:
+            compressed.publish(packed)
+            time.sleep(0.02)
+        assert looking.stdout.read() == "(16, 16) 77\n"
+        assert raw.get_num_connections() == 0
+    finally:
+        looking.kill()
+        looking.communicate()
+        raw.unregister()
+        compressed.unregister()
+
+
+COMPRESSED = """
+import time, rospy
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+rospy.init_node("looking")
+runtime = RemoteRuntime(compressed=True)
+while "/packed/image" not in runtime.graph.topics:
+    time.sleep(0.05)
+image = runtime.subscribe("/packed/image").take(20)
+print(image.pixels.shape, image.pixels.max())
+runtime.close()
+"""
+
+
 def test_what_is_received_is_reported_in_the_common_layout(runtime, peer):
     peer("plain", "", "/plain/image")
     wait_until(lambda: node(runtime, "plain"))
@@ -267,8 +305,6 @@ def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
 
 LOOKING = """
 import time, rospy
-try: import bshim
-except ImportError: pass
 from ros_visualise.runtime.ros1.remote import RemoteRuntime
 rospy.init_node("looking")
 runtime = RemoteRuntime()
@@ -342,8 +378,6 @@ def test_a_topic_that_falls_silent_holds_up_no_recording(runtime, peer, tmp_path
 
 RECORDING = """
 import sys, time, rospy
-try: import bshim
-except ImportError: pass
 from ros_visualise.runtime.ros1.remote import RemoteRuntime
 rospy.init_node("recording")
 runtime = RemoteRuntime()
