@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_graph import Master, is_ready, wait_for
+from catkin_workspace import Workspace
+from ros_graph import Master, end, is_ready, wait_for
 
 NODES = Path(__file__).parents[2] / "nodes"
 _MISSING = "ROS 1 is not installed here; on Debian: sh tests/install-debian-packages.sh"
@@ -44,6 +45,12 @@ def ros_master(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Master]:
     master.stop()
 
 
+@pytest.fixture(scope="session")
+def workspace(ros_master: Master, tmp_path_factory: pytest.TempPathFactory) -> Workspace:
+    """This package in a workspace of its own; its ``environment`` is the devel space's."""
+    return Workspace(tmp_path_factory.mktemp("catkin") / "workspace", ros_master.environment)
+
+
 @pytest.fixture
 def start(ros_master: Master) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     """``start("filters", "_gray:=false")`` runs one of our executables until the test ends.
@@ -65,5 +72,6 @@ def start(ros_master: Master) -> Iterator[Callable[..., subprocess.Popen[str]]]:
 
     yield start
     for process in started:
-        process.kill()
-        process.communicate()
+        process.terminate()
+    for process in started:
+        end(process)
