@@ -20,6 +20,19 @@ def test_images_carry_the_time_of_now_and_the_frame() -> None:
     assert stamps == sorted(set(stamps))
 
 
+def test_images_carry_the_calibration_of_their_size(calibration: str) -> None:
+    params = CameraParams(uri="test", size="64x48", fps=100, camera_info_url=calibration)
+    source = CameraSource(params, Playback(frames=2))
+    infos = [image.camera_info for _, image in source.messages()]
+    source.close()
+    assert [(i.width, i.height, i.K[0, 0]) for i in infos if i is not None] == 2 * [(64, 48, 40.0)]
+
+
+def test_a_calibration_that_cannot_be_read_is_refused() -> None:
+    with pytest.raises(OpenError, match="No such file"):
+        CameraSource(CameraParams(uri="test", camera_info_url="none.yaml"), Playback())
+
+
 def test_a_closed_playback_ends_it() -> None:
     playback = Playback()
     source = CameraSource(CameraParams(uri="test"), playback)

@@ -1,19 +1,17 @@
 """The streamer: a video file as messages."""
 
-import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from made_videos import numbered, write_video
 
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.nodes.streamer import Streamer, StreamerParams
 from ros_visualise.params import specs
 from ros_visualise.sources.playback import Playback
-
-sys.path.append(str(Path(__file__).parents[1] / "sources"))
-from made_videos import numbered, write_video
 
 
 @pytest.fixture
@@ -56,4 +54,29 @@ def test_close_ends_the_messages(path: str) -> None:
 
 def test_file_and_size_reopen_it() -> None:
     assert find("streamer").params is StreamerParams
-    assert {s.name for s in specs(StreamerParams) if s.restart} == {"path", "size", "frame_id"}
+    restart = {s.name for s in specs(StreamerParams) if s.restart}
+    assert restart == {"path", "size", "frame_id", "camera_info_url"}
+
+
+def test_images_carry_the_calibration_of_their_size(path: str, calibration: str) -> None:
+    params = StreamerParams(path=path, camera_info_url=calibration)
+    for size, focal_length in (("", 20.0), ("8x6", 5.0)):
+        streamer = Streamer(replace(params, size=size), Playback(rate=0))
+        for _, image in streamer.messages():
+            info = image.camera_info
+            assert info is not None
+            assert (info.width, info.height) == (image.width, image.height)
+            assert info.K[0, 0] == pytest.approx(focal_length)
+
+
+def test_without_a_calibration_they_carry_none(path: str) -> None:
+    streamer = Streamer(StreamerParams(path=path), Playback(rate=0))
+    assert all(image.camera_info is None for _, image in streamer.messages())
+
+
+def test_a_calibration_of_another_shape_is_refused(path: str, calibration: str) -> None:
+    params = StreamerParams(path=path, camera_info_url=calibration, size="8x8")
+    with pytest.raises(OpenError, match="and these of 8x8 are of another shape"):
+        Streamer(params, Playback())
+    with pytest.raises(OpenError, match="No such file"):
+        Streamer(replace(params, camera_info_url="none.yaml"), Playback())

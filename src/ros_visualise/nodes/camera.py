@@ -9,6 +9,7 @@ from typing import Any
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
 from ros_visualise.params import param
+from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.camera import Camera
 from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.playback import Playback
@@ -25,6 +26,9 @@ class CameraParams:
         2.0, "seconds without an image until it is reopened", min=0.1, max=60, restart=True
     )
     frame_id: str = param("camera_optical", "frame of the images", restart=True)
+    camera_info_url: str = param(
+        "", "the camera's calibration: a YAML file of ROS, by path or file:///PATH", restart=True
+    )
 
 
 @source("camera", params=CameraParams, outputs={"image": Image}, live=True)
@@ -33,13 +37,15 @@ class CameraSource:
 
     def __init__(self, params: CameraParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
+        self._calibration = Calibration(params.camera_info_url)
         size = parse_size(params.size)
         self._camera = Camera(params.uri, size, params.fps, params.timeout)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images as they come."""
         for stamp_ns, image in self._playback.follow(self._camera.images()):
-            yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+            stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
+            yield "image", self._calibration.add_to(stamped)
 
     def report(self) -> dict[str, Any]:
         """The images that came faster than they were taken."""

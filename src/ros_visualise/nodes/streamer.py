@@ -9,6 +9,7 @@ from ros_visualise.data import Header, Image
 from ros_visualise.errors import OpenError
 from ros_visualise.nodes import source
 from ros_visualise.params import param
+from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.video import Video
@@ -21,6 +22,9 @@ class StreamerParams:
     path: str = param("", "the video file", restart=True)
     size: str = param("", "scale to WIDTHxHEIGHT while decoding; empty keeps it", restart=True)
     frame_id: str = param("camera_optical", "frame of the images", restart=True)
+    camera_info_url: str = param(
+        "", "the camera's calibration: a YAML file of ROS, by path or file:///PATH", restart=True
+    )
 
 
 @source("streamer", params=StreamerParams, outputs={"image": Image})
@@ -31,13 +35,16 @@ class Streamer:
         if not params.path:
             raise OpenError("streamer: give the video file, path=FILE")
         self._params, self._playback = params, playback
+        self._calibration = Calibration(params.camera_info_url)
         self._video = Video(params.path, parse_size(params.size))
+        self._calibration.fit((self._video.info.width, self._video.info.height))
         playback.check_start(self._video.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images, each when its time has come."""
         for stamp_ns, image in self._playback.run(self._video):
-            yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
+            stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
+            yield "image", self._calibration.add_to(stamped)
 
     def close(self) -> None:
         """End reading."""

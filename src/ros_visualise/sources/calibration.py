@@ -1,0 +1,156 @@
+"""Calibrations of cameras from YAML files, as ROS's cameracalibrator writes them."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ros_visualise.data import CameraInfo, Floats, Image
+from ros_visualise.errors import OpenError
+from ros_visualise.vision.calibration import resized
+from ros_visualise.vision.reshape import Size
+
+log = logging.getLogger(__name__)
+
+_WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
+
+
+class Calibration:
+    """The calibration of a camera, made to fit its images.
+
+    Args:
+        url: a path or ``file:///path``; empty: the camera is not calibrated.
+
+    Raises:
+        OpenError: it cannot be read.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._info = read_calibration(url) if url else None
+        self._fitted: dict[Size, CameraInfo | None] = {}
+
+    def fit(self, size: Size) -> CameraInfo | None:
+        """The calibration of images of that size.
+
+        Raises:
+            OpenError: it is of another shape than the images.
+        """
+        if self._info is None:
+            return None
+        own = (self._info.width, self._info.height)
+        if not _is_scaled(own, size):
+            raise OpenError(
+                f"{self._url}: was made for images of {own[0]}x{own[1]},"
+                f" and these of {size[0]}x{size[1]} are of another shape"
+            )
+        return self._info if own == size else resized(self._info, own, size)
+
+    def add_to(self, image: Image) -> Image:
+        """The image with its calibration; as it is, said once, where that is of another shape."""
+        size = (image.width, image.height)
+        if size not in self._fitted:
+            self._fitted[size] = self._fit_or_say(size)
+        info = self._fitted[size]
+        return image if info is None else replace(image, camera_info=info)
+
+    def _fit_or_say(self, size: Size) -> CameraInfo | None:
+        try:
+            return self.fit(size)
+        except OpenError as error:
+            log.error("%s; the images go on without it", error)
+            return None
+
+
+def read_calibration(url: str) -> CameraInfo:
+    """The calibration in a file.
+
+    Args:
+        url: a path or ``file:///path``.
+
+    Raises:
+        OpenError: there is none.
+    """
+    path = _path(url)
+    try:
+        values = YAML(typ="safe").load(path.read_text())
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; {_WANTED}") from None
+    except (YAMLError, UnicodeDecodeError):
+        raise OpenError(f"{path}: not YAML as ROS writes it; {_WANTED}") from None
+    try:
+        return _parse(values)
+    except ValueError as error:
+        raise OpenError(f"{path}: {error}; {_WANTED}") from None
+
+
+def _path(url: str) -> Path:
+    if "://" not in url:
+        return Path(url)
+    parts = urlsplit(url)
+    if parts.scheme == "package":
+        raise OpenError(f"{url}: packages are found by ROS alone; give the file's path")
+    if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
+        raise OpenError(f"{url}: give a path or file:///PATH")
+    return Path(unquote(parts.path))
+
+
+def _parse(values: Any) -> CameraInfo:
+    if not isinstance(values, Mapping):
+        raise ValueError("no camera calibration")
+    K = _matrix(values, "camera_matrix", 3, 3)
+    if not (K[0, 0] > 0 and K[1, 1] > 0):
+        raise ValueError("its camera_matrix has no focal lengths")
+    return CameraInfo(
+        height=_side(values, "image_height"),
+        width=_side(values, "image_width"),
+        K=K,
+        D=_numbers(values, "distortion_coefficients"),
+        R=_matrix(values, "rectification_matrix", 3, 3),
+        P=_matrix(values, "projection_matrix", 3, 4),
+        distortion_model=str(values.get("distortion_model", "plumb_bob")),
+    )
+
+
+def _side(values: Mapping[str, Any], name: str) -> int:
+    side = values.get(name)
+    if not isinstance(side, int) or side < 1:
+        raise ValueError(f"no camera calibration: its {name} is {side}")
+    return side
+
+
+def _matrix(values: Mapping[str, Any], name: str, rows: int, columns: int) -> Floats:
+    numbers = _numbers(values, name)
+    if numbers.size != rows * columns:
+        raise ValueError(f"its {name} has {numbers.size} numbers, not {rows * columns}")
+    return numbers.reshape(rows, columns)
+
+
+def _numbers(values: Mapping[str, Any], name: str) -> Floats:
+    matrix = values.get(name)
+    if not isinstance(matrix, Mapping) or not isinstance(matrix.get("data"), list):
+        raise ValueError(f"no camera calibration: it has no {name} with data")
+    try:
+        numbers = np.array(matrix["data"], np.float64)
+    except (TypeError, ValueError):
+        numbers = np.array([np.nan])
+    if numbers.ndim != 1 or not np.isfinite(numbers).all():
+        raise ValueError(f"its {name} holds what is no number")
+    return numbers
+
+
+def _is_scaled(before: Size, after: Size) -> bool:
+    """Whether the sizes have one aspect, but for the rounding of a side."""
+    (width, height), (new_width, new_height) = before, after
+    return (
+        abs(new_width - width * new_height / height) <= 1
+        or abs(new_height - height * new_width / width) <= 1
+    )
