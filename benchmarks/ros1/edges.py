@@ -8,13 +8,14 @@ from measure import Figures, measure, sent_by_log
 from report import FIGURES, cells, header, ratio, row, share, title
 
 BASE = "opencv_apps (C++)"
+_INPUT = "processed_image:=image_raw"
 CANDIDATES = {
     BASE: ("blur BGR 3x3, gray, Canny", peers.opencv_apps()),
     "rospy node": ("gray, Canny", peers.rospy_canny()),
-    "edge_detector": ("gray, Canny", peers.ours("edge_detector")),
+    "edge_detector": ("gray, Canny", peers.ours("edge_detector", _INPUT)),
     "edge_detector, sigma 0.8": (
         "gray, blur, Canny",
-        peers.ours("edge_detector", sigma=0.8),
+        peers.ours("edge_detector", _INPUT, sigma=0.8),
     ),
 }
 FULL = {"480p": 400, "1080p": 120, "4K": 60}

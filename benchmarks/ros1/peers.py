@@ -56,10 +56,10 @@ def image_publisher(path: Path, rate: float) -> Command:
     ]
 
 
-def ours(name: str, **params: object) -> Command:
-    """One of our executables; ``__`` in a parameter's name stands for a namespace."""
+def ours(name: str, *remappings: str, **params: object) -> Command:
+    """One of our executables; ``__`` in a parameter's name parts it from its node's."""
     given = [f"_{key.replace('__', '/')}:={value}" for key, value in params.items()]
-    return [sys.executable, NODES / name, *given]
+    return [sys.executable, NODES / name, *remappings, *given]
 
 
 def missing() -> list[str]:
