@@ -18,7 +18,7 @@ LAYERS = [
     {"pipelines"},
     {"runtime"},
     {"ui"},
-    {"commands"},
+    {"commands", "executables"},
     {"cli"},
     {"__main__"},
 ]

@@ -5,16 +5,14 @@ from __future__ import annotations
 import importlib.util
 import os
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from catkin_workspace import Workspace
-from ros_graph import Master, end, is_ready, wait_for
+from ros_graph import Master, Nodes
 
-NODES = Path(__file__).parents[2] / "nodes"
 _MISSING = "ROS 1 is not installed here; on Debian: sh tests/install-debian-packages.sh"
 
 
@@ -53,25 +51,7 @@ def workspace(ros_master: Master, tmp_path_factory: pytest.TempPathFactory) -> W
 
 @pytest.fixture
 def start(ros_master: Master) -> Iterator[Callable[..., subprocess.Popen[str]]]:
-    """``start("filters", "_gray:=false")`` runs one of our executables until the test ends.
-
-    It returns when the node is there: its first parameters are set, its topics announced.
-    """
-    import rosgraph
-
-    started: list[subprocess.Popen[str]] = []
-
-    def start(name: str, *args: str, wait: bool = True) -> subprocess.Popen[str]:
-        process = ros_master.run(sys.executable, str(NODES / name), *args)
-        started.append(process)
-        given = [arg.removeprefix("__name:=") for arg in args if arg.startswith("__name:=")]
-        node = f"/{(given or [name])[0]}"
-        if wait:
-            wait_for(lambda: is_ready(rosgraph.Master("/tests"), node, process), node)
-        return process
-
-    yield start
-    for process in started:
-        process.terminate()
-    for process in started:
-        end(process)
+    """Starts executables of ours that run until the test ends; see `ros_graph.Nodes.start`."""
+    nodes = Nodes(ros_master)
+    yield nodes.start
+    nodes.stop()

@@ -5,13 +5,16 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
+import sys
 import time
+import xmlrpc.client
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+NODES = Path(__file__).parents[2] / "nodes"
 _PATIENCE_S = 20.0
 
 
@@ -67,6 +70,9 @@ class Master:
 
         return bool(rosgraph.is_master_online(self.uri))
 
+    def proxy(self) -> Any:
+        return xmlrpc.client.ServerProxy(self.uri)
+
     def stop(self) -> None:
         end(self.core)
 
@@ -82,7 +88,31 @@ def end(process: subprocess.Popen[str]) -> str:
         return process.communicate()[0] or ""
 
 
-def is_ready(master: Any, node: str, process: subprocess.Popen[str]) -> bool:
-    assert process.poll() is None, process.communicate()[0]
-    _, _, services = master.getSystemState()
-    return any(name.startswith(f"{node}/") and "set_parameters" in name for name, _ in services)
+class Nodes:
+    """Our executables as processes of a master's graph."""
+
+    def __init__(self, master: Master) -> None:
+        self._master = master
+        self._started: list[subprocess.Popen[str]] = []
+
+    def start(self, name: str, *args: str, wait: bool = True) -> subprocess.Popen[str]:
+        """``start("filters", "_gray:=false")``, and wait until it offers its parameters."""
+        process = self._master.run(sys.executable, str(NODES / name), *args)
+        self._started.append(process)
+        given = [arg.removeprefix("__name:=") for arg in args if arg.startswith("__name:=")]
+        node = f"/{(given or [name])[0]}"
+        if wait:
+            wait_for(lambda: self._is_ready(node, process), node)
+        return process
+
+    def stop(self) -> None:
+        """End all of them."""
+        for process in self._started:
+            process.terminate()
+        for process in self._started:
+            end(process)
+
+    def _is_ready(self, node: str, process: subprocess.Popen[str]) -> bool:
+        assert process.poll() is None, process.communicate()[0]
+        _, _, (_, _, services) = self._master.proxy().getSystemState("/tests")
+        return any(name.startswith(f"{node}/") and "set_parameters" in name for name, _ in services)

@@ -13,7 +13,10 @@ import rosgraph
 import rospkg
 import rospy
 
+from ros_visualise.errors import OpenError
+
 _CHECK_S = 0.5
+_PACKAGE = "package://"
 
 _SAY = {
     logging.DEBUG: rospy.logdebug,
@@ -51,6 +54,21 @@ def option(name: str, default: Any) -> Any:
 def resolve(name: str) -> str:
     """A topic's name on the graph, remapped as this node was told to."""
     return str(rospy.resolve_name(name))
+
+
+def find_file(url: str) -> str:
+    """The path of ``package://PACKAGE/FILE``; other texts as they are.
+
+    Raises:
+        OpenError: there is no such package.
+    """
+    if not url.startswith(_PACKAGE):
+        return url
+    package, _, file = url.removeprefix(_PACKAGE).partition("/")
+    try:
+        return os.path.join(rospkg.RosPack().get_path(package), file)
+    except rospkg.ResourceNotFound:
+        raise OpenError(f"{url}: no package {package!r}; rospack find {package}") from None
 
 
 def is_over() -> bool:

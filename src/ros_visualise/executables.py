@@ -1,0 +1,178 @@
+"""What the ROS executables do; those in ``nodes/`` only call these functions."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
+from ros_visualise.params import update
+from ros_visualise.pipelines import IMAGE_NODES, Graph, alone, chain, parse_node
+from ros_visualise.runtime.ros1 import session
+from ros_visualise.runtime.ros1.clock import ros_clock
+from ros_visualise.runtime.ros1.playing import playing_params
+from ros_visualise.runtime.ros1.process import Process
+from ros_visualise.runtime.ros1.reconfigure import starting_values
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui import View, open_view
+
+log = logging.getLogger(__name__)
+
+_SPIN_S = 0.1
+_OPTIONS = ("view", "host", "port", "window", "image_transport", "start", "duration")
+"""Private parameters that every executable reads once, beside those that its node declares."""
+
+
+def run_node(name: str) -> None:
+    """Run a built-in node or source."""
+    _run(name, lambda: _run_alone(find(name)))
+
+
+def run_own() -> None:
+    """Run a node of one's own, given as FILE.py:NAME."""
+    _run("node", _run_own)
+
+
+def run_pipeline() -> None:
+    """Run several nodes in one process; between them images pass by reference."""
+    _run("pipeline", _run_pipeline)
+
+
+def run_viewer() -> None:
+    """Show what nodes elsewhere on the graph publish, and their parameters."""
+    _run("viewer", _run_viewer)
+
+
+def _run(name: str, work: Callable[[], int]) -> None:
+    session.begin(name)
+    try:
+        status = work()
+    except RosVisualiseError as error:
+        log.critical("%s", error)
+        status = error.exit_status
+    session.end("done")
+    sys.exit(status)
+
+
+def _run_alone(declared: NodeType | SourceType) -> int:
+    return _run_graph(alone(declared), {declared.name: ""}, _OPTIONS)
+
+
+def _run_own() -> int:
+    given = session.arguments()
+    if len(given) != 1:
+        raise UsageError("give a node of your own as FILE.py:NAME")
+    path, name, _ = parse_node(given[0])
+    return _run_alone(load(path, name))
+
+
+def _run_pipeline() -> int:
+    names = str(session.option("nodes", " ".join(IMAGE_NODES))).split()
+    graph = chain([_named(name) for name in names], session.option("source", "") or None)
+    namespaces = {node.name: node.name for node in graph.nodes}
+    return _run_graph(graph, namespaces)
+
+
+def _run_viewer() -> int:
+    view = open_view(*_view_options("web"))
+    runtime = RemoteRuntime(_wants_compressed())
+    try:
+        view.open(runtime)
+        while not (session.is_over() or view.closed):
+            view.spin(_SPIN_S)
+    finally:
+        view.close()
+        runtime.close()
+    return 0
+
+
+def _run_graph(graph: Graph, namespaces: Mapping[str, str], options: Iterable[str] = ()) -> int:
+    view = _open_view()
+    try:
+        graph = _configured(graph, namespaces, options)
+        process = Process(graph, _playback(graph, view.stays), namespaces, _wants_compressed())
+    except RosVisualiseError:
+        view.close()
+        raise
+    try:
+        process.start()
+        view.open(process.runtime)
+        while not (session.is_over() or view.closed or process.runtime.wait(0)):
+            view.spin(_SPIN_S)
+            process.follow()
+    finally:
+        view.close()
+        process.stop()
+    return int(process.runtime.failed)
+
+
+def _named(name: str) -> NodeType:
+    """A built-in node by its name, or one's own as FILE.py:NAME."""
+    if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
+        found = find(name)
+        assert isinstance(found, NodeType)
+        return found
+    path, attribute, _ = parse_node(name)
+    return load(path, attribute)
+
+
+def _configured(graph: Graph, namespaces: Mapping[str, str], options: Iterable[str]) -> Graph:
+    """The graph with the parameters that launch files and command line gave to its nodes."""
+    nodes = []
+    for node in graph.nodes:
+        kind = type(node.params)
+        if isinstance(node.type, SourceType):
+            kind = playing_params(kind)
+        values = starting_values(kind, namespaces[node.name], options)
+        for name, value in values.items():
+            if isinstance(value, str):
+                values[name] = session.find_file(value)
+        nodes.append(replace(node, params=update(kind(), values)))
+    return Graph(tuple(nodes))
+
+
+def _playback(graph: Graph, stays: bool) -> Playback | None:
+    """How the source is played; while somebody looks, it stays at its end."""
+    if graph.source is None:
+        return None
+    params, duration_s = graph.source.params, float(session.option("duration", 0.0))
+    return Playback(
+        rate=params.rate,
+        loop=params.loop,
+        start_s=float(session.option("start", 0.0)),
+        duration_s=duration_s or None,
+        hold=stays and not duration_s,
+        live_stamps=True,
+        clock=ros_clock(),
+    )
+
+
+def _open_view() -> View:
+    """What ``~view`` asks for; without a screen for it the node runs all the same."""
+    name, host, port, place = _view_options("none")
+    try:
+        return open_view(name, host, port, place)
+    except OpenError as error:
+        log.warning("no %s here, running without: %s", name, error)
+        return open_view("none", host, port)
+
+
+def _view_options(default: str) -> tuple[str, str, int, str]:
+    """Which view, where its page is served, and the place of its windows on the screen."""
+    return (
+        str(session.option("view", default)),
+        str(session.option("host", "127.0.0.1")),
+        int(session.option("port", 8080)),
+        str(session.option("window", "")),
+    )
+
+
+def _wants_compressed() -> bool:
+    transport = session.option("image_transport", "raw")
+    if transport not in ("raw", "compressed"):
+        raise UsageError(f"image_transport={transport}: choose raw or compressed")
+    return bool(transport == "compressed")

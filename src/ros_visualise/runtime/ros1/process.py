@@ -1,0 +1,151 @@
+"""A graph of nodes in this process, joined to the ROS topics around it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import Image
+from ros_visualise.errors import UsageError
+from ros_visualise.nodes import NodeType, SourceType
+from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.ros1 import session
+from ros_visualise.runtime.ros1.diagnostics import Diagnostics
+from ros_visualise.runtime.ros1.playing import PlaybackFollower
+from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.topics import ImageInput, ImageOutput, Input, Output
+from ros_visualise.sources.playback import Playback
+
+_DIAGNOSTICS_S = 1.0
+_FLUSH_S = 0.5
+
+
+class Process:
+    """Runs a graph and joins it to ROS: topics, dynamic_reconfigure, diagnostics.
+
+    Between its nodes messages pass by reference; on the ROS graph a topic costs nothing until
+    somebody subscribes.
+
+    Args:
+        graph: what to run; its topics are relative to the namespace and may be remapped.
+        playback: how its source is played; None where it has no source.
+        namespaces: node name -> where its parameters are below this node's private namespace.
+        compressed: whether images come compressed.
+
+    Raises:
+        OpenError: the source cannot be opened.
+        UsageError: a node's output is remapped to its own input.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        playback: Playback | None,
+        namespaces: Mapping[str, str],
+        compressed: bool = False,
+    ) -> None:
+        self._namespaces = namespaces
+        names = [name.removeprefix("/") for name in (*graph.inputs, *graph.topics)]
+        self._declared = {session.resolve(name): name for name in names}
+        self.runtime = LocalRuntime(_resolved(graph), playback)
+        self._graph = self.runtime.graph
+        self._outputs = {name: self._open_output(name) for name in self._graph.topics}
+        self._player: PlaybackFollower | None = None
+        if playback is not None and self._graph.source is not None:
+            parameters = self.runtime.parameters[self._graph.source.name]
+            self._player = PlaybackFollower(playback, parameters)
+        self._diagnostics = Diagnostics()
+        self._diagnosed_s = time.monotonic()
+        self._compressed = compressed
+        self._inputs: list[Input] = []
+        self._servers: list[ReconfigureServer] = []
+
+    def start(self) -> None:
+        """Begin to take and to publish messages; whoever finds its parameters finds it at work."""
+        self.runtime.start()
+        self._inputs = [self._open_input(*item) for item in self._graph.inputs.items()]
+        self._servers = [
+            ReconfigureServer(parameters, self._namespaces[name])
+            for name, parameters in self.runtime.parameters.items()
+        ]
+
+    def follow(self) -> None:
+        """Do what has to be done now and then: some ten times a second."""
+        if self._player is not None:
+            self._player.follow()
+        outputs = [one for one in self._outputs.values() if isinstance(one, ImageOutput)]
+        for one in self._inputs:
+            if isinstance(one, ImageInput):
+                one.want_info(any(output.wants_info for output in outputs))
+        if time.monotonic() - self._diagnosed_s >= _DIAGNOSTICS_S:
+            self._diagnosed_s = time.monotonic()
+            self._diagnostics.publish(self._report())
+
+    def stop(self) -> None:
+        """End now; what was published last still goes out."""
+        for one in self._inputs:
+            one.close()
+        self.runtime.stop()
+        for output in self._outputs.values():
+            output.flush(_FLUSH_S / len(self._outputs))
+
+    def _open_output(self, name: str) -> Output:
+        topic = self._graph.topics[name]
+        publisher = self._graph.node(topic.publisher)
+        if topic.type is Image:
+            is_camera = isinstance(publisher.type, SourceType)
+            output: Output = ImageOutput(self._declared[name], name, is_camera)
+        else:
+            latched = isinstance(publisher.type, NodeType) and any(
+                publisher.outputs[port] == name for port in publisher.type.latched
+            )
+            output = Output(self._declared[name], topic.type, latched)
+        self.runtime.topic(name).connect(output)
+        return output
+
+    def _open_input(self, name: str, kind: type) -> Input:
+        declared, topic = self._declared[name], self.runtime.topic(name)
+        if kind is Image:
+            return ImageInput(declared, name, topic, self._compressed)
+        return Input(declared, kind, topic)
+
+    def _report(self) -> dict[str, dict[str, Any]]:
+        """Every node's figures, under its full name on the graph."""
+        report = self.runtime.report(_DIAGNOSTICS_S)
+        own = session.resolve("~")
+        nodes: dict[str, dict[str, Any]] = {}
+        for node in self._graph.nodes:
+            figures = report["nodes"][node.name]
+            figures["inputs"] = node.inputs
+            figures["topics"] = {
+                topic: {
+                    "hz": report["topics"].get(topic, {}).get("wall_hz"),
+                    "dropped": self._outputs[topic].dropped,
+                }
+                for topic in node.outputs.values()
+            }
+            nodes[f"{own}/{self._namespaces[node.name]}".rstrip("/")] = figures
+        return nodes
+
+
+def _resolved(graph: Graph) -> Graph:
+    """The graph on the names that its topics have on the ROS graph."""
+    nodes = tuple(
+        replace(
+            node,
+            inputs={port: _resolve(name) for port, name in node.inputs.items()},
+            outputs={port: _resolve(name) for port, name in node.outputs.items()},
+        )
+        for node in graph.nodes
+    )
+    for node in nodes:
+        if taken := set(node.inputs.values()) & set(node.outputs.values()):
+            raise UsageError(f"{node.name}: would listen to itself on {taken.pop()}; remap one end")
+    return Graph(nodes)
+
+
+def _resolve(topic: str) -> str:
+    return session.resolve(topic.removeprefix("/"))

@@ -1,0 +1,214 @@
+"""What joins the topics inside this process to those of the ROS graph.
+
+Nothing is converted, encoded or sent that nobody has subscribed to.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, CompressedImage, Image
+from ros_visualise.messages import from_message, to_message
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
+from ros_visualise.runtime.ros1.types import TYPES, message_class
+from ros_visualise.runtime.topics import Topic
+from ros_visualise.vision.compression import compress, decompress
+
+log = logging.getLogger(__name__)
+
+_SAY_AGAIN_S = 10.0
+
+
+def info_topic(image_topic: str) -> str:
+    """Where the calibration of an image is published.
+
+    ``/camera/image_raw`` has it beside itself, ``/camera/camera_info``, as all of ROS expects; an
+    image of another name is one of several in its namespace and has it below: ``/edges`` has
+    ``/edges/camera_info``.
+    """
+    base, _, name = image_topic.rpartition("/")
+    return f"{base if name.startswith('image') else image_topic}/camera_info"
+
+
+class Output:
+    """Publishes a topic of this process on the ROS graph.
+
+    Args:
+        name: the topic as the node calls it.
+        data_class: the type of its messages.
+        latched: whoever subscribes gets the last message at once.
+    """
+
+    def __init__(self, name: str, data_class: type, latched: bool = False) -> None:
+        self._publisher = Publisher(name, message_class(data_class), latch=latched)
+        self._latched = latched
+
+    @property
+    def name(self) -> str:
+        """Its name on the graph."""
+        return self._publisher.name
+
+    @property
+    def dropped(self) -> int:
+        """Messages that subscribers had no time for."""
+        return self._publisher.dropped
+
+    def put(self, packet: Packet) -> None:
+        """Publish a message."""
+        if packet.message is not None and (self._latched or self._publisher.connections):
+            self._publisher.publish(to_message(packet.message, TYPES))
+
+    def close(self) -> None:
+        """Nothing more comes; what was latched stays."""
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until the last message is on its way to everybody who reads on."""
+        self._publisher.flush(timeout_s)
+
+
+class ImageOutput(Output):
+    """Publishes images with their calibration, and JPEG or PNG of them.
+
+    Args:
+        name: the topic as the node calls it.
+        resolved: its name on the graph.
+        is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
+    """
+
+    def __init__(self, name: str, resolved: str, is_camera: bool) -> None:
+        super().__init__(name, Image)
+        self._info = Publisher(info_topic(resolved), message_class(CameraInfo))
+        self._compressed = Publisher(f"{resolved}/compressed", message_class(CompressedImage))
+        self._is_camera = is_camera
+        self._to_compress = Inbox(lossless=False)
+        threading.Thread(
+            target=self._compress_all, name=f"{resolved}/compressed", daemon=True
+        ).start()
+
+    @property
+    def wants_info(self) -> bool:
+        """Whether anybody wants the calibration."""
+        return bool(self._info.connections)
+
+    def put(self, packet: Packet) -> None:
+        """Publish an image."""
+        image = packet.message
+        if image is None:
+            return
+        if self._info.connections:
+            self._publish_info(image)
+        super().put(packet)
+        if self._compressed.connections:
+            self._to_compress.put(packet)
+
+    def _publish_info(self, image: Image) -> None:
+        info = image.camera_info
+        if info is None and self._is_camera:
+            info = CameraInfo.uncalibrated(image.height, image.width)
+        if info is not None:
+            self._info.publish(to_message(info, TYPES, image.header))
+
+    def _compress_all(self) -> None:
+        while (packet := self._to_compress.take()) is not None:
+            assert isinstance(packet.message, Image)
+            self._compressed.publish(to_message(compress(packet.message), TYPES))
+
+
+class Input:
+    """Feeds a topic of this process with what comes on the ROS graph.
+
+    Args:
+        name: the topic as the node calls it.
+        data_class: the type of its messages.
+        topic: what is fed.
+    """
+
+    def __init__(self, name: str, data_class: type, topic: Topic) -> None:
+        self.refused = 0
+        self._data_class = data_class
+        self._topic = topic
+        self._number = 0
+        self._said_s = -_SAY_AGAIN_S
+        self._subscriber = self._subscribe(name)
+
+    def _subscribe(self, name: str) -> Subscriber:
+        return Subscriber(name, message_class(self._data_class), self._take)
+
+    def _take(self, message: Any) -> None:
+        try:
+            data = self._read(message)
+        except ValueError as error:
+            self.refused += 1
+            self._say(str(error))
+            return
+        self._number += 1
+        self._topic.publish(Packet(self._number, data, time.monotonic_ns()))
+
+    def _read(self, message: Any) -> Any:
+        return from_message(message, self._data_class)
+
+    def _say(self, what: str) -> None:
+        if time.monotonic() - self._said_s >= _SAY_AGAIN_S:
+            self._said_s = time.monotonic()
+            log.warning("%s: %s", self._subscriber.name, what)
+
+    def close(self) -> None:
+        """End it."""
+        self._subscriber.close()
+
+
+class ImageInput(Input):
+    """Feeds a topic with images, raw or compressed, and with their calibration when it is wanted.
+
+    A calibration belongs to a camera, not to a moment: an image gets the newest one of its size.
+
+    Args:
+        name: the topic as the node calls it.
+        resolved: its name on the graph.
+        topic: what is fed.
+        compressed: subscribe to ``<name>/compressed`` instead.
+    """
+
+    def __init__(self, name: str, resolved: str, topic: Topic, compressed: bool) -> None:
+        self._compressed = compressed
+        self._info_name = info_topic(resolved)
+        self._info_subscriber: Subscriber | None = None
+        self._info: CameraInfo | None = None
+        super().__init__(f"{resolved}/compressed" if compressed else name, Image, topic)
+
+    def want_info(self, wanted: bool) -> None:
+        """Subscribe to the calibration, or no longer."""
+        if wanted and self._info_subscriber is None:
+            kind = message_class(CameraInfo)
+            self._info_subscriber = Subscriber(self._info_name, kind, self._take_info)
+        elif not wanted and self._info_subscriber is not None:
+            self._info_subscriber.close()
+            self._info_subscriber = self._info = None
+
+    def close(self) -> None:
+        """End it."""
+        self.want_info(False)
+        super().close()
+
+    def _subscribe(self, name: str) -> Subscriber:
+        kind = CompressedImage if self._compressed else Image
+        return Subscriber(name, message_class(kind), self._take)
+
+    def _read(self, message: Any) -> Image:
+        if self._compressed:
+            image = decompress(from_message(message, CompressedImage))
+        else:
+            image = from_message(message, Image)
+        info = self._info
+        if info is None or (info.height, info.width) != (image.height, image.width):
+            return image
+        return replace(image, camera_info=info)
+
+    def _take_info(self, message: Any) -> None:
+        info = from_message(message, CameraInfo)
+        self._info = info if info.K.any() else None  # all zero: not calibrated

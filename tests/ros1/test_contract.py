@@ -1,0 +1,226 @@
+"""What every runtime has in common: the same suite over the local one and over a ROS graph."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from made_videos import numbered, write_video
+from mcap.reader import make_reader
+from ros_graph import Master, Nodes, wait_for
+
+from ros_visualise.data import Image
+from ros_visualise.errors import ParameterError, UsageError
+from ros_visualise.nodes import find
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.sources.playback import Playback
+
+TOPICS = {"/image_raw", "/controlled_stream", "/processed_image", "/edges"}
+NODES = {"streamer", "fps_control", "filters", "edge_detector"}
+FRAMES = 30  # at 25 fps: fps_control lets all of them pass
+
+
+@dataclass
+class Running:
+    """A runtime that plays a video of known images over and over."""
+
+    runtime: Runtime
+    images: list[np.ndarray]
+    prefix: str = ""  # of its nodes' names
+
+    def parameters(self, node: str) -> Any:
+        return self.runtime.parameters[self.prefix + node]
+
+    def take(self, topic: str, count: int) -> list[Image]:
+        """The next so many images of a topic."""
+        subscription = self.runtime.subscribe(topic)
+        try:
+            return [wait_for(lambda: subscription.take(1), topic) for _ in range(count)]
+        finally:
+            subscription.close()
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_video(tmp_path_factory.mktemp("video") / "v.mkv", numbered(FRAMES, 160, 120))
+
+
+@pytest.fixture(scope="module", params=["local", "nodes", "pipeline"])
+def playing(request: pytest.FixtureRequest, video: Path, ros_master: Master) -> Iterator[Running]:
+    """The image pipeline: in this process, as four ROS nodes, and as one."""
+    images = numbered(FRAMES, 160, 120)
+    if request.param == "local":
+        runtime = LocalRuntime(image_pipeline("streamer", path=str(video)), Playback(loop=True))
+        runtime.start()
+        yield Running(runtime, images)
+        runtime.stop()
+        return
+    nodes = Nodes(ros_master)
+    prefix = "" if request.param == "nodes" else "pipeline/"
+    if request.param == "nodes":
+        for name in sorted(NODES - {"streamer"}):
+            nodes.start(name, wait=False)
+        nodes.start("streamer", f"_path:={video}", "_loop:=true")
+    else:
+        own = [f"_streamer/path:={video}", "_streamer/loop:=true"]
+        nodes.start("pipeline", "_source:=streamer", *own)
+    remote = RemoteRuntime()
+    try:
+        wait_for(lambda: set(remote.graph.topics) >= TOPICS, "all topics")
+        wait_for(lambda: {prefix + node for node in NODES} <= set(remote.parameters), "all nodes")
+        yield Running(remote, images, prefix)
+    finally:
+        remote.close()
+        nodes.stop()
+
+
+@pytest.fixture
+def running(playing: Running) -> Iterator[Running]:
+    """It starts each test with the parameters that it started with."""
+    before = {name: vars(of.current) for name, of in playing.runtime.parameters.items()}
+    yield playing
+    for name, values in before.items():
+        playing.runtime.parameters[name].update(values)
+
+
+def key(image: Image | np.ndarray) -> bytes:
+    pixels = image.pixels if isinstance(image, Image) else image
+    return np.ascontiguousarray(pixels).tobytes()
+
+
+def expected(images: list[np.ndarray], topic: str) -> dict[bytes, int]:
+    """What the nodes' own functions make of the images -> the number of the image."""
+    filters, edges = find("filters"), find("edge_detector")
+    results = {}
+    for number, pixels in enumerate(images):
+        image = Image(pixels, "bgr8")
+        if topic in ("/processed_image", "/edges"):
+            image = filters.make(None).step(image=image, params=filters.params())
+        if topic == "/edges":
+            image = edges.make(None).step(image=image, params=edges.params())["edges"]
+        results[key(image)] = number
+    return results
+
+
+@pytest.mark.parametrize("topic", sorted(TOPICS))
+def test_every_topic_has_the_pixels_that_the_nodes_make(running: Running, topic: str):
+    wanted = expected(running.images, topic)
+    received = running.take(topic, 20)
+    numbers = [wanted[key(image)] for image in received]
+    steps = {(after - before) % FRAMES for before, after in itertools.pairwise(numbers)}
+    if len(wanted) == FRAMES:
+        assert steps <= {1, 2, 3}  # in order; now and then one is left out for a newer one
+    stamps = [image.header.stamp_ns for image in received]
+    assert sorted(set(stamps)) == stamps
+    assert {image.header.frame_id for image in received} == {"camera_optical"}
+    assert {image.encoding for image in received} == {
+        "mono8" if topic in ("/processed_image", "/edges") else "bgr8"
+    }
+
+
+def test_the_stamp_is_kept_from_the_source_to_the_edges(running: Running):
+    raw, edges = running.runtime.subscribe("/image_raw"), running.runtime.subscribe("/edges")
+    numbers = expected(running.images, "/image_raw")
+    number_at: dict[int, int] = {}  # stamp -> the image that was taken then
+    pairs: list[tuple[int, bytes]] = []
+
+    def enough() -> bool:
+        if (image := raw.take(0.005)) is not None:
+            number_at[image.header.stamp_ns] = numbers[key(image)]
+        if (image := edges.take(0.005)) is not None and image.header.stamp_ns in number_at:
+            pairs.append((number_at[image.header.stamp_ns], key(image)))
+        return len(pairs) >= 10
+
+    wait_for(enough, "edges of images that were seen")
+    for number, pixels in pairs:
+        assert pixels in expected(running.images[number : number + 1], "/edges")
+
+
+def test_a_parameter_changes_what_comes_out(running: Running):
+    running.parameters("filters").update({"gray": False, "threshold_mode": "off"})
+    subscription = running.runtime.subscribe("/processed_image")
+    wait_for(lambda: (i := subscription.take(1)) and i.encoding == "bgr8", "colour")
+    image = wait_for(lambda: subscription.take(1), "an image")
+    subscription.close()
+    assert key(image) in expected(running.images, "/image_raw")
+    assert running.parameters("filters").current.gray is False
+
+
+def test_a_refused_change_leaves_everything_as_it_was(running: Running):
+    edges = running.parameters("edge_detector")
+    before = edges.current
+    with pytest.raises(ParameterError, match="800"):
+        edges.update({"low": 5, "high": 100_000})
+    assert edges.current == before
+    with pytest.raises(ParameterError, match="canny"):
+        edges.update({"method": "magic"})
+    assert edges.current == before
+
+
+def test_whoever_listens_is_told_of_a_change(running: Running):
+    told: list[dict[str, Any]] = []
+    forget = running.parameters("fps_control").on_change(
+        lambda _, changed: told.append(dict(changed))
+    )
+    running.parameters("fps_control").update({"fps": 7})
+    wait_for(lambda: told == [{"fps": 7}], "the change")
+    forget()
+    running.parameters("fps_control").update({"fps": 8})
+    time.sleep(0.2)
+    assert told == [{"fps": 7}]
+
+
+def test_rate_control_lets_the_requested_rate_pass(running: Running):
+    running.parameters("fps_control").update({"fps": 5})
+    subscription = running.runtime.subscribe("/controlled_stream")
+    for _ in range(3):
+        wait_for(lambda: subscription.take(1), "images")
+    stamps = [wait_for(lambda: subscription.take(1), "images").header.stamp_ns for _ in range(6)]
+    subscription.close()
+    mean_s = (stamps[-1] - stamps[0]) / 5e9
+    assert mean_s == pytest.approx(0.2, abs=0.02)
+
+
+def test_the_report_counts_every_node_and_topic(running: Running):
+    edges = running.runtime.subscribe("/edges")
+
+    def counted() -> bool:
+        edges.take(0.1)
+        nodes = running.runtime.report(2.0)["nodes"]
+        processed = all(nodes[running.prefix + name]["processed"] > 0 for name in NODES)
+        return processed and nodes[running.prefix + "fps_control"].get("requested_hz") == 30
+
+    wait_for(counted, "counts of all nodes")
+    report = running.runtime.report(2.0)
+    edges.close()
+    assert report["topics"]["/edges"]["type"] == "sensor_msgs/msg/Image"
+    assert report["topics"]["/edges"]["messages"] > 0
+    node = report["nodes"][running.prefix + "fps_control"]
+    assert node["received"] >= node["processed"]
+    assert isinstance(node["dropped"], dict)
+
+
+def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):
+    path = tmp_path / "edges.mcap"
+    recording = running.runtime.start_recording(f"{path}@/edges,/image_raw")
+    wait_for(lambda: recording.written >= 20, "messages to be written")
+    running.runtime.stop_recording(recording)
+    assert recording.error is None
+    with path.open("rb") as stream:
+        channels = [channel.topic for _, channel, _ in make_reader(stream).iter_messages()]
+    assert {"/edges", "/image_raw"} <= set(channels)
+    assert channels.count("/edges") + channels.count("/image_raw") == recording.written
+
+
+def test_a_topic_that_there_is_not_cannot_be_recorded(running: Running, tmp_path: Path):
+    with pytest.raises(UsageError, match="/edges"):
+        running.runtime.start_recording(f"{tmp_path / 'x.mcap'}@/nothing")

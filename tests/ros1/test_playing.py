@@ -1,0 +1,66 @@
+"""A playback and the parameters that stand for it on a ROS graph."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from ros_visualise.params import Parameters, param, specs
+from ros_visualise.runtime.ros1.playing import PlaybackFollower, PlayingParams, playing_params
+from ros_visualise.runtime.ros1.topics import info_topic
+from ros_visualise.sources.playback import Playback
+
+
+@dataclass(frozen=True)
+class FileParams:
+    path: str = param("", "the file", restart=True)
+
+
+def test_a_source_is_declared_with_its_playback():
+    names = [spec.name for spec in specs(playing_params(FileParams))]
+    assert names == ["path", "rate", "loop", "paused"]
+
+
+def test_parameters_drive_the_playback():
+    playback, parameters = Playback(), Parameters(PlayingParams())
+    PlaybackFollower(playback, parameters)
+    parameters.update({"rate": 2.5, "loop": True, "paused": True})
+    assert playback.state[2:] == (False, False, 2.5, True)
+    parameters.update({"paused": False})
+    assert playback.state.playing
+
+
+def test_parameters_follow_the_playback():
+    playback, parameters = Playback(), Parameters(PlayingParams())
+    follower = PlaybackFollower(playback, parameters)
+    playback.pause()
+    playback.set_rate(0.5)
+    follower.follow()
+    assert parameters.current == PlayingParams(rate=0.5, paused=True)
+
+
+def test_what_was_changed_on_the_graph_is_not_undone_by_following():
+    playback, parameters = Playback(), Parameters(PlayingParams())
+    follower = PlaybackFollower(playback, parameters)
+    parameters.update({"paused": True})
+    follower.follow()
+    assert parameters.current.paused
+    assert not playback.state.playing
+
+
+def test_it_can_start_paused():
+    playback = Playback()
+    PlaybackFollower(playback, Parameters(PlayingParams(paused=True)))
+    assert not playback.state.playing
+
+
+@pytest.mark.parametrize(
+    ("image", "info"),
+    [
+        ("/image_raw", "/camera_info"),
+        ("/left/image_rect_color", "/left/camera_info"),
+        ("/edges", "/edges/camera_info"),
+        ("/drone/processed_image", "/drone/processed_image/camera_info"),
+    ],
+)
+def test_where_the_calibration_of_an_image_is(image: str, info: str):
+    assert info_topic(image) == info
