@@ -1,6 +1,8 @@
 # `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
 # make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
 PYTHON ?= python3
+# ROS 1 is there for the distribution's own python3 alone.
+ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
 .PHONY: demo test clean
@@ -16,19 +18,23 @@ test: .venv-test/.ready
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'
-	$(call make_venv,.venv)
+	$(call make_venv,$(PYTHON),.venv)
 	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless]'
 	touch $@
 
 .venv-test/.ready: pyproject.toml package.xml tests/constraints.txt tests/debian-packages.txt
 	sh tests/install-debian-packages.sh
-	$(call make_venv,.venv-test)
+	if $(ROS_PYTHON) -c 'import rospy' 2>/dev/null; then \
+		$(call make_venv,$(ROS_PYTHON),--system-site-packages --clear .venv-test); \
+	else \
+		$(call make_venv,$(PYTHON),--clear .venv-test); \
+	fi
 	.venv-test/bin/pip install --quiet --disable-pip-version-check \
 		-c tests/constraints.txt -e '.[desktop,test]'
 	touch $@
 
 # Debian's python3 has no venv module until python3-venv is installed.
-make_venv = $(PYTHON) -m venv $(1) || { $(APT) install -y python3-venv && $(PYTHON) -m venv $(1); }
+make_venv = $(1) -m venv $(2) || { $(APT) install -y python3-venv && $(1) -m venv $(2); }
 
 clean:
 	rm -rf .venv .venv-test

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Installs what the tests need beside Python: a browser, a screen, FFmpeg. Elsewhere than on Debian
-# it only says what that is.
+# Installs what the tests need beside Python: a browser, a screen, FFmpeg, ROS 1. Elsewhere than on
+# Debian it only says what that is.
 set -eu
 packages=$(cat "$(dirname "$0")/debian-packages.txt")
 if ! command -v apt-get >/dev/null; then
