@@ -6,7 +6,8 @@ differently (``K`` and ``k``, ``secs`` and ``sec``) or lacks is found out here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from functools import cache
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Header
 
-Types = Mapping[str, Callable[..., Any]]
+Types = Mapping[str, Any]
 
 _NS = 1_000_000_000
 _SECONDS = 2**31  # what ROS 2 holds; ROS 1 has one bit more
@@ -31,9 +32,10 @@ class Fields(NamedTuple):
 
 
 class Columns(NamedTuple):
-    """Many messages of one type before their class is known: each field's values in a row."""
+    """``length`` messages of one type before their class is known: each field's values in a row."""
 
     type_name: str
+    length: int
     values: Mapping[str, Iterable[Any] | Columns]
 
 
@@ -46,16 +48,35 @@ def build(value: Any, types: Types) -> Any:
         cls, values = types[value.type_name], value.values
         return cls(*[build(values[name], types) for name in field_names(cls)])
     if isinstance(value, Columns):
-        cls, columns = types[value.type_name], value.values
-        return list(map(cls, *[build(columns[name], types) for name in field_names(cls)]))
+        return _rows(value, types)
     return [build(item, types) for item in value] if isinstance(value, list) else value
+
+
+def _rows(many: Columns, types: Types) -> list[Any]:
+    cls = types[many.type_name]
+    columns = {own: _column(many.values[name], types) for name, own in field_names(cls).items()}
+    if not _slots(cls):
+        return list(map(cls, *columns.values()))
+    rows = [cls.__new__(cls) for _ in range(many.length)]
+    for name, column in columns.items():
+        fill = getattr(cls, name).__set__  # genpy's constructors take four times as long
+        deque(map(fill, rows, column), maxlen=0)
+    return rows
+
+
+def _column(values: Iterable[Any] | Columns, types: Types) -> Iterable[Any]:
+    return _rows(values, types) if isinstance(values, Columns) else values
+
+
+def _slots(cls: Any) -> list[str]:
+    """The slots of a class, or of the class that it is derived from."""
+    return list(next(filter(None, (getattr(base, "__slots__", ()) for base in cls.__mro__)), ()))
 
 
 @cache
 def field_names(cls: Any) -> dict[str, str]:
     """The fields of a message class in its order: the table's name -> its own name."""
-    slots = next(filter(None, (getattr(base, "__slots__", ()) for base in cls.__mro__)), None)
-    names = slots or [one.name for one in fields(cls)]
+    names = _slots(cls) or [one.name for one in fields(cls)]
     lowered = {name: name.lower() for name in names if not name.startswith("_")}
     return {_SAME_AS.get(low, low): name for name, low in lowered.items()}
 
@@ -83,7 +104,7 @@ def times(stamps_ns: npt.NDArray[np.int64]) -> Columns:
     for wrong in sec[(sec < 0) | (sec >= _SECONDS)]:
         raise _no_time(wrong)
     columns = {"sec": sec.tolist(), "nanosec": nanosec.tolist()}
-    return Columns("builtin_interfaces/msg/Time", columns)
+    return Columns("builtin_interfaces/msg/Time", len(stamps_ns), columns)
 
 
 def read_time(time: Any) -> int:

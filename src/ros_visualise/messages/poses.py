@@ -75,22 +75,23 @@ def read_pose_stamped(message: Any) -> PoseStamped:
 
 def write_path(path: Path, _: Header) -> dict[str, Any]:
     """The fields of a nav_msgs/msg/Path, whose poses are all in its own frame."""
+    count = len(path.stamps_ns)
     headers = {
-        "seq": repeat(0, len(path.stamps_ns)),
+        "seq": repeat(0, count),
         "stamp": times(path.stamps_ns),
-        "frame_id": repeat(path.header.frame_id, len(path.stamps_ns)),
+        "frame_id": repeat(path.header.frame_id, count),
     }
     poses = {
         "position": _columns("geometry_msgs/msg/Point", path.positions_xyz),
         "orientation": _columns("geometry_msgs/msg/Quaternion", path.quats_xyzw),
     }
     stamped = {
-        "header": Columns("std_msgs/msg/Header", headers),
-        "pose": Columns("geometry_msgs/msg/Pose", poses),
+        "header": Columns("std_msgs/msg/Header", count, headers),
+        "pose": Columns("geometry_msgs/msg/Pose", count, poses),
     }
     return {
         "header": header(path.header),
-        "poses": Columns("geometry_msgs/msg/PoseStamped", stamped),
+        "poses": Columns("geometry_msgs/msg/PoseStamped", count, stamped),
     }
 
 
@@ -118,7 +119,7 @@ def _named(type_name: str, numbers: Array) -> Fields:
 
 
 def _columns(type_name: str, rows: Array) -> Columns:
-    return Columns(type_name, dict(zip("xyzw", rows.T.tolist(), strict=False)))
+    return Columns(type_name, len(rows), dict(zip("xyzw", rows.T.tolist(), strict=False)))
 
 
 def _xyz(message: Any) -> tuple[float, float, float]:
