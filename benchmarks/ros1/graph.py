@@ -13,7 +13,7 @@ _END_S = 3.0
 
 
 class Graph:
-    """A roscore on a private port.
+    """Starts processes in a graph with a master of its own, so that nothing is left from before.
 
     Args:
         scratch: where logs and ROS's own files go.
@@ -22,45 +22,41 @@ class Graph:
 
     def __init__(self, scratch: Path, port: int = 0) -> None:
         self.scratch = scratch
+        self._port = port or _free_port()
         self._started = 0
-        port = port or _free_port()
         self.environment = {
             **os.environ,
-            "ROS_MASTER_URI": f"http://127.0.0.1:{port}",
+            "ROS_MASTER_URI": f"http://127.0.0.1:{self._port}",
             "ROS_IP": "127.0.0.1",
             "ROS_HOME": str(scratch / "ros_home"),
             "PYTHONUNBUFFERED": "1",
         }
         os.environ.update(self.environment)
-        self._port = port
-
-    def __enter__(self) -> "Graph":
-        self._core = self._start(["roscore", "-p", str(self._port)])
-        end_s = time.monotonic() + 20
-        while time.monotonic() < end_s:
-            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self._port)):
-                return self
-            time.sleep(0.05)
-        self._stop([self._core])
-        raise SystemExit(f"roscore did not start: see {self._log(self._core)}")
-
-    def __exit__(self, *_: object) -> None:
-        self._stop([self._core])
 
     @contextlib.contextmanager
     def running(self, *commands: Sequence[str | Path]) -> Iterator[list[int]]:
-        """Processes of the graph while they are needed; gives their ids."""
-        processes: list[subprocess.Popen[bytes]] = []
+        """A master and these processes while they are needed; gives the processes' ids."""
+        processes = [self._start(["roscore", "-p", str(self._port)])]
         try:
+            self._wait_for_master()
             for command in commands:
                 processes.append(self._start(command))
-            yield [process.pid for process in processes]
+            yield [process.pid for process in processes[1:]]
             for process in processes:
                 if process.poll() is not None:
                     print(f"ended early ({process.returncode}): {_text(process)}")
                     print(self._log(process).read_text()[-2000:])
         finally:
-            self._stop(processes)
+            self._stop(processes[1:])
+            self._stop(processes[:1])
+
+    def _wait_for_master(self) -> None:
+        end_s = time.monotonic() + 20
+        while time.monotonic() < end_s:
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", self._port)):
+                return
+            time.sleep(0.05)
+        raise SystemExit("roscore did not start")
 
     def _start(self, command: Sequence[str | Path]) -> subprocess.Popen[bytes]:
         self._started += 1

@@ -16,7 +16,8 @@ from ros_visualise.sources.playback import Playback
 
 def measure(path: str, warmup_s: float, seconds: float) -> dict[str, float]:
     """Frames per second and processor time of each, at rate 0."""
-    runtime = LocalRuntime(image_pipeline("streamer", path=path), Playback(rate=0, loop=True))
+    graph = image_pipeline("streamer", path=path).configured({"fps_control": {"enabled": False}})
+    runtime = LocalRuntime(graph, Playback(rate=0, loop=True))
     runtime.start()
 
     def state() -> tuple[float, float, float]:

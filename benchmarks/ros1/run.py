@@ -39,12 +39,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="ros_visualise_") as folder:
         scratch = Path(folder)
         made = {size: videos.make(args.picture, size, scratch) for size in args.sizes}
-        with Graph(scratch, args.port) as graph:
-            seeds = [_seed(args, scratch / name, name == "windows") for name in ("none", "windows")]
-            bench = Bench(graph, made, window, args.rounds, args.quick, *seeds)
-            print(f"Picture: {args.picture or 'a test scene'}; {window}; rounds: {args.rounds}")
-            for name in args.sections:
-                SECTIONS[name](bench)
+        seeds = [_seed(args, scratch / name, name == "windows") for name in ("none", "windows")]
+        graph = Graph(scratch, args.port)
+        bench = Bench(graph, made, window, args.rounds, args.quick, *seeds)
+        print(f"Picture: {args.picture or 'a test scene'}; {window}; rounds: {args.rounds}")
+        for name in args.sections:
+            SECTIONS[name](bench)
 
 
 def _seed(args: argparse.Namespace, scratch: Path, windows: bool) -> Seed | None:
