@@ -1,0 +1,256 @@
+"""The launch files describe the graphs of `pipelines`, and set what the nodes declare."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ros_visualise.nodes import SourceType, find
+from ros_visualise.params import specs, update
+from ros_visualise.pipelines import IMAGE_NODES, Graph, alone, chain, image_pipeline
+from ros_visualise.runtime.ros1.playing import playing_params
+
+PACKAGE = Path(__file__).parents[2]
+LAUNCH = PACKAGE / "launch"
+FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))
+MAIN_IMAGES = ("main_video", "main_usb_cam", "main_rosbag")
+NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own"}
+OPTIONS = {"view", "host", "port", "window", "image_transport", "start", "duration"}
+PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
+
+
+class Launched:
+    """What roslaunch's own loader makes of a launch file."""
+
+    def __init__(self, name: str, **args: Any) -> None:
+        from roslaunch.config import ROSLaunchConfig
+        from roslaunch.xmlloader import XmlLoader
+
+        self.config = ROSLaunchConfig()
+        argv = [f"{name}:={value}" for name, value in (NEEDED | args).items()]
+        path = LAUNCH / f"{name.removesuffix('.launch')}.launch"
+        XmlLoader().load(str(path), self.config, argv=argv, verbose=False)
+        self.nodes = {node.name: node for node in self.config.nodes}
+        self.ours = {n.name: n for n in self.config.nodes if n.package == "ros_visualise"}
+
+    def params(self, node: str) -> dict[str, Any]:
+        """A node's private parameters."""
+        prefix = f"/{node}/"
+        params = self.config.params.items()
+        return {n.removeprefix(prefix): p.value for n, p in params if n.startswith(prefix)}
+
+    def resolve(self, node: str, topic: str) -> str:
+        """A topic's name on the graph, after the node's remappings."""
+        from rosgraph.names import resolve_name
+
+        remapped = {resolve_name(a, "/"): resolve_name(b, "/") for a, b in self.remaps(node)}
+        return remapped.get(resolve_name(topic, "/"), topic)
+
+    def remaps(self, node: str) -> list[list[str]]:
+        remaps: list[list[str]] = self.nodes[node].remap_args
+        return remaps
+
+    def graph(self) -> dict[str, dict[str, str]]:
+        """Node -> its inputs and outputs with their topics on the graph."""
+        joined = {}
+        for node in self._graph_nodes():
+            process = node.name if node.name in self.ours else "pipeline"
+            ports = {**node.inputs, **{f"{port} out": t for port, t in node.outputs.items()}}
+            joined[node.name] = {port: self.resolve(process, t) for port, t in ports.items()}
+        return joined
+
+    def _graph_nodes(self) -> list[Any]:
+        if "pipeline" in self.ours:
+            given = self.params("pipeline")
+            return list(chain([find(n) for n in given["nodes"].split()], given.get("source")).nodes)
+        return [n for process in self.ours for n in alone(find(process)).nodes]
+
+
+def joined(graph: Graph) -> dict[str, dict[str, str]]:
+    return {
+        node.name: {**node.inputs, **{f"{port} out": t for port, t in node.outputs.items()}}
+        for node in graph.nodes
+    }
+
+
+@pytest.mark.parametrize("pipeline", ["false", "true"])
+@pytest.mark.parametrize(
+    ("name", "args", "source"),
+    [
+        ("main_video", {}, "streamer"),
+        ("main_usb_cam", {}, "camera"),
+        ("main_usb_cam", {"camera_driver": "usb_cam"}, None),
+        ("main_rosbag", {}, None),
+    ],
+)
+def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
+    launched = Launched(name, pipeline=pipeline, **args)
+    nodes = [find(node) for node in IMAGE_NODES]
+    expected = image_pipeline(source) if source else chain(nodes)
+    assert launched.graph() == joined(expected)
+    assert len(launched.ours) == (1 if pipeline == "true" else len(expected.nodes))
+
+
+def test_usb_cam_publishes_what_the_nodes_take():
+    launched = Launched("main_usb_cam", camera_driver="usb_cam")
+    assert launched.resolve("usb_cam", "/usb_cam/image_raw") == "/image_raw"
+    assert launched.resolve("usb_cam", "/usb_cam/camera_info") == "/camera_info"
+
+
+def test_bag_plays_what_the_nodes_take():
+    launched = Launched("main_rosbag", image="/cam00/image_rect")
+    assert launched.resolve("player", "/cam00/image_rect") == "/image_raw"
+    assert launched.resolve("player", "/cam00/image_rect/compressed") == "/image_raw/compressed"
+    assert launched.resolve("player", "/cam00/camera_info") == "/camera_info"
+    assert launched.config.params["/use_sim_time"].value is True
+
+
+def test_path_follows_the_odometry_that_is_named():
+    launched = Launched("main_path", odom="/wheels")
+    assert launched.graph() == {"path": {"odom": "/wheels", "path out": "/path"}}
+    assert launched.resolve("rviz", "/odom") == "/wheels"
+
+
+@pytest.mark.parametrize("name", ["fps_control", "filters", "edge_detector", "path"])
+def test_input_of_one_node_is_an_argument(name):
+    argument = "odom" if name == "path" else "input"
+    launched = Launched(name, **{argument: "/elsewhere"})
+    assert next(iter(launched.graph()[name].values())) == "/elsewhere"
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_parameters_are_declared_and_change_no_default(file):
+    every = {"camera_info_url": "calibration.yaml", "size": "640x480"}
+    for pipeline in ("false", "true"):
+        launched = Launched(file, pipeline=pipeline, **every)
+        for name, node in launched.ours.items():
+            given = launched.params(name)
+            if node.type == "pipeline":
+                inner = {n: v for n, v in given.items() if n not in PIPELINE_OPTIONS}
+                for path in inner:
+                    inner_node, _, param = path.partition("/")
+                    check_declared(inner_node, {param: inner[path]})
+            elif node.type in ("node", "viewer"):
+                assert set(given) <= OPTIONS
+            else:
+                check_declared(name, {n: v for n, v in given.items() if n not in OPTIONS})
+
+
+def check_declared(node: str, given: Mapping[str, Any]) -> None:
+    """Each is declared; those that name nothing of the user's are as declared."""
+    declared = find(node)
+    is_source = isinstance(declared, SourceType)
+    defaults = (playing_params(declared.params) if is_source else declared.params)()
+    changed = update(defaults, given)
+    named = {"path", "uri", "camera_info_url", "size"}
+    for spec in specs(defaults):
+        if spec.name not in named:
+            assert getattr(changed, spec.name) == getattr(defaults, spec.name), spec.name
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_argument_is_documented(file):
+    from roslaunch.arg_dump import get_args
+
+    for name, (doc, default) in get_args([str(LAUNCH / file)]).items():
+        assert doc, name
+        assert default or name in NEEDED, f"{name} is listed as required"
+
+
+def test_main_files_pass_on_every_argument_of_the_nodes():
+    """What is set in a main launch file arrives at the process that it is meant for."""
+    args = {"fps": 12, "rate": 0.5, "loop": "true", "start": 3, "size": "64x48"}
+    args |= {"image_transport": "compressed", "duration": 2}
+    separate = Launched("main_video", **args)
+    assert separate.params("fps_control")["fps"] == 12
+    assert separate.params("edge_detector")["image_transport"] == "compressed"
+    streamer = separate.params("streamer")
+    together = Launched("main_video", pipeline="true", **args).params("pipeline")
+    for name in ("path", "rate", "loop", "size"):
+        assert together[f"streamer/{name}"] == streamer[name]
+    assert (together["start"], together["duration"]) == (streamer["start"], streamer["duration"])
+    assert streamer["start"] == 3
+    assert together["fps_control/fps"] == 12
+    assert together["image_transport"] == "compressed"
+
+
+@pytest.mark.parametrize("name", MAIN_IMAGES)
+def test_view(name):
+    windows = Launched(name)
+    places = [windows.params(node)["window"] for node in windows.ours]
+    assert {windows.params(node)["view"] for node in windows.ours} == {"windows"}
+    assert len(set(places)) == len(places)
+    web = Launched(name, view="web", port=8099)
+    assert {web.params(node).get("view", "none") for node in web.ours} == {"none"}
+    assert web.params("viewer")["port"] == 8099
+    in_one = Launched(name, view="web", port=8099, pipeline="true")
+    assert in_one.params("pipeline")["view"] == "web"
+    assert in_one.params("pipeline")["port"] == 8099
+    assert list(in_one.ours) == ["pipeline"]
+
+
+@pytest.mark.parametrize("name", MAIN_IMAGES)
+def test_unknown_view_is_refused(name):
+    from roslaunch.core import RLException
+    from roslaunch.xmlloader import XmlParseException
+
+    with pytest.raises((RLException, XmlParseException), match="doors"):
+        Launched(name, view="doors")
+
+
+@pytest.mark.parametrize(("pipeline", "prefix"), [("false", ""), ("true", "/pipeline")])
+def test_parameter_file_wins(tmp_path, pipeline, prefix):
+    file = tmp_path / "mine.yaml"
+    file.write_text("filters: {gray: false, blur: median}\nfps_control: {fps: 7}\n")
+    params = Launched("main_video", params=file, pipeline=pipeline).config.params
+    assert params[f"{prefix}/filters/gray"].value is False
+    assert params[f"{prefix}/filters/blur"].value == "median"
+    assert params[f"{prefix}/fps_control/fps"].value == 7
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_every_named_file_exists(file):
+    launched = Launched(file, rqt="true")
+    for node in launched.ours.values():
+        assert (PACKAGE / "nodes" / node.type).is_file()
+    for name in ("rviz", "rqt"):
+        if file.startswith("main_"):
+            words = shlex.split(launched.nodes[name].args)
+            assert Path(words[1]).is_file()
+
+
+@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path"])
+def test_optional_tools_are_optional(name):
+    started = {node.package for node in Launched(name).config.nodes}
+    assert started <= {"ros_visualise", "rviz", "tf2_ros", "rosbag"}
+    bare = Launched(name, rviz="false", view="none")
+    assert {node.package for node in bare.config.nodes} <= {"ros_visualise", "rosbag"}
+    assert "rqt_gui" in {node.package for node in Launched(name, rqt="true").config.nodes}
+
+
+@pytest.mark.parametrize(
+    ("config", "outside"),
+    [("video", set()), ("bag", {"/velodyne_points"}), ("path", {"/odom"})],
+)
+def test_rviz_shows_topics_of_the_graph(config, outside):
+    text = (PACKAGE / "config" / f"{config}.rviz").read_text()
+    shown = set(re.findall(r"Topic: (/\S+)", text))
+    published = set(image_pipeline("streamer").topics) | set(alone(find("path")).topics)
+    assert shown
+    assert shown <= published | outside
+
+
+def test_every_executable_is_built():
+    built = re.search(r"foreach\(node ([^)]*)\)", (PACKAGE / "CMakeLists.txt").read_text())
+    assert built is not None
+    assert sorted(built[1].split()) == sorted(path.name for path in (PACKAGE / "nodes").iterdir())
+
+
+def test_no_path_of_anybody():
+    for path in [*LAUNCH.rglob("*.launch"), *(PACKAGE / "config").iterdir()]:
+        assert not re.search(r"/home/|/root/|/Users/", path.read_text()), path

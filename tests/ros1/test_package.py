@@ -1,0 +1,122 @@
+"""The package builds in a catkin workspace, and ROS finds what is in it, in both spaces."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from catkin_workspace import PACKAGE, Workspace
+from ros_graph import end, wait_for
+
+EXECUTABLES = sorted(path.name for path in (PACKAGE / "nodes").iterdir())
+SPACES = ("devel", "install")
+
+
+@pytest.fixture(scope="module")
+def built(workspace: Workspace) -> Workspace:
+    workspace.install()
+    return workspace
+
+
+def call(environment: dict[str, str], *command: str) -> str:
+    done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_executables_name_the_interpreter_of_the_workspace(built, space):
+    folder = built.folder / space / "lib" / "ros_visualise"
+    found = sorted(path for path in folder.iterdir() if os.access(path, os.X_OK))
+    assert [path.name for path in found] == EXECUTABLES
+    for path in found:
+        assert path.read_text().splitlines()[0] == f"#!{sys.executable}"
+
+
+@pytest.mark.parametrize(("space", "home"), [("devel", "src"), ("install", "install/share")])
+def test_rospack_finds_the_package(built, space, home):
+    found = call(built.set_up(space), "rospack", "find", "ros_visualise")
+    assert found.strip() == str(built.folder / home / "ros_visualise")
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_rosrun_finds_one_executable(built, space):
+    """With no master it goes no further than the choice, which it would ask a person for."""
+    environment = {**built.set_up(space), "ROS_MASTER_URI": "http://127.0.0.1:1"}
+    debug = call(environment, "rosrun", "--debug", "--prefix", "echo", "ros_visualise", "path")
+    chosen = debug.strip().splitlines()[-1]
+    assert Path(chosen) == built.folder / space / "lib" / "ros_visualise" / "path"
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_node_runs(built, ros_master, space):
+    name = f"/from_{space}"
+    command = ["rosrun", "ros_visualise", "fps_control", f"__name:={name[1:]}"]
+    process = subprocess.Popen(
+        command,
+        env=built.set_up(space),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    try:
+        service = f"{name}/set_parameters"
+        wait_for(lambda: service in ros_master.call("rosservice", "list"), service)
+    finally:
+        end(process)
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_rosrun_completes_the_executables(built, space):
+    complete = (
+        "source /usr/share/bash-completion/completions/rosbash; "
+        "COMP_WORDS=(rosrun ros_visualise ''); COMP_CWORD=2; "
+        '_roscomplete_exe; printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    assert sorted(call(built.set_up(space), "bash", "-c", complete).split()) == EXECUTABLES
+
+
+@pytest.mark.parametrize("space", SPACES)
+def test_roslaunch_finds_launch_files_and_nodes(built, space):
+    environment = built.set_up(space)
+    launch = ("ros_visualise", "main_video.launch", "video:=flight.mp4")
+    command = call(environment, "roslaunch", "--args=/filters", *launch)
+    assert command.split()[0] == f"{built.folder}/{space}/lib/ros_visualise/filters"
+    files = call(environment, "roslaunch", "--files", *launch).split()
+    home = built.folder / ("src" if space == "devel" else "install/share") / "ros_visualise"
+    assert str(home / "launch" / "main_video.launch") in files
+
+
+@pytest.mark.parametrize(
+    ("space", "home"), [("devel", "src/ros_visualise/src"), ("install", "install/lib")]
+)
+def test_package_is_imported_from_its_space(built, space, home):
+    code = "import ros_visualise.cli; print(ros_visualise.cli.__file__)"
+    imported = call(built.set_up(space), sys.executable, "-c", code)
+    assert Path(imported.strip()).is_relative_to(built.folder / home)
+
+
+def test_whole_package_is_installed(built):
+    [installed] = (built.folder / "install" / "lib").glob("python3*/*/ros_visualise")
+    source = PACKAGE / "src" / "ros_visualise"
+    there = {str(path.relative_to(installed)) for path in installed.rglob("*.py")}
+    assert there == {str(path.relative_to(source)) for path in source.rglob("*.py")}
+    share = built.folder / "install" / "share" / "ros_visualise"
+    for folder in ("launch", "config"):
+        expected = {str(path.relative_to(PACKAGE)) for path in (PACKAGE / folder).rglob("*.*")}
+        assert {str(path.relative_to(share)) for path in (share / folder).rglob("*.*")} == expected
+
+
+def test_catkin_lint_is_content(built):
+    package = str(built.folder / "src" / "ros_visualise")  # whose name is the package's there
+    done = subprocess.run(
+        ["catkin_lint", "-W2", "--strict", "--offline", package],
+        env=built.environment,
+        text=True,
+        capture_output=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stdout
