@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from ros_visualise.runtime.ros1.wire import Parcel
@@ -16,12 +17,14 @@ class Outbox:
     this connection's own. Meanwhile one message waits, which a newer one replaces.
 
     Attributes:
-        dropped: messages that were replaced.
+        cleanup_cb: called with this outbox when the connection is closed, by whomever.
     """
 
     def __init__(self, connection: Any) -> None:
-        self.dropped = 0
+        self.cleanup_cb: Callable[[Outbox], None] | None = None
         self._connection = connection
+        self._socket: socket.socket = connection.socket
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # messages go whole
         self._unsent: list[memoryview] = []
         self._waiting: Parcel | None = None
         self._busy = self._closed = False
@@ -34,23 +37,33 @@ class Outbox:
             raise AttributeError(name)
         return getattr(self._connection, name)
 
-    def offer(self, parcel: Parcel) -> None:
-        """Send a message now or soon, unless a newer one comes before."""
+    def set_cleanup_callback(self, callback: Callable[[Outbox], None]) -> None:
+        """Tell somebody when the connection is closed."""
+        self.cleanup_cb = callback
+
+    def offer(self, parcel: Parcel) -> bool:
+        """Send a message now or soon, unless a newer one comes before.
+
+        Returns:
+            Whether one that was waiting was dropped for it.
+        """
         with self._changed:
+            if self._closed:
+                return False
             if self._busy:
-                self.dropped += self._waiting is not None
-                self._waiting = parcel
-                return
+                replaced, self._waiting = self._waiting, parcel
+                return replaced is not None
             try:
                 self._unsent = self._send_now(parcel)
-            except (OSError, AttributeError):  # closed by the subscriber, or by us
-                self._closed = True
+            except OSError:
+                pass  # closed below, without the lock
             else:
                 self._count(parcel)
                 if self._unsent:
                     self._hand_over()
-        if self._closed:
-            self._connection.close()
+                return False
+        self._connection.close()
+        return False
 
     def flush(self, timeout_s: float) -> bool:
         """Wait until all is with the socket; whether that is so."""
@@ -60,7 +73,7 @@ class Outbox:
     def _send_now(self, parcel: Parcel) -> list[memoryview]:
         """Send what the socket has room for; what is left."""
         try:
-            sent = self._connection.socket.sendmsg(parcel.buffers, (), socket.MSG_DONTWAIT)
+            sent = self._socket.sendmsg(parcel.buffers, (), socket.MSG_DONTWAIT)
         except BlockingIOError:
             sent = 0
         return _after(parcel.buffers, sent)
@@ -68,34 +81,37 @@ class Outbox:
     def _hand_over(self) -> None:
         self._busy = True
         if self._thread is None:
-            self._thread = threading.Thread(target=self._send_all, daemon=True)
+            name = f"{self._connection.name} to {self._connection.endpoint_id}"
+            self._thread = threading.Thread(target=self._send_all, name=name, daemon=True)
             self._thread.start()
         self._changed.notify_all()
 
     def _send_all(self) -> None:
-        while (buffers := self._next()) is not None:
-            try:
-                for buffer in buffers:
-                    self._connection.socket.sendall(buffer)
-            except (OSError, AttributeError):
-                self._connection.close()
-                return
+        try:
+            while self._send_next():
+                pass
+        except OSError:
+            self._connection.close()
 
-    def _next(self) -> list[memoryview] | None:
-        """What to send next; None when the connection is closed."""
+    def _send_next(self) -> bool:
+        """Send what is there to send, and let go of it; whether there was anything."""
+        buffers = self._next()
+        for buffer in buffers:
+            self._socket.sendall(buffer)
+        return bool(buffers)
+
+    def _next(self) -> list[memoryview]:
+        """What to send next; nothing when the connection is closed."""
         with self._changed:
+            if not self._unsent and self._waiting is not None:
+                self._count(self._waiting)
+                self._unsent, self._waiting = self._waiting.buffers, None
+            if not self._unsent:
+                self._busy = False
+                self._changed.notify_all()
+                self._changed.wait_for(lambda: self._unsent or self._closed)
             unsent, self._unsent = self._unsent, []
-            while not (unsent or self._closed):
-                if self._waiting is not None:
-                    unsent, waiting = self._waiting.buffers, self._waiting
-                    self._waiting = None
-                    self._count(waiting)
-                else:
-                    self._busy = False
-                    self._changed.notify_all()
-                    self._changed.wait()
-                    unsent, self._unsent = self._unsent, []
-            return None if self._closed else unsent
+            return [] if self._closed else unsent
 
     def _count(self, parcel: Parcel) -> None:
         self._connection.stat_bytes += parcel.size
@@ -104,7 +120,10 @@ class Outbox:
     def _close(self, _: Any) -> None:
         with self._changed:
             self._closed = True
+            self._waiting = None
             self._changed.notify_all()
+        if self.cleanup_cb is not None:
+            self.cleanup_cb(self)
 
 
 def _after(buffers: list[memoryview], sent: int) -> list[memoryview]:

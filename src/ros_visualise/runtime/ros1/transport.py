@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 import logging
+import threading
 import time
 from collections.abc import Callable
 from functools import cache, partial
@@ -19,7 +20,7 @@ import genpy
 import numpy as np
 import rospy
 from rospy import topics
-from rospy.exceptions import TransportException, TransportTerminated
+from rospy.exceptions import TransportTerminated
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.impl.tcpros_base import TCPROSTransport
 
@@ -27,6 +28,7 @@ from ros_visualise.runtime.ros1.outbox import Outbox
 from ros_visualise.runtime.ros1.wire import (
     BrokenStream,
     BufferPool,
+    as_bytes,
     decode,
     encode,
     is_large,
@@ -54,10 +56,9 @@ class Publisher:
     """
 
     def __init__(self, topic: str, message_class: Any, *, latch: bool = False) -> None:
-        self._large = is_large(message_class)
         self.name = str(rospy.resolve_name(topic))
         with get_topic_manager().lock:
-            self._ours = _provide(Registration.PUB, topic, message_class, latch)
+            _provide(Registration.PUB, topic, message_class, latch)
             self._publisher = rospy.Publisher(
                 topic, message_class, latch=latch, queue_size=1, tcp_nodelay=True
             )
@@ -70,8 +71,8 @@ class Publisher:
 
     @property
     def dropped(self) -> int:
-        """Messages that a subscriber had no time for, over all that are there now."""
-        return sum(getattr(one, "dropped", 0) for one in self._connections())
+        """Messages that a subscriber had no time for, over all subscribers."""
+        return int(getattr(self._publisher.impl, "dropped", 0))
 
     def publish(self, message: Any) -> None:
         """Send a message to whoever is connected, waiting for nobody; after `close`, to nobody.
@@ -79,12 +80,16 @@ class Publisher:
         Raises:
             rospy.ROSSerializationException: a field holds what it cannot.
         """
-        if self._publisher.impl is None or rospy.is_shutdown():
+        impl = self._publisher.impl
+        if impl is None or rospy.is_shutdown():
             return
-        if self._large and not self._ours:
-            message = copy.copy(message)
-            message.data = bytes(message.data)
-        self._publisher.publish(message)
+        try:
+            if isinstance(impl, _PublisherImpl):
+                impl.publish(message)
+            else:
+                self._publish_by_rospy(message)
+        except genpy.SerializationError as error:
+            raise rospy.ROSSerializationException(str(error)) from error
 
     def flush(self, timeout_s: float) -> None:
         """Wait until everybody who reads on has been sent the last message."""
@@ -97,6 +102,16 @@ class Publisher:
         """Leave the topic."""
         if self._publisher.impl is not None:
             self._publisher.unregister()
+
+    def _publish_by_rospy(self, message: Any) -> None:
+        if is_large(message):
+            message = copy.copy(message)
+            message.data = as_bytes(message.data).tobytes()
+        try:
+            self._publisher.publish(message)
+        except (rospy.ROSException, AttributeError):
+            if self._publisher.impl is not None and not rospy.is_shutdown():
+                raise  # else it was closed meanwhile
 
     def _connections(self) -> list[Any]:
         impl = self._publisher.impl
@@ -118,13 +133,14 @@ class Subscriber:
         self.name = str(rospy.resolve_name(topic))
         with get_topic_manager().lock:
             ours = _provide(Registration.SUB, topic, message_class)
-            if not ours and is_large(message_class):
+            by_rospy = is_large(message_class) and not ours
+            if by_rospy:
                 callback = partial(_with_array, callback)
             self._subscriber = rospy.Subscriber(
                 topic,
                 message_class,
                 callback,
-                queue_size=None if ours else 1,
+                queue_size=1 if by_rospy else None,
                 tcp_nodelay=True,
             )
 
@@ -143,30 +159,38 @@ class Subscriber:
 class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
     """What all publishers of one topic in this process share, with an outbox per subscriber."""
 
+    def __init__(self, topic: str, message_class: Any) -> None:
+        super().__init__(topic, message_class)
+        self.dropped = 0
+        self._order = threading.RLock()  # rospy's own does not outlive close()
+
     def add_connection(self, connection: Any) -> bool:
         outbox = Outbox(connection)
-        super(topics._PublisherImpl, self).add_connection(outbox)
-        for listener in self.subscriber_listeners:
-            listener.peer_subscribe(self.resolved_name, self.publish, self.publish)
-        with self.publock:
+        with self._order:
+            if not super(topics._PublisherImpl, self).add_connection(outbox):
+                connection.close()
+                return False
             if self.is_latch and self.latch is not None:
                 self.publish(self.latch, outbox)
+        to_it = partial(self.publish, connection_override=outbox)
+        for listener in self.subscriber_listeners or ():
+            listener.peer_subscribe(self.resolved_name, self.publish, to_it)
         return True
 
     def publish(self, message: Any, connection_override: Any = None) -> bool:
-        if self.closed:
-            return False
-        if self.is_latch:
-            self.latch = message
-        outboxes = [connection_override] if connection_override else self.connections
-        if not outboxes:
-            return False
-        self.seq += 1
-        parcel = encode(message, self.seq)
-        for outbox in outboxes:
-            outbox.offer(parcel)
-        self.message_data_sent += parcel.size
-        return True
+        with self._order:
+            if self.closed:
+                return False
+            if self.is_latch:
+                self.latch = message
+            outboxes = [connection_override] if connection_override else self.connections
+            if not outboxes:
+                return False
+            self.seq += 1
+            parcel = encode(message, self.seq)
+            self.dropped += sum(outbox.offer(parcel) for outbox in outboxes)
+            self.message_data_sent += parcel.size
+            return True
 
 
 class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
@@ -180,8 +204,12 @@ class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
         connection.receive_once = partial(_receive_once, connection, self.data_class, BufferPool())
         return bool(super().add_connection(connection))
 
+    def remove_connection(self, connection: Any) -> None:
+        super().remove_connection(connection)
+        vars(connection).pop("receive_once", None)  # a cycle that would keep the buffers
 
-_IMPLS = {Registration.PUB: _PublisherImpl, Registration.SUB: _SubscriberImpl}
+
+_IMPLS: dict[str, Any] = {Registration.PUB: _PublisherImpl, Registration.SUB: _SubscriberImpl}
 
 
 def _provide(direction: str, topic: str, message_class: Any, latch: bool = False) -> bool:
@@ -216,11 +244,9 @@ def _fits() -> bool:
 
 def _receive_once(connection: Any, message_class: Any, pool: BufferPool) -> list[Any]:
     """The next message of a connection, as TCPROSTransport.receive_once gives it."""
-    sock = connection.socket
-    if sock is None:
-        raise TransportException("connection not initialized")
     try:
-        sock.setblocking(True)
+        if (sock := connection.socket) is None:
+            raise EOFError
         body = receive(sock, pool)
         message = decode(body, message_class)
     except genpy.DeserializationError as error:
@@ -229,10 +255,8 @@ def _receive_once(connection: Any, message_class: Any, pool: BufferPool) -> list
     except BrokenStream as error:
         log.warning("%s: %s; leaving %s", connection.name, error, connection.endpoint_id)
         raise TransportTerminated(str(error)) from error
-    except EOFError as error:
+    except (EOFError, OSError) as error:
         raise TransportTerminated("the publisher has gone") from error
-    except OSError as error:
-        raise TransportException(str(error)) from error
     message._connection_header = connection.header
     connection.stat_bytes += body.nbytes + 4
     connection.stat_num_msg += 1
@@ -242,5 +266,6 @@ def _receive_once(connection: Any, message_class: Any, pool: BufferPool) -> list
 
 
 def _with_array(callback: Callable[[Any], None], message: Any) -> None:
+    message = copy.copy(message)  # which others in this process get as well
     message.data = np.frombuffer(message.data, np.uint8)
     callback(message)

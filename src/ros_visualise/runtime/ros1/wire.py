@@ -26,7 +26,8 @@ _AFTER_DATA = {
 
 _LENGTH = struct.Struct("<I")
 _LARGEST = 2**30  # bytes; a longer message is a broken stream
-_KEPT_BUFFERS = 4
+_SPARE = 3  # buffers that wait to be used anew
+_MOST_HELD = 32  # buffers that come back when those who hold them let go
 
 Buffer = npt.NDArray[np.uint8]
 
@@ -47,6 +48,19 @@ def is_large(message_class: Any) -> bool:
     return message_class._type in _AFTER_DATA
 
 
+def as_bytes(data: Any) -> memoryview:
+    """The bytes of a buffer of any shape and type, or of a list of numbers as rospy takes it.
+
+    Raises:
+        genpy.SerializationError: it is not contiguous, or no buffer.
+    """
+    try:
+        listed = isinstance(data, (list, tuple))
+        return np.frombuffer(bytes(data) if listed else data, np.uint8).data
+    except (TypeError, ValueError) as error:
+        raise genpy.SerializationError(f"data is not a buffer of bytes: {error}") from error
+
+
 def encode(message: Any, seq: int) -> Parcel:
     """A message for the wire; its data must not change until it is sent.
 
@@ -57,14 +71,12 @@ def encode(message: Any, seq: int) -> Parcel:
     Raises:
         genpy.SerializationError: a field holds what it cannot.
     """
-    if isinstance(getattr(message, "header", None), genpy.Message) and hasattr(
-        message.header, "seq"
-    ):
+    if message._has_header:
         message.header.seq = seq
     if not is_large(message):
         body = _serialize(message)
         return Parcel([memoryview(_LENGTH.pack(len(body)) + body)], len(body) + 4)
-    data = memoryview(message.data).cast("B")
+    data = as_bytes(message.data)
     empty = copy.copy(message)
     empty.data = b""
     body = _serialize(empty)
@@ -86,6 +98,10 @@ def decode(body: Buffer, message_class: Any) -> Any:
         return message.deserialize(body.tobytes())
     message.deserialize(body.view(_Sliceable))
     message.data = message.data.view(np.ndarray)
+    after_length = body.nbytes - _AFTER_DATA[message._type] - message.data.nbytes
+    (announced,) = _LENGTH.unpack_from(body.data, after_length - 4)
+    if announced != message.data.nbytes:
+        raise genpy.DeserializationError(f"{announced} bytes of data are announced")
     return message
 
 
@@ -101,7 +117,10 @@ def receive(sock: socket.socket, pool: BufferPool) -> Buffer:
     (size,) = _LENGTH.unpack(length)
     if size > _LARGEST:
         raise BrokenStream(f"a message of {size} bytes is announced")
-    body = pool.take(size)
+    try:
+        body = pool.take(size)
+    except MemoryError:
+        raise BrokenStream(f"no memory for a message of {size} bytes") from None
     _receive_into(sock, body.data)
     return body
 
@@ -117,19 +136,20 @@ class BufferPool:
 
     def take(self, size: int) -> Buffer:
         """``size`` bytes that nobody else holds."""
-        for buffer in self._buffers:
-            unheld = sys.getrefcount(buffer) == _UNHELD
-            if unheld and size <= buffer.nbytes <= 2 * size:
-                return buffer[:size]
-        fresh = np.empty(size, np.uint8)
-        self._buffers = [*self._buffers[-_KEPT_BUFFERS + 1 :], fresh]
-        return fresh[:]
+        indices = range(len(self._buffers))
+        free = [i for i in indices if _references(self._buffers, i) == _UNHELD]
+        fitting = [i for i in free if size <= self._buffers[i].nbytes <= 2 * size][:_SPARE]
+        buffer = self._buffers[fitting[0]] if fitting else np.empty(size, np.uint8)
+        kept = [self._buffers[i] for i in indices if i in fitting or i not in free]
+        self._buffers = kept if fitting else [*kept[-_MOST_HELD:], buffer]
+        return buffer[:size]
 
 
-def _count_unheld() -> int:
-    """References to a buffer that only the pool holds, as its loop sees them."""
-    buffers = [np.empty(1, np.uint8)]
-    return next(sys.getrefcount(buffer) for buffer in buffers)
+def _references(buffers: list[Buffer], index: int) -> int:
+    return sys.getrefcount(buffers[index])
+
+
+_UNHELD = _references([np.empty(1, np.uint8)], 0)
 
 
 class _Sliceable(np.ndarray[Any, Any]):
@@ -151,6 +171,3 @@ def _receive_into(sock: socket.socket, view: memoryview) -> None:
         if not count:
             raise EOFError
         view = view[count:]
-
-
-_UNHELD = _count_unheld()
