@@ -211,6 +211,11 @@ class Path:
         _keep(self, np.int64, stamps_ns=(count,))
         _keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its poses."""
+        return self.stamps_ns.nbytes + self.positions_xyz.nbytes + self.quats_xyzw.nbytes
+
 
 @dataclass(frozen=True)
 class ParameterEvent:

@@ -93,24 +93,25 @@ class Nodes:
 
     def __init__(self, master: Master) -> None:
         self._master = master
-        self._started: list[subprocess.Popen[str]] = []
+        self._started: dict[str, subprocess.Popen[str]] = {}
 
     def start(self, name: str, *args: str, wait: bool = True) -> subprocess.Popen[str]:
         """``start("filters", "_gray:=false")``, and wait until it offers its parameters."""
         process = self._master.run(sys.executable, str(NODES / name), *args)
-        self._started.append(process)
         given = [arg.removeprefix("__name:=") for arg in args if arg.startswith("__name:=")]
         node = f"/{(given or [name])[0]}"
+        self._started[node] = process
         if wait:
             wait_for(lambda: self._is_ready(node, process), node)
         return process
 
     def stop(self) -> None:
-        """End all of them."""
-        for process in self._started:
+        """End all of them, and forget their parameters, which outlive a node."""
+        for process in self._started.values():
             process.terminate()
-        for process in self._started:
+        for node, process in self._started.items():
             end(process)
+            self._master.proxy().deleteParam("/tests", node)
 
     def _is_ready(self, node: str, process: subprocess.Popen[str]) -> bool:
         assert process.poll() is None, process.communicate()[0]

@@ -8,7 +8,7 @@ from collections import deque
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import Header, Image, ParameterEvent
+from ros_visualise.data import Header, Image, ParameterEvent, Path
 from ros_visualise.errors import RecordingError
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
@@ -172,4 +172,4 @@ class RecorderThread:
 
 
 def _size(message: Any) -> int:
-    return message.nbytes if isinstance(message, Image) else 0
+    return message.nbytes if isinstance(message, Image | Path) else 0

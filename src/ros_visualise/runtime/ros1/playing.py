@@ -46,7 +46,8 @@ class PlaybackFollower:
 
     def _state(self) -> dict[str, Value]:
         state = self._playback.state
-        return {"rate": state.rate, "loop": state.loop, "paused": not state.playing}
+        paused = not (state.playing or state.ended)
+        return {"rate": state.rate, "loop": state.loop, "paused": paused}
 
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:
         state = self._state()

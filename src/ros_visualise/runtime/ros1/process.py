@@ -115,7 +115,7 @@ class Process:
     def _report(self) -> dict[str, dict[str, Any]]:
         """Every node's figures, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
-        own = session.resolve("~")
+        own = session.resolve("~").rstrip("/")
         nodes: dict[str, dict[str, Any]] = {}
         for node in self._graph.nodes:
             figures = report["nodes"][node.name]

@@ -116,7 +116,12 @@ class ImageOutput(Output):
     def _compress_all(self) -> None:
         while (packet := self._to_compress.take()) is not None:
             assert isinstance(packet.message, Image)
-            self._compressed.publish(to_message(compress(packet.message), TYPES))
+            try:
+                compressed = compress(packet.message)
+            except ValueError as error:
+                log.warning("%s: %s", self._compressed.name, error)
+            else:
+                self._compressed.publish(to_message(compressed, TYPES))
 
 
 class Input:

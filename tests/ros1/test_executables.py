@@ -1,0 +1,315 @@
+"""Our executables on a real graph, as stock ROS sees them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from dynamic_reconfigure.client import Client
+from made_videos import numbered, write_video
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as PathMessage
+from ros_graph import Master, wait_for
+from rosgraph_msgs.msg import Clock, Log
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+FRAMES = 12
+ROOT = Path(__file__).parents[2]
+CALIBRATION = """
+image_width: 160
+image_height: 120
+camera_name: drone
+camera_matrix: {rows: 3, cols: 3, data: [150, 0, 80, 0, 151, 60, 0, 0, 1]}
+distortion_model: plumb_bob
+distortion_coefficients: {rows: 1, cols: 5, data: [0.1, -0.2, 0, 0, 0]}
+rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
+projection_matrix: {rows: 3, cols: 4, data: [150, 0, 80, 0, 0, 151, 60, 0, 0, 0, 1, 0]}
+"""
+
+
+class Heard:
+    """Everything that a stock subscriber gets."""
+
+    def __init__(self, topic: str, message_class: Any) -> None:
+        self.messages: list[Any] = []
+        self.subscriber = rospy.Subscriber(topic, message_class, self.messages.append)
+
+    def wait(self, count: int = 1) -> list[Any]:
+        wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
+        return self.messages
+
+
+@pytest.fixture
+def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
+    heard: list[Heard] = []
+
+    def hear(topic: str, message_class: Any) -> Heard:
+        heard.append(Heard(topic, message_class))
+        return heard[-1]
+
+    yield hear
+    for one in heard:
+        one.subscriber.unregister()
+
+
+@pytest.fixture
+def publish(ros_master: Master) -> Iterator[Callable[[str, Any], rospy.Publisher]]:
+    """A stock publisher that has a subscriber."""
+    publishers: list[rospy.Publisher] = []
+
+    def publish(topic: str, message_class: Any) -> rospy.Publisher:
+        publisher = rospy.Publisher(topic, message_class, queue_size=10)
+        publishers.append(publisher)
+        wait_for(publisher.get_num_connections, f"a subscriber of {topic}")
+        return publisher
+
+    yield publish
+    for one in publishers:
+        one.unregister()
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_video(tmp_path_factory.mktemp("video") / "v.mkv", numbered(FRAMES, 160, 120))
+
+
+def play(node: str = "streamer") -> None:
+    """Let a source that waits begin."""
+    client = Client(f"/{node}", timeout=10)
+    client.update_configuration({"paused": False})
+    client.close()
+
+
+def image_of(pixels: np.ndarray, stamp_s: float, frame_id: str = "cam") -> Image:
+    message = Image(height=pixels.shape[0], width=pixels.shape[1], step=pixels.strides[0])
+    message.encoding = "mono8" if pixels.ndim == 2 else "bgr8"
+    message.header.stamp, message.header.frame_id = rospy.Time(stamp_s), frame_id
+    message.data = pixels.tobytes()
+    return message
+
+
+def pixels_of(message: Image) -> np.ndarray:
+    shape = (message.height, message.width) + (() if message.encoding == "mono8" else (3,))
+    return np.frombuffer(message.data, np.uint8).reshape(shape)
+
+
+def test_a_video_is_published_once_to_its_end(start, hear, video):
+    images = hear("image_raw", Image)
+    infos = hear("camera_info", CameraInfo)
+    streamer = start("streamer", f"_path:={video}", "_paused:=true")
+    wait_for(lambda: images.subscriber.get_num_connections(), "the streamer")
+    wait_for(lambda: infos.subscriber.get_num_connections(), "the streamer")
+    before = rospy.Time.now()
+    images.messages.clear()  # the image that a paused video shows
+    infos.messages.clear()
+    play()
+    assert streamer.wait(20) == 0
+    time.sleep(0.3)
+    received = images.messages
+    assert len(received) == FRAMES - 1
+    for message, pixels in zip(received, numbered(FRAMES, 160, 120)[1:], strict=True):
+        assert (message.encoding, message.step) == ("bgr8", 480)
+        assert message.header.frame_id == "camera_optical"
+        assert message.header.stamp >= before
+        np.testing.assert_array_equal(pixels_of(message), pixels)
+    seqs = [message.header.seq for message in received]
+    assert seqs == list(range(seqs[0], seqs[0] + FRAMES - 1))
+    gaps_s = np.diff([message.header.stamp.to_sec() for message in received])
+    np.testing.assert_allclose(gaps_s, 0.04, atol=1e-4)
+    assert [m.header.stamp for m in infos.messages] == [m.header.stamp for m in received]
+    assert not any(infos.messages[0].K)  # not calibrated
+
+
+def test_a_calibration_goes_with_the_images_and_their_size(start, hear, video, tmp_path):
+    file = tmp_path / "drone.yaml"
+    file.write_text(CALIBRATION)
+    raw = hear("camera_info", CameraInfo)
+    half = hear("processed_image/camera_info", CameraInfo)
+    start("fps_control")
+    start("filters", "_scale:=0.5")
+    start("streamer", f"_path:={video}", "_loop:=true", f"_camera_info_url:=file://{file}")
+    info = raw.wait()[-1]
+    assert info.header.frame_id == "camera_optical"
+    assert (info.width, info.height, info.K[0], info.K[2]) == (160, 120, 150, 80)
+    assert info.D[:2] == (0.1, -0.2)
+    info = half.wait()[-1]
+    assert (info.width, info.height, info.K[0]) == (80, 60, 75)
+    assert info.K[2] == pytest.approx((80 + 0.5) / 2 - 0.5)
+
+
+def test_compressed_images_are_made_for_whoever_wants_them(start, hear, video):
+    compressed = hear("image_raw/compressed", CompressedImage)
+    edges = hear("edges", Image)
+    start("fps_control", "_image_transport:=compressed")
+    start("filters", "_image_transport:=compressed")
+    start("edge_detector", "_image_transport:=compressed")
+    start("streamer", f"_path:={video}", "_loop:=true")
+    message = compressed.wait()[-1]
+    assert message.format == "bgr8; jpeg compressed bgr8"
+    pixels = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_COLOR)
+    difference = min(np.abs(pixels.astype(int) - i).mean() for i in numbered(FRAMES, 160, 120))
+    assert difference < 3
+    message = edges.wait()[-1]
+    assert message.encoding == "mono8"
+    assert pixels_of(message).shape == (120, 160)
+
+
+def test_nothing_is_sent_that_nobody_wants(start, ros_master, video):
+    start("streamer", f"_path:={video}", "_loop:=true")
+    start("fps_control")
+    before = published(ros_master, "/fps_control")
+    time.sleep(1)
+    after = published(ros_master, "/fps_control")
+    assert after["/controlled_stream"] == before["/controlled_stream"] == 0
+    assert published(ros_master, "/streamer")["/image_raw"] > 0
+
+
+def published(master: Master, node: str) -> dict[str, int]:
+    """Topic -> bytes that a node has sent."""
+    import xmlrpc.client
+
+    _, _, uri = master.proxy().lookupNode("/tests", node)
+    _, _, (topics, *_) = xmlrpc.client.ServerProxy(uri).getBusStats("/tests")
+    return {topic: size for topic, size, _ in topics}
+
+
+def test_topics_can_cross(start, hear, publish):
+    start("fps_control", "image_raw:=/cam/a", "controlled_stream:=/image_raw")
+    heard = hear("/image_raw", Image)
+    wait_for(lambda: heard.subscriber.get_num_connections(), "fps_control")
+    publish("/cam/a", Image).publish(image_of(np.full((4, 6, 3), 9, np.uint8), 12.5))
+    [message] = heard.wait()
+    assert message.header.stamp == rospy.Time(12.5)
+    assert message.header.frame_id == "cam"
+
+
+def test_odd_images_of_others_are_taken_or_refused_with_a_word(start, hear, publish):
+    log = hear("/rosout", Log)
+    edges = hear("edges", Image)
+    node = start("edge_detector")
+    source = publish("processed_image", Image)
+    good = image_of(np.zeros((8, 8), np.uint8), 1)
+    broken = image_of(np.zeros((8, 8), np.uint8), 2)
+    broken.data = broken.data[:-1]
+    strange = image_of(np.zeros((8, 8), np.uint8), 3)
+    strange.encoding = "32FC7"
+    for message in (broken, strange, good):
+        source.publish(message)
+    edges.wait()
+    assert node.poll() is None
+    said = [message.msg for message in log.messages if message.name == "/edge_detector"]
+    assert any("/processed_image" in text and "63" in text for text in said)
+
+
+def test_a_node_reports_to_diagnostics(start, hear, video):
+    diagnostics = hear("/diagnostics", DiagnosticArray)
+    start("streamer", f"_path:={video}", "_loop:=true")
+    start("fps_control", "_fps:=5")
+
+    def reported() -> dict[str, str]:
+        for array in diagnostics.messages:
+            for status in array.status:
+                told = {value.key: value.value for value in status.values}
+                if status.name == "/fps_control" and "dropped/rate" in told:
+                    return told
+        return {}
+
+    told = wait_for(reported, "figures of fps_control")
+    assert told["requested_hz"] == "5"
+    assert int(told["received"]) >= int(told["processed"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "args", "says"),
+    [
+        ("edge_detector", ["_low:=900"], "low=900: must be from 0 to 800"),
+        ("edge_detector", ["_method:=magic"], "choose one of canny"),
+        ("edge_detector", ["_view:=tv"], "view=tv: choose web, windows or none"),
+        ("edge_detector", ["_image_transport:=pigeon"], "choose raw or compressed"),
+        ("edge_detector", ["edges:=/a", "processed_image:=/a"], "listen to itself"),
+        ("streamer", [], "give the video file"),
+        ("streamer", ["_path:=/nowhere.mp4"], "/nowhere.mp4"),
+        ("streamer", ["_path:=package://no_such/x.mp4"], "no package 'no_such'"),
+        ("node", [], "FILE.py:NAME"),
+        ("node", ["/nowhere.py:x"], "/nowhere.py"),
+        ("pipeline", ["_nodes:=filters nonsense"], "nonsense"),
+    ],
+)
+def test_wrong_use_is_one_line_and_status_2(start, name, args, says):
+    node = start(name, *args, wait=False)
+    said = node.communicate(timeout=20)[0]
+    assert node.returncode == 2
+    assert says in said
+    assert "Traceback" not in said
+
+
+def test_a_node_of_ones_own(start, hear, publish):
+    heard = hear("posterize", Image)
+    start("node", f"{ROOT / 'examples' / '01_own_filter.py'}:posterize", "image:=/image_raw")
+    wait_for(lambda: heard.subscriber.get_num_connections(), "posterize")
+    publish("/image_raw", Image).publish(image_of(np.full((4, 6, 3), 9, np.uint8), 3))
+    [message] = heard.wait()
+    assert message.header.stamp == rospy.Time(3)
+
+
+def test_a_path_is_there_for_latecomers(start, hear, publish):
+    start("path")
+    odom = publish("odom", Odometry)
+    for number in range(30):
+        message = Odometry()
+        message.header.stamp, message.header.frame_id = rospy.Time(1 + number), "odom"
+        message.pose.pose.position.x = float(number)
+        message.pose.pose.orientation.w = 1.0
+        odom.publish(message)
+        time.sleep(0.01)
+    early = hear("path", PathMessage)
+    wait_for(lambda: early.messages and len(early.messages[-1].poses) == 30, "the whole path")
+    late = hear("path", PathMessage)
+    path = late.wait()[-1]
+    assert path.header.frame_id == "odom"
+    assert [pose.pose.position.x for pose in path.poses] == [float(n) for n in range(30)]
+    assert [pose.header.stamp.secs for pose in path.poses] == [1 + n for n in range(30)]
+
+
+def test_without_a_screen_a_node_says_so_once_and_runs(
+    start, hear, publish, monkeypatch, ros_master
+):
+    monkeypatch.setitem(ros_master.environment, "DISPLAY", "")
+    node = start("edge_detector", "_view:=windows")
+    edges = hear("edges", Image)
+    wait_for(lambda: edges.subscriber.get_num_connections(), "edge_detector")
+    publish("processed_image", Image).publish(image_of(np.zeros((8, 8), np.uint8), 1))
+    edges.wait()
+    node.terminate()
+    said = node.communicate(timeout=10)[0]
+    assert said.count("running without") == 1
+
+
+def test_simulated_time_paces_and_stamps(start, hear, publish, video, ros_master):
+    rospy.set_param("/use_sim_time", True)
+    try:
+        images = hear("image_raw", Image)
+        start("streamer", f"_path:={video}", wait=False)
+        clock = publish("/clock", Clock)
+        now_s = 100.0
+        end_s = time.monotonic() + 20
+        while len(images.messages) < 5 and time.monotonic() < end_s:
+            clock.publish(Clock(rospy.Time(now_s)))
+            now_s += 0.01
+            time.sleep(0.005)
+        stamps = [message.header.stamp.to_sec() for message in images.messages[:5]]
+        assert len(stamps) == 5
+        assert all(100 <= stamp <= now_s for stamp in stamps)
+        np.testing.assert_allclose(np.diff(stamps), 0.04, atol=0.011)
+        count = len(images.messages)
+        time.sleep(0.5)  # while simulated time stands still
+        assert len(images.messages) <= count + 1
+    finally:
+        rospy.delete_param("/use_sim_time")
