@@ -119,10 +119,10 @@ class Outbox:
 
     def _close(self, _: Any) -> None:
         with self._changed:
-            self._closed = True
+            again, self._closed = self._closed, True  # two threads may close at once
             self._waiting = None
             self._changed.notify_all()
-        if self.cleanup_cb is not None:
+        if self.cleanup_cb is not None and not again:
             self.cleanup_cb(self)
 
 
