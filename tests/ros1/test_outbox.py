@@ -17,7 +17,7 @@ from rospy.impl.transport import OUTBOUND
 from sensor_msgs.msg import Image
 
 from ros_visualise.runtime.ros1.outbox import Outbox
-from ros_visualise.runtime.ros1.wire import BufferPool, decode, encode, receive
+from ros_visualise.runtime.ros1.wire import Stream, decode, encode
 
 SIZE = 1_000_000
 
@@ -33,14 +33,14 @@ class Pair:
         self.connection = TCPROSTransport(TCPROSPub("/images", Image), "/images")
         self.connection.set_socket(here, "/viewer")
         self.outbox = Outbox(self.connection)
-        self.pool = BufferPool()
+        self.stream = Stream(self.there)
 
     def offer(self, number: int, size: int = SIZE) -> bool:
         return self.outbox.offer(encode(Image(data=np.full(size, number, np.uint8)), number))
 
     def read(self) -> int:
         """The number of the next message, which is whole."""
-        message = decode(receive(self.there, self.pool), Image)
+        message = decode(self.stream.receive(), Image)
         assert (message.data == message.header.seq).all()
         return int(message.header.seq)
 

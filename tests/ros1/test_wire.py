@@ -22,11 +22,11 @@ from ros_visualise.data import Image as OurImage
 from ros_visualise.runtime.ros1.wire import (
     BrokenStream,
     BufferPool,
+    Stream,
     as_bytes,
     decode,
     encode,
     is_large,
-    receive,
 )
 
 HEADER = Header(7, genpy.Time(1_700_000_000, 9), "camera_ß")
@@ -189,8 +189,8 @@ def test_messages_are_received_in_whatever_pieces(pair):
 
     thread = threading.Thread(target=send)
     thread.start()
-    pool = BufferPool()
-    received = [receive(pair[1], pool) for _ in range(3)]
+    stream = Stream(pair[1])
+    received = [stream.receive() for _ in range(3)]
     thread.join()
     assert b"".join(struct.pack("<I", len(one)) + one.tobytes() for one in received) == raw
 
@@ -200,21 +200,31 @@ def test_an_end_in_the_middle_is_an_end(pair, end):
     pair[0].sendall(join(LARGE[2])[:end])
     pair[0].close()
     with pytest.raises(EOFError):
-        receive(pair[1], BufferPool())
+        Stream(pair[1]).receive()
 
 
-def test_an_absurd_length_is_refused_before_anything_is_kept_for_it(pair):
-    pair[0].sendall(b"GET ")
-    with pytest.raises(BrokenStream, match="no memory for a message of 542393671 bytes"):
-        receive(pair[1], NoMemory())
+@pytest.mark.parametrize("count", range(0, 500, 7))
+def test_what_came_with_the_handshake_comes_first(pair, count):
+    raw = join(Empty()) + join(LARGE[2]) + join(LARGE[0])
+    pair[0].sendall(raw[count:])
+    stream = Stream(pair[1], raw[:count])
+    received = [stream.receive() for _ in range(3)]
+    assert b"".join(struct.pack("<I", len(one)) + one.tobytes() for one in received) == raw
+
+
+def test_an_absurd_length_is_refused_before_anything_is_kept_for_it(pair, monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.setattr(BufferPool, "take", no_memory)
+        pair[0].sendall(b"GET ")
+        with pytest.raises(BrokenStream, match="no memory for a message of 542393671 bytes"):
+            Stream(pair[1]).receive()
     pair[0].sendall(b"\xff\xff\xff\xff")
     with pytest.raises(BrokenStream, match="4294967295 bytes"):
-        receive(pair[1], BufferPool())
+        Stream(pair[1]).receive()
 
 
-class NoMemory(BufferPool):
-    def take(self, size: int) -> Any:
-        raise MemoryError
+def no_memory(pool: BufferPool, size: int) -> Any:
+    raise MemoryError
 
 
 HOLDERS = {

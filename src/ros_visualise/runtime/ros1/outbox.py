@@ -24,6 +24,7 @@ class Outbox:
         self.cleanup_cb: Callable[[Outbox], None] | None = None
         self._connection = connection
         self._socket: socket.socket = connection.socket
+        self._socket.setblocking(True)  # with a timeout sendmsg would wait, MSG_DONTWAIT or not
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # messages go whole
         self._unsent: list[memoryview] = []
         self._waiting: Parcel | None = None

@@ -27,12 +27,11 @@ from rospy.impl.tcpros_base import TCPROSTransport
 from ros_visualise.runtime.ros1.outbox import Outbox
 from ros_visualise.runtime.ros1.wire import (
     BrokenStream,
-    BufferPool,
+    Stream,
     as_bytes,
     decode,
     encode,
     is_large,
-    receive,
 )
 
 log = logging.getLogger(__name__)
@@ -201,7 +200,7 @@ class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
         self.set_tcp_nodelay(True)  # before anybody connects
 
     def add_connection(self, connection: Any) -> bool:
-        connection.receive_once = partial(_receive_once, connection, self.data_class, BufferPool())
+        connection.receive_once = partial(_receive_first, connection, self.data_class)
         return bool(super().add_connection(connection))
 
     def remove_connection(self, connection: Any) -> None:
@@ -242,12 +241,17 @@ def _fits() -> bool:
     return all(there)
 
 
-def _receive_once(connection: Any, message_class: Any, pool: BufferPool) -> list[Any]:
+def _receive_first(connection: Any, message_class: Any) -> list[Any]:
+    """As `_receive_once`, beginning with what rospy has read together with the handshake."""
+    stream = Stream(connection.socket, connection.read_buff.getvalue())
+    connection.receive_once = partial(_receive_once, connection, message_class, stream)
+    return _receive_once(connection, message_class, stream)
+
+
+def _receive_once(connection: Any, message_class: Any, stream: Stream) -> list[Any]:
     """The next message of a connection, as TCPROSTransport.receive_once gives it."""
     try:
-        if (sock := connection.socket) is None:
-            raise EOFError
-        body = receive(sock, pool)
+        body = stream.receive()
         message = decode(body, message_class)
     except genpy.DeserializationError as error:
         rospy.logwarn_throttle(_SAY_AGAIN_S, f"{connection.name}: not a message: {error}")

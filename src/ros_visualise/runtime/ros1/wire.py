@@ -105,24 +105,47 @@ def decode(body: Buffer, message_class: Any) -> Any:
     return message
 
 
-def receive(sock: socket.socket, pool: BufferPool) -> Buffer:
-    """The next message's bytes, without its length.
+class Stream:
+    """The messages that come from one publisher.
 
-    Raises:
-        EOFError: the connection was closed.
-        BrokenStream: it announces what cannot be.
+    Args:
+        sock: blocking.
+        early: what was read of them already, together with the publisher's handshake.
     """
-    length = bytearray(4)
-    _receive_into(sock, memoryview(length))
-    (size,) = _LENGTH.unpack(length)
-    if size > _LARGEST:
-        raise BrokenStream(f"a message of {size} bytes is announced")
-    try:
-        body = pool.take(size)
-    except MemoryError:
-        raise BrokenStream(f"no memory for a message of {size} bytes") from None
-    _receive_into(sock, body.data)
-    return body
+
+    def __init__(self, sock: socket.socket, early: bytes = b"") -> None:
+        self._socket = sock
+        self._early = memoryview(early)
+        self._pool = BufferPool()
+
+    def receive(self) -> Buffer:
+        """The next message's bytes, without its length.
+
+        Raises:
+            EOFError: the connection was closed.
+            BrokenStream: it announces what cannot be.
+        """
+        length = bytearray(4)
+        self._fill(memoryview(length))
+        (size,) = _LENGTH.unpack(length)
+        if size > _LARGEST:
+            raise BrokenStream(f"a message of {size} bytes is announced")
+        try:
+            body = self._pool.take(size)
+        except MemoryError:
+            raise BrokenStream(f"no memory for a message of {size} bytes") from None
+        self._fill(body.data)
+        return body
+
+    def _fill(self, view: memoryview) -> None:
+        count = min(view.nbytes, self._early.nbytes)
+        view[:count] = self._early[:count]
+        self._early = self._early[count:]
+        while count < view.nbytes:
+            view = view[count:]
+            count = self._socket.recv_into(view, 0, socket.MSG_WAITALL)
+            if not count:
+                raise EOFError
 
 
 class BufferPool:
@@ -163,11 +186,3 @@ def _serialize(message: Any) -> bytes:
     buffer = BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()
-
-
-def _receive_into(sock: socket.socket, view: memoryview) -> None:
-    while view.nbytes:
-        count = sock.recv_into(view, 0, socket.MSG_WAITALL)
-        if not count:
-            raise EOFError
-        view = view[count:]
