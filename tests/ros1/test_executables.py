@@ -16,7 +16,7 @@ from dynamic_reconfigure.client import Client
 from made_videos import numbered, write_video
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from ros_graph import Master, wait_for
+from ros_graph import NODES, Master, free_port, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
@@ -248,6 +248,23 @@ def test_wrong_use_is_one_line_and_status_2(start, name, args, says):
     assert node.returncode == 2
     assert says in said
     assert "Traceback" not in said
+
+
+def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
+    environment = {**ros_master.environment, "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}"}
+    node = subprocess.Popen(
+        [sys.executable, NODES / "filters"],
+        env=environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    said = node.stdout.readline()
+    assert said.strip().endswith("start one with: roscore")
+    assert environment["ROS_MASTER_URI"] in said
+    node.send_signal(signal.SIGINT)
+    assert node.communicate(timeout=10)[0] == ""
+    assert node.returncode == 130
 
 
 def test_a_node_of_ones_own(start, hear, publish):

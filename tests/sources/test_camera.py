@@ -169,7 +169,7 @@ def test_what_cannot_be_opened_is_told_in_one_line(
 
 def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live, "glob", lambda pattern: ["/dev/video2", "/dev/video0"])
-    with pytest.raises(OpenError, match=r"there are: /dev/video0, /dev/video2;.*camera test"):
+    with pytest.raises(OpenError, match=r"there are: /dev/video0, /dev/video2;.*called test"):
         Camera("7")
 
 

@@ -224,5 +224,5 @@ def test_without_a_screen_one_line_says_so(display):
     )
     assert done.returncode == 2
     [line] = done.stderr.splitlines()
-    assert "--view web" in line
+    assert "view web" in line
     assert "DISPLAY" in line

@@ -19,7 +19,7 @@ _OPEN_S = 10.0  # a stream may take that long until its first keyframe
 _LOST_NS = 1_000_000_000
 _DRIFT = 1e-4  # of a camera's clock against ours
 _NETWORK = {"fflags": "nobuffer", "flags": "low_delay", "rtsp_transport": "tcp"}
-_TRY_TEST = "without a camera, try the test picture: ros-visualise camera test"
+_TRY_TEST = "without a camera, try the test picture, which is the camera called test"
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Stamps:
 def _check_device(device: str) -> None:
     there = "there are: " + (", ".join(sorted(glob("/dev/video*"))) or "none")
     if Path(device).is_file() or Path(device).is_dir():
-        raise OpenError(f"{device}: not a camera; play a file with: ros-visualise video FILE")
+        raise OpenError(f"{device}: not a camera; a file is played as a video")
     if not Path(device).exists() and device.startswith("/dev/"):
         raise OpenError(f"there is no {device}; {there}; {_TRY_TEST}")
     if not Path(device).exists():

@@ -34,10 +34,12 @@ def check_windows() -> None:
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
             "this OpenCV has no windows: pip uninstall opencv-python-headless,"
-            " then pip install '.[desktop]'; or take --view web"
+            " then pip install '.[desktop]'; or take the page, view web"
         )
     if trial.returncode:
-        raise OpenError(f"{_what_is_wrong(trial.stderr)}; take --view web, or ssh -X from afar")
+        raise OpenError(
+            f"{_what_is_wrong(trial.stderr)}; take the page, view web, or ssh -X from afar"
+        )
 
 
 def _what_is_wrong(errors: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 import threading
 import time
 import xmlrpc.client
@@ -34,7 +35,11 @@ def begin(name: str) -> None:
     would stay behind.
     """
     _return_to_where_it_was_typed()
-    rospy.init_node(name)
+    try:
+        _wait_for_master()
+        rospy.init_node(name)
+    except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
+        sys.exit(130)
     log = logging.getLogger("ros_visualise")
     log.addHandler(_ToRosout())
     log.setLevel(logging.INFO)
@@ -95,6 +100,14 @@ def _return_to_where_it_was_typed() -> None:
     typed_in = os.environ.get("PWD", "")
     if os.path.isdir(typed_in) and os.path.samefile(os.getcwd(), rospkg.get_ros_home()):
         os.chdir(typed_in)
+
+
+def _wait_for_master() -> None:
+    if not rosgraph.is_master_online():
+        uri = rosgraph.get_master_uri()
+        print(f"no ROS master at {uri} yet, waiting; start one with: roscore", file=sys.stderr)
+    while not rosgraph.is_master_online():
+        time.sleep(_CHECK_S)
 
 
 def _watch_master() -> None:
