@@ -19,6 +19,7 @@ from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote import RemoteRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
+from ros_visualise.ui.watching import watch
 
 log = logging.getLogger(__name__)
 
@@ -78,14 +79,16 @@ def _run_pipeline() -> int:
 
 
 def _run_viewer() -> int:
-    view = open_view(*_view_options("web"))
+    name, host, port, place = _view_options("web")
     runtime = RemoteRuntime(_wants_compressed())
     try:
-        view.open(runtime)
-        while not (session.is_over() or view.closed):
-            view.spin(_SPIN_S)
+        watch(
+            runtime,
+            lambda: open_view(name, host, port, place),
+            session.is_over,
+            reopens=name == "windows",
+        )
     finally:
-        view.close()
         runtime.close()
     return 0
 
