@@ -3,7 +3,12 @@
 rospy registers the topics, connects and keeps the connections; only what is sent and received on
 our own topics goes another way: from the message's buffer to the sockets (see `outbox`), and from
 the socket into the buffer that the message then holds (see `wire`). Stock rospy and roscpp at the
-other end see no difference.
+other end see no difference. Whoever uses rospy's own classes on such a topic in the same process
+shares this way, and gets numpy arrays too.
+
+Measured at 3840x2160 on a shared machine, a subscriber in another process got 62-75 fps, by stock
+rospy 7, without MSG_WAITALL 30 (one run each of the last two); socket buffers and TCP_NODELAY
+changed no more than the noise, there and at 640x480, at 30 fps.
 """
 
 from __future__ import annotations
