@@ -97,6 +97,12 @@ class LocalRuntime:
         """A topic of the graph or an input of it, to listen to or to feed from outside."""
         return self._topics[name]
 
+    def wait_until_taken(self, topic: str, timeout_s: float) -> None:
+        """Wait until the nodes that listen to a topic have begun with its last message."""
+        for node in self._nodes:
+            if topic in node.runner.node.inputs.values():
+                node.inbox.wait_until_taken(timeout_s)
+
     def subscribe(self, topic: str) -> Subscription:
         """Look at a topic, beginning with its last message."""
         inbox = Inbox(lossless=False)

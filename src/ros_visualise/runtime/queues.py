@@ -77,6 +77,11 @@ class Inbox:
             self._changed.notify_all()
             return packet
 
+    def wait_until_taken(self, timeout_s: float) -> None:
+        """Wait until nothing waits here any more."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._closed or not self._packets, timeout_s)
+
     def repeat(self) -> None:
         """Let the last message be taken once more, unless a new one comes before."""
         with self._changed:

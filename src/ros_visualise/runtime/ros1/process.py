@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ros_visualise.data import Image
@@ -21,6 +22,7 @@ from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
 _FLUSH_S = 0.5
+_PATIENCE_S = 1.0
 
 
 class Process:
@@ -97,7 +99,8 @@ class Process:
         publisher = self._graph.node(topic.publisher)
         if topic.type is Image:
             is_camera = isinstance(publisher.type, SourceType)
-            output: Output = ImageOutput(self._declared[name], name, is_camera)
+            waits = partial(self._is_in_haste, is_camera)
+            output: Output = ImageOutput(self._declared[name], name, is_camera, waits)
         else:
             latched = isinstance(publisher.type, NodeType) and any(
                 publisher.outputs[port] == name for port in publisher.type.latched
@@ -106,10 +109,16 @@ class Process:
         self.runtime.topic(name).connect(output)
         return output
 
+    def _is_in_haste(self, is_camera: bool) -> bool:
+        """A source that plays as fast as it goes goes as fast as it is listened to."""
+        playback = self.runtime.playback
+        return is_camera and playback is not None and playback.state.rate == 0
+
     def _open_input(self, name: str, kind: type) -> Input:
         declared, topic = self._declared[name], self.runtime.topic(name)
         if kind is Image:
-            return ImageInput(declared, name, topic, self._compressed)
+            wait = partial(self.runtime.wait_until_taken, name, _PATIENCE_S)
+            return ImageInput(declared, name, topic, self._compressed, wait)
         return Input(declared, kind, topic)
 
     def _report(self) -> dict[str, dict[str, Any]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -22,6 +23,8 @@ from ros_visualise.vision.compression import compress, decompress
 log = logging.getLogger(__name__)
 
 _SAY_AGAIN_S = 10.0
+_PATIENCE_S = 1.0  # with a subscriber that has stopped reading
+_LARGE_BYTES = 4_000_000  # some more than two sockets keep of a message
 
 
 def info_topic(image_topic: str) -> str:
@@ -78,10 +81,14 @@ class ImageOutput(Output):
         name: the topic as the node calls it.
         resolved: its name on the graph.
         is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
+        waits: whether to wait, now, until an image is on its way to all.
     """
 
-    def __init__(self, name: str, resolved: str, is_camera: bool) -> None:
+    def __init__(
+        self, name: str, resolved: str, is_camera: bool, waits: Callable[[], bool]
+    ) -> None:
         super().__init__(name, Image)
+        self._waits = waits
         self._info = Publisher(info_topic(resolved), message_class(CameraInfo))
         self._compressed = Publisher(f"{resolved}/compressed", message_class(CompressedImage))
         self._is_camera = is_camera
@@ -105,6 +112,8 @@ class ImageOutput(Output):
         super().put(packet)
         if self._compressed.connections:
             self._to_compress.put(packet)
+        if self._waits():
+            self.flush(_PATIENCE_S)
 
     def _publish_info(self, image: Image) -> None:
         info = image.camera_info
@@ -177,10 +186,19 @@ class ImageInput(Input):
         resolved: its name on the graph.
         topic: what is fed.
         compressed: subscribe to ``<name>/compressed`` instead.
+        wait_until_taken: returns when the nodes that are fed have begun with the last image.
     """
 
-    def __init__(self, name: str, resolved: str, topic: Topic, compressed: bool) -> None:
+    def __init__(
+        self,
+        name: str,
+        resolved: str,
+        topic: Topic,
+        compressed: bool,
+        wait_until_taken: Callable[[], None] = lambda: None,
+    ) -> None:
         self._compressed = compressed
+        self._wait_until_taken = wait_until_taken
         self._info_name = info_topic(resolved)
         self._info_subscriber: Subscriber | None = None
         self._info: CameraInfo | None = None
@@ -199,6 +217,16 @@ class ImageInput(Input):
         """End it."""
         self.want_info(False)
         super().close()
+
+    def _take(self, message: Any) -> None:
+        """Feed an image; the next large one is read when there is time for it.
+
+        What has to be left out is then left out where it is published, before it is sent. Small
+        ones are read all the same: the sockets would keep many of them, and so grow them old.
+        """
+        super()._take(message)
+        if len(message.data) >= _LARGE_BYTES:
+            self._wait_until_taken()
 
     def _subscribe(self, name: str) -> Subscriber:
         kind = CompressedImage if self._compressed else Image
