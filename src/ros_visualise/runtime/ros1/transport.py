@@ -63,8 +63,13 @@ class Publisher:
         self.name = str(rospy.resolve_name(topic))
         with get_topic_manager().lock:
             _provide(Registration.PUB, topic, message_class, latch)
+            queued = getattr(get_topic_manager().pubs.get(self.name), "queue_size", None)
             self._publisher = rospy.Publisher(
-                topic, message_class, latch=latch, queue_size=1, tcp_nodelay=True
+                topic,
+                message_class,
+                latch=latch,
+                queue_size=1 if queued is None else queued,
+                tcp_nodelay=True,
             )
 
     @property
@@ -138,13 +143,14 @@ class Subscriber:
         with get_topic_manager().lock:
             ours = _provide(Registration.SUB, topic, message_class)
             by_rospy = is_large(message_class) and not ours
+            is_shared = self.name in get_topic_manager().subs  # and has the size that it has
             if by_rospy:
                 callback = partial(_with_array, callback)
             self._subscriber = rospy.Subscriber(
                 topic,
                 message_class,
                 callback,
-                queue_size=1 if by_rospy else None,
+                queue_size=1 if by_rospy and not is_shared else None,
                 tcp_nodelay=True,
             )
 
