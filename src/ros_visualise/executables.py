@@ -16,7 +16,7 @@ from ros_visualise.runtime.ros1.clock import ros_clock
 from ros_visualise.runtime.ros1.playing import playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
 from ros_visualise.ui.watching import watch

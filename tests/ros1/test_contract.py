@@ -21,7 +21,7 @@ from ros_visualise.nodes import find
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
 
 TOPICS = {"/image_raw", "/controlled_stream", "/processed_image", "/edges"}

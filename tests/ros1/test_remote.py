@@ -19,10 +19,10 @@ from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.params import Parameters
-from ros_visualise.runtime.ros1.discovery import Peer, survey
-from ros_visualise.runtime.ros1.places import Place, in_order
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.discovery import Peer, survey
+from ros_visualise.runtime.ros1.remote.places import Place, in_order
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 
 pytestmark = [
     pytest.mark.usefixtures("ros_master"),
@@ -206,7 +206,7 @@ def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_maste
 
 COMPRESSED = """
 import time, rospy
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 rospy.init_node("looking")
 runtime = RemoteRuntime(compressed=True)
 while "/packed/image" not in runtime.graph.topics:
@@ -305,7 +305,7 @@ def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
 
 LOOKING = """
 import time, rospy
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 rospy.init_node("looking")
 runtime = RemoteRuntime()
 end_s = time.monotonic() + 20
@@ -378,7 +378,7 @@ def test_a_topic_that_falls_silent_holds_up_no_recording(runtime, peer, tmp_path
 
 RECORDING = """
 import sys, time, rospy
-from ros_visualise.runtime.ros1.remote import RemoteRuntime
+from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 rospy.init_node("recording")
 runtime = RemoteRuntime()
 while not {"/silent", "/loud"} <= set(runtime.graph.topics):

@@ -20,10 +20,10 @@ from ros_graph import wait_for
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.nodes import find
 from ros_visualise.params import Parameters, param, specs
-from ros_visualise.runtime.ros1.declaration import declare
 from ros_visualise.runtime.ros1.description import describe
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
-from ros_visualise.runtime.ros1.remote_parameters import RemoteParameters
+from ros_visualise.runtime.ros1.remote.declaration import declare
+from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
 from ros_visualise.vision.edges import Method
 
 QUIET = [

@@ -9,9 +9,9 @@ from ros_visualise.data import Image
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
 from ros_visualise.pipelines import Graph, Node
-from ros_visualise.runtime.ros1.discovery import Peer
-from ros_visualise.runtime.ros1.figures import Figures
-from ros_visualise.runtime.ros1.remote_parameters import RemoteParameters
+from ros_visualise.runtime.ros1.remote.discovery import Peer
+from ros_visualise.runtime.ros1.remote.figures import Figures
+from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
 
 
 class Place(NamedTuple):

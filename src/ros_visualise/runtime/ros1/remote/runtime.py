@@ -22,12 +22,12 @@ from ros_visualise.params import Parameters, Value
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.runtime.ros1.declaration import our_own
-from ros_visualise.runtime.ros1.discovery import Discovery, Sight
-from ros_visualise.runtime.ros1.figures import Figures
-from ros_visualise.runtime.ros1.places import Place, places, to_graph
-from ros_visualise.runtime.ros1.relay import Arrivals, Relay
-from ros_visualise.runtime.ros1.remote_parameters import RemoteParameters
+from ros_visualise.runtime.ros1.remote.declaration import our_own
+from ros_visualise.runtime.ros1.remote.discovery import Discovery, Sight
+from ros_visualise.runtime.ros1.remote.figures import Figures
+from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
+from ros_visualise.runtime.ros1.remote.places import Place, places, to_graph
+from ros_visualise.runtime.ros1.remote.relay import Arrivals, Relay
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.sinks import open_recorder, parse_target
 

@@ -16,7 +16,7 @@ from ros_visualise import params
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, specs
-from ros_visualise.runtime.ros1.declaration import Declaration, declare
+from ros_visualise.runtime.ros1.remote.declaration import Declaration, declare
 
 log = logging.getLogger(__name__)
 

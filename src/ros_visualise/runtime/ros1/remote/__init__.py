@@ -1,0 +1,1 @@
+"""Looking at nodes in other processes: who is on the graph, what they publish, how to tune them."""
