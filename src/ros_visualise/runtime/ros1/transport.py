@@ -187,6 +187,11 @@ class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
             listener.peer_subscribe(self.resolved_name, self.publish, to_it)
         return True
 
+    def remove_connection(self, connection: Any) -> None:
+        super(topics._PublisherImpl, self).remove_connection(connection)
+        for listener in self.subscriber_listeners or ():  # close() takes them away
+            listener.peer_unsubscribe(self.resolved_name, len(self.connections))
+
     def publish(self, message: Any, connection_override: Any = None) -> bool:
         with self._order:
             if self.closed:
