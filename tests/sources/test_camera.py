@@ -176,7 +176,7 @@ def test_a_missing_device_lists_those_that_there_are(monkeypatch: pytest.MonkeyP
 def test_a_file_is_no_camera(tmp_path: Path) -> None:
     path = tmp_path / "v.mp4"
     path.touch()
-    with pytest.raises(OpenError, match="ros-visualise video"):
+    with pytest.raises(OpenError, match="played as a video"):
         Camera(str(path))
 
 
