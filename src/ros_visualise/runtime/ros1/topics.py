@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 _SAY_AGAIN_S = 10.0
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
-_LARGE_BYTES = 4_000_000  # some more than two sockets keep of a message
+_LARGE_BYTES = 12_000_000  # more than the two sockets of a connection keep
 
 
 def info_topic(image_topic: str) -> str:
