@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
@@ -34,8 +34,13 @@ def run_node(name: str) -> None:
 
 
 def run_own() -> None:
-    """Run a node of one's own, given as FILE.py:NAME."""
-    _run("node", _run_own)
+    """Run a node of one's own, given as FILE.py:NAME, under its own name."""
+    try:
+        declared = _own(session.arguments())
+    except RosVisualiseError as error:  # before it takes the name of one that runs
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_status)
+    _run(declared.name, lambda: _run_alone(declared))
 
 
 def run_pipeline() -> None:
@@ -63,12 +68,11 @@ def _run_alone(declared: NodeType | SourceType) -> int:
     return _run_graph(alone(declared), {declared.name: ""}, _OPTIONS)
 
 
-def _run_own() -> int:
-    given = session.arguments()
+def _own(given: Sequence[str]) -> NodeType:
     if len(given) != 1:
         raise UsageError("give a node of your own as FILE.py:NAME")
     path, name, _ = parse_node(given[0])
-    return _run_alone(load(path, name))
+    return load(path, name)
 
 
 def _run_pipeline() -> int:

@@ -95,11 +95,16 @@ class Nodes:
         self._master = master
         self._started: dict[str, subprocess.Popen[str]] = {}
 
-    def start(self, name: str, *args: str, wait: bool = True) -> subprocess.Popen[str]:
-        """``start("filters", "_gray:=false")``, and wait until it offers its parameters."""
+    def start(
+        self, name: str, *args: str, node: str = "", wait: bool = True
+    ) -> subprocess.Popen[str]:
+        """``start("filters", "_gray:=false")``, and wait until it offers its parameters.
+
+        ``node`` is its name on the graph where that is not the executable's.
+        """
         process = self._master.run(sys.executable, str(NODES / name), *args)
         given = [arg.removeprefix("__name:=") for arg in args if arg.startswith("__name:=")]
-        node = f"/{(given or [name])[0]}"
+        node = f"/{(given or [node or name])[0]}"
         self._started[node] = process
         if wait:
             wait_for(lambda: self._is_ready(node, process), node)

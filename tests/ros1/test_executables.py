@@ -272,7 +272,8 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
 
 def test_a_node_of_ones_own(start, hear, publish):
     heard = hear("posterize", Image)
-    start("node", f"{ROOT / 'examples' / '01_own_filter.py'}:posterize", "image:=/image_raw")
+    example = f"{ROOT / 'examples' / '01_own_filter.py'}:posterize"
+    start("node", example, "image:=/image_raw", node="posterize")
     wait_for(lambda: heard.subscriber.get_num_connections(), "posterize")
     publish("/image_raw", Image).publish(image_of(np.full((4, 6, 3), 9, np.uint8), 3))
     [message] = heard.wait()

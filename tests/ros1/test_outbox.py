@@ -78,6 +78,14 @@ def test_who_does_not_read_gets_the_newest_when_it_reads_again(pair):
     assert pair.connection.stat_bytes == size * len(numbers)
 
 
+def test_it_is_full_while_a_message_waits(pair):
+    assert not pair.outbox.is_full
+    fill(pair)
+    assert pair.outbox.is_full
+    pair.outbox.close()
+    assert not pair.outbox.is_full
+
+
 def test_who_reads_gets_all(pair):
     for number in range(1, 50):
         assert not pair.offer(number % 250)

@@ -66,6 +66,11 @@ class Outbox:
         self._connection.close()
         return False
 
+    @property
+    def is_full(self) -> bool:
+        """Whether a message waits, which the next one would replace."""
+        return self._waiting is not None
+
     def flush(self, timeout_s: float) -> bool:
         """Wait until all is with the socket; whether that is so."""
         with self._changed:

@@ -23,6 +23,7 @@ from ros_visualise.sources.playback import Playback
 _DIAGNOSTICS_S = 1.0
 _FLUSH_S = 0.5
 _PATIENCE_S = 1.0
+_STALL_S = 0.1  # for so long all subscribers together may hold up a node
 
 
 class Process:
@@ -117,9 +118,16 @@ class Process:
     def _open_input(self, name: str, kind: type) -> Input:
         declared, topic = self._declared[name], self.runtime.topic(name)
         if kind is Image:
-            wait = partial(self.runtime.wait_until_taken, name, _PATIENCE_S)
+            wait = partial(self._wait_for_room, name)
             return ImageInput(declared, name, topic, self._compressed, wait)
         return Input(declared, kind, topic)
+
+    def _wait_for_room(self, name: str) -> None:
+        """Wait until the nodes have begun with the last image and could publish what they make."""
+        self.runtime.wait_until_taken(name, _PATIENCE_S)
+        end_s = time.monotonic() + _STALL_S
+        for output in self._outputs.values():
+            output.wait_for_room(end_s - time.monotonic())
 
     def _report(self) -> dict[str, dict[str, Any]]:
         """Every node's figures, under its full name on the graph."""

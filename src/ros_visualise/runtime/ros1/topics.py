@@ -24,7 +24,7 @@ log = logging.getLogger(__name__)
 
 _SAY_AGAIN_S = 10.0
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
-_LARGE_BYTES = 12_000_000  # more than the two sockets of a connection keep
+_LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
 
 
 def info_topic(image_topic: str) -> str:
@@ -72,6 +72,10 @@ class Output:
     def flush(self, timeout_s: float) -> None:
         """Wait until the last message is on its way to everybody who reads on."""
         self._publisher.flush(timeout_s)
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until a subscriber, if there are any, could be sent another message."""
+        self._publisher.wait_for_room(timeout_s)
 
 
 class ImageOutput(Output):
@@ -186,7 +190,7 @@ class ImageInput(Input):
         resolved: its name on the graph.
         topic: what is fed.
         compressed: subscribe to ``<name>/compressed`` instead.
-        wait_until_taken: returns when the nodes that are fed have begun with the last image.
+        wait_for_room: returns when there is time for another image.
     """
 
     def __init__(
@@ -195,10 +199,10 @@ class ImageInput(Input):
         resolved: str,
         topic: Topic,
         compressed: bool,
-        wait_until_taken: Callable[[], None] = lambda: None,
+        wait_for_room: Callable[[], None] = lambda: None,
     ) -> None:
         self._compressed = compressed
-        self._wait_until_taken = wait_until_taken
+        self._wait_for_room = wait_for_room
         self._info_name = info_topic(resolved)
         self._info_subscriber: Subscriber | None = None
         self._info: CameraInfo | None = None
@@ -226,7 +230,7 @@ class ImageInput(Input):
         """
         super()._take(message)
         if len(message.data) >= _LARGE_BYTES:
-            self._wait_until_taken()
+            self._wait_for_room()
 
     def _subscribe(self, name: str) -> Subscriber:
         kind = CompressedImage if self._compressed else Image

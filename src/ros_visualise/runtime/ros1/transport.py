@@ -42,6 +42,7 @@ from ros_visualise.runtime.ros1.wire import (
 log = logging.getLogger(__name__)
 
 _SAY_AGAIN_S = 10
+_LOOK_AGAIN_S = 0.002
 
 
 class Publisher:
@@ -106,6 +107,14 @@ class Publisher:
         for one in self._connections():
             if isinstance(one, Outbox):
                 one.flush(max(end_s - time.monotonic(), 0))
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until there is a subscriber, or none at all, with no message waiting for it."""
+        end_s = time.monotonic() + timeout_s
+        while all(getattr(one, "is_full", False) for one in self._connections() or [None]):
+            if time.monotonic() >= end_s:
+                return
+            time.sleep(_LOOK_AGAIN_S)
 
     def close(self) -> None:
         """Leave the topic."""
