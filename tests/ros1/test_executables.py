@@ -19,7 +19,7 @@ from dynamic_reconfigure.client import Client
 from made_videos import numbered, write_video
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from ros_graph import NODES, Master, free_port, wait_for
+from ros_graph import NODES, Master, end, free_port, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
@@ -262,12 +262,15 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
     )
-    said = node.stdout.readline()
+    try:
+        said = node.stdout.readline()
+        node.send_signal(signal.SIGINT)
+        rest, _ = node.communicate(timeout=10)
+    finally:
+        end(node)
     assert said.strip().endswith("start one with: roscore")
     assert environment["ROS_MASTER_URI"] in said
-    node.send_signal(signal.SIGINT)
-    assert node.communicate(timeout=10)[0] == ""
-    assert node.returncode == 130
+    assert (rest, node.returncode) == ("", 130)
 
 
 def test_a_node_of_ones_own(start, hear, publish):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import sys
 import threading
 import time
@@ -103,6 +104,7 @@ def _return_to_where_it_was_typed() -> None:
 
 
 def _wait_for_master() -> None:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     if not rosgraph.is_master_online():
         uri = rosgraph.get_master_uri()
         print(f"no ROS master at {uri} yet, waiting; start one with: roscore", file=sys.stderr)
