@@ -13,7 +13,7 @@ ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {"errors", "data", "params", "geometry", "rate"},
     {"messages", "vision"},
-    {"sources", "sinks"},
+    {"sources", "sinks", "simulation"},
     {"nodes"},
     {"pipelines"},
     {"runtime"},

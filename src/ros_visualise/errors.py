@@ -2,6 +2,7 @@
 
 - RosVisualiseError            the work failed or lost something            (exit status 1)
   - RecordingError             a recording could not be written to its end
+  - DamagedMessage             a recorded message cannot be read
   - UnsupportedImage           a node cannot process images of this encoding
   - UsageError                 wrong usage                                  (exit status 2)
     - ParameterError           no such parameter, or a value out of its range
@@ -19,6 +20,10 @@ class RosVisualiseError(Exception):
 
 class RecordingError(RosVisualiseError):
     """A recording could not be written to its end; what was written stays readable."""
+
+
+class DamagedMessage(RosVisualiseError):
+    """A message of a recording contradicts itself or its type, or its type is not known."""
 
 
 class UnsupportedImage(RosVisualiseError):

@@ -1,23 +1,16 @@
-"""The messages that travel between nodes: frozen dataclasses on numpy arrays.
-
-A message is never changed after it was made, so it passes between threads by reference.
-"""
+"""Images and the calibration of the camera that took them."""
 
 from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.params import Value
-
-Pixels = npt.NDArray[Any]
-Floats = npt.NDArray[np.float64]
+from ros_visualise.data.header import Header, Pixels, read_only
 
 _BAYER = ("rggb", "bggr", "gbrg", "grbg")
 ENCODINGS: dict[str, tuple[str, int]] = {
@@ -33,18 +26,6 @@ ENCODINGS: dict[str, tuple[str, int]] = {
     **{f"bayer_{pattern}16": ("uint16", 1) for pattern in _BAYER},
 }
 """Encoding name of sensor_msgs/image_encodings -> (numpy dtype, channels)."""
-
-
-@dataclass(frozen=True)
-class Header:
-    """When and where a message was taken.
-
-    ``stamp_ns`` is the time of capture in nanoseconds; ``frame_id`` the frame of the data, for an
-    image the camera's optical frame (z forward, x right, y down).
-    """
-
-    stamp_ns: int = 0
-    frame_id: str = ""
 
 
 class Deferred:
@@ -69,7 +50,7 @@ class Deferred:
         if self._pixels is None:
             with self._lock:
                 if self._make is not None:
-                    self._pixels = _read_only(self._make())
+                    self._pixels = read_only(self._make())
                     self._make = None  # lets go of what it was made from
         assert self._pixels is not None
         return self._pixels
@@ -80,7 +61,8 @@ class CameraInfo:
     """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
 
     ``K`` is 3x3, ``R`` 3x3 and ``P`` 3x4, row-major and in pixels, origin at the centre of the
-    top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``.
+    top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``. The calibration
+    that goes with an image has the image's header.
     """
 
     height: int
@@ -90,6 +72,7 @@ class CameraInfo:
     R: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
     P: npt.NDArray[np.float64] | None = None
     distortion_model: str = "plumb_bob"
+    header: Header = Header()
 
     @classmethod
     def uncalibrated(cls, height: int, width: int) -> CameraInfo:
@@ -123,7 +106,7 @@ class Image:
         if self.data.dtype != dtype or depth != (channels,) or len(self.data.shape) > 3:
             raise ValueError(f"{self.encoding} is not {self.data.dtype} of {self.data.shape}")
         if not isinstance(self.data, Deferred):
-            object.__setattr__(self, "data", _read_only(self.data))
+            object.__setattr__(self, "data", read_only(self.data))
 
     @property
     def pixels(self) -> Pixels:
@@ -158,93 +141,3 @@ class CompressedImage:
     data: npt.NDArray[np.uint8]
     format: str
     header: Header = Header()
-
-
-@dataclass(frozen=True, eq=False)
-class PoseStamped:
-    """Where something is in the frame of its header: position (3,) in metres, quaternion (4,)."""
-
-    position_xyz: Floats
-    quat_xyzw: Floats
-    header: Header = Header()
-
-    def __post_init__(self) -> None:
-        _keep(self, position_xyz=(3,), quat_xyzw=(4,))
-
-
-@dataclass(frozen=True, eq=False)
-class Odometry:
-    """A pose in the frame of its header, and velocities in the frame ``child_frame_id``.
-
-    ``position_xyz`` (3,) in metres and ``quat_xyzw`` (4,); ``linear_xyz`` (3,) in m/s and
-    ``angular_xyz`` (3,) in rad/s; covariances 6x6 in the order x, y, z, and rotations about them.
-    """
-
-    position_xyz: Floats
-    quat_xyzw: Floats
-    linear_xyz: Floats = field(default_factory=lambda: np.zeros(3))
-    angular_xyz: Floats = field(default_factory=lambda: np.zeros(3))
-    pose_covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
-    twist_covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
-    child_frame_id: str = ""
-    header: Header = Header()
-
-    def __post_init__(self) -> None:
-        _keep(self, position_xyz=(3,), quat_xyzw=(4,), linear_xyz=(3,), angular_xyz=(3,))
-        _keep(self, pose_covariance=(6, 6), twist_covariance=(6, 6))
-
-
-@dataclass(frozen=True, eq=False)
-class Path:
-    """Poses in the frame of its header, in the order in which they were passed.
-
-    ``stamps_ns`` (N,), ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
-    """
-
-    stamps_ns: npt.NDArray[np.int64]
-    positions_xyz: Floats
-    quats_xyzw: Floats
-    header: Header = Header()
-
-    def __post_init__(self) -> None:
-        count = len(self.stamps_ns)
-        _keep(self, np.int64, stamps_ns=(count,))
-        _keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of its poses."""
-        return self.stamps_ns.nbytes + self.positions_xyz.nbytes + self.quats_xyzw.nbytes
-
-
-@dataclass(frozen=True)
-class ParameterEvent:
-    """Parameters of one node at a time: ``new`` as it starts, ``changed`` when one is moved."""
-
-    node: str
-    new: Mapping[str, Value] = field(default_factory=dict)
-    changed: Mapping[str, Value] = field(default_factory=dict)
-    header: Header = Header()
-
-
-MESSAGES: tuple[type, ...] = (Image, Odometry, PoseStamped, Path, ParameterEvent)
-"""What can travel on a topic: each has a `Header`."""
-
-
-def _keep(message: Any, dtype: npt.DTypeLike = np.float64, **shapes: tuple[int, ...]) -> None:
-    """Make fields of a frozen message read-only arrays of that type and these shapes.
-
-    Raises:
-        ValueError: one is of another shape.
-    """
-    for name, shape in shapes.items():
-        array = np.asarray(getattr(message, name), dtype)
-        if array.shape != shape:
-            raise ValueError(f"{type(message).__name__}.{name} is {array.shape}, not {shape}")
-        object.__setattr__(message, name, _read_only(array))
-
-
-def _read_only(pixels: Pixels) -> Pixels:
-    view: Pixels = pixels.view()
-    view.flags.writeable = False
-    return view

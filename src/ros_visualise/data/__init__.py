@@ -1,0 +1,76 @@
+"""The messages that travel between nodes: frozen dataclasses on numpy arrays.
+
+A message is never changed after it was made, so it passes between threads by reference.
+"""
+
+from ros_visualise.data.frames import Transforms, TransformStamped
+from ros_visualise.data.header import Floats, Header, Pixels
+from ros_visualise.data.images import ENCODINGS, CameraInfo, CompressedImage, Deferred, Image
+from ros_visualise.data.parameters import ParameterEvent
+from ros_visualise.data.poses import (
+    Odometry,
+    Path,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Twist,
+    TwistStamped,
+)
+from ros_visualise.data.sensors import (
+    FluidPressure,
+    Imu,
+    LaserScan,
+    MagneticField,
+    NavSatFix,
+    PointCloud,
+)
+from ros_visualise.data.text import Text
+
+MESSAGES: tuple[type, ...] = (
+    CameraInfo,
+    FluidPressure,
+    Image,
+    Imu,
+    LaserScan,
+    MagneticField,
+    NavSatFix,
+    Odometry,
+    ParameterEvent,
+    Path,
+    PointCloud,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Text,
+    TransformStamped,
+    Transforms,
+    Twist,
+    TwistStamped,
+)
+"""What can travel on a topic: each has a `Header`."""
+
+__all__ = [
+    "ENCODINGS",
+    "MESSAGES",
+    "CameraInfo",
+    "CompressedImage",
+    "Deferred",
+    "Floats",
+    "FluidPressure",
+    "Header",
+    "Image",
+    "Imu",
+    "LaserScan",
+    "MagneticField",
+    "NavSatFix",
+    "Odometry",
+    "ParameterEvent",
+    "Path",
+    "Pixels",
+    "PointCloud",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
+    "Text",
+    "TransformStamped",
+    "Transforms",
+    "Twist",
+    "TwistStamped",
+]

@@ -1,0 +1,112 @@
+"""The message types of one recording: how its bytes are read and written."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from ros_visualise.errors import DamagedMessage
+
+Encoding = Literal["ros1", "cdr"]
+"""How messages stand as bytes: as ROS 1 sends them, or as ROS 2 does (plain CDR)."""
+
+_STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
+_HEADER = "std_msgs/msg/Header"
+
+
+class Definitions:
+    """The types of ROS 1 or ROS 2 and those that a recording defines itself.
+
+    Types are written ``package/msg/Name``. All of it may be called from any thread.
+    """
+
+    def __init__(self, encoding: Encoding) -> None:
+        self.encoding: Encoding = encoding
+        self._store = get_typestore(_STORES[encoding])
+        self._given: dict[str, str] = {}
+        self._starts_with_header: dict[str, bool] = {}
+        self._lock = threading.Lock()
+
+    @property
+    def types(self) -> Mapping[str, Any]:
+        """Type name -> class, for `ros_visualise.messages.to_message`."""
+        return self._store.types
+
+    def define(self, type_name: str, text: str) -> None:
+        """Add a type from its definition, with those that it is made of; they win over ROS's own.
+
+        Raises:
+            DamagedMessage: the text is no definition.
+        """
+        with self._lock:
+            if self._given.get(type_name) == text:
+                return
+            try:
+                found = get_types_from_msg(text, type_name)
+                changed = {n: t for n, t in found.items() if self._store.fielddefs.get(n) != t}
+                for name in changed:
+                    self._store.fielddefs.pop(name, None)
+                self._store.register(changed)
+            except Exception as error:  # the library's parser raises what it happens to meet
+                raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
+            self._given[type_name] = text
+            self._starts_with_header.clear()
+
+    def knows(self, type_name: str) -> bool:
+        """Whether messages of that type can be read."""
+        return type_name in self._store.fielddefs
+
+    def read(self, type_name: str, data: bytes | memoryview) -> Any:
+        """The message in the bytes.
+
+        Raises:
+            DamagedMessage: they are not one, or nobody knows the type.
+        """
+        store = self._store
+        read = store.deserialize_ros1 if self.encoding == "ros1" else store.deserialize_cdr
+        try:
+            return read(data, type_name)
+        except Exception as error:  # the library's readers raise what they happen to meet
+            raise DamagedMessage(self._why(type_name, len(data))) from error
+
+    def write(self, type_name: str, message: Any) -> memoryview:
+        """The bytes of a message of one of `types`."""
+        store = self._store
+        write = store.serialize_ros1 if self.encoding == "ros1" else store.serialize_cdr
+        return write(message, type_name)
+
+    def text(self, type_name: str) -> str:
+        """A type's whole definition: as it was given, else as ROS has it."""
+        if type_name in self._given:
+            return self._given[type_name]
+        text, _ = self._store.generate_msgdef(type_name, ros_version=self._version)
+        return text
+
+    def digest(self, type_name: str) -> str:
+        """MD5 of a type in ROS 1, its RIHS01 hash in ROS 2."""
+        if self.encoding == "cdr":
+            return self._store.hash_rihs01(type_name)
+        return self._store.generate_msgdef(type_name, ros_version=1)[1]
+
+    def starts_with_header(self, type_name: str) -> bool:
+        """Whether messages of that type begin with a std_msgs/Header."""
+        if type_name not in self._starts_with_header:
+            self._starts_with_header[type_name] = self._looks_headed(type_name)
+        return self._starts_with_header[type_name]
+
+    @property
+    def _version(self) -> Literal[1, 2]:
+        return 1 if self.encoding == "ros1" else 2
+
+    def _looks_headed(self, type_name: str) -> bool:
+        _, fields = self._store.fielddefs.get(type_name, ([], []))
+        return bool(fields) and fields[0][1] == (Nodetype.NAME, _HEADER)
+
+    def _why(self, type_name: str, size: int) -> str:
+        if not self.knows(type_name):
+            return f"{type_name}: nobody knows this type, and the recording does not define it"
+        return f"{size} bytes are no {type_name}"

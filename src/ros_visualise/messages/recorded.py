@@ -1,0 +1,158 @@
+"""Messages as they stand in a recording: bytes and their type, decoded when somebody asks."""
+
+from __future__ import annotations
+
+import struct
+import threading
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, CompressedImage, Header, Image
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import data_class, from_message
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.vision.compression import decompress
+
+_NS = 1_000_000_000
+_CDR_ALIGN = 4
+
+
+@dataclass(frozen=True)
+class TopicType:
+    """The type of a topic's messages: ``name`` as ``sensor_msgs/msg/Image``.
+
+    ``definitions`` knows it where ROS itself does not, else it may be None. ``latched``: whoever
+    comes late gets the last message.
+    """
+
+    name: str
+    definitions: Definitions | None = None
+    latched: bool = False
+
+    @property
+    def data_class(self) -> type:
+        """What its messages are when they are decoded; `Recorded` where we have no class for it."""
+        found = data_class(self.name)
+        return Image if found is CompressedImage else found or Recorded
+
+
+class Recorded:
+    """One message of a recording.
+
+    Args:
+        type_name: as ``sensor_msgs/msg/Image``.
+        data: its bytes.
+        definitions: the types of its recording.
+        stamp_ns: when it was recorded.
+        calibration: of an image, the message with its camera's calibration, if there is one.
+    """
+
+    __slots__ = (
+        "_content",
+        "_header",
+        "_lock",
+        "calibration",
+        "data",
+        "definitions",
+        "stamp_ns",
+        "type_name",
+    )
+
+    def __init__(
+        self,
+        type_name: str,
+        data: bytes | memoryview,
+        definitions: Definitions,
+        stamp_ns: int,
+        calibration: Recorded | None = None,
+    ) -> None:
+        self.type_name = type_name
+        self.data = data
+        self.definitions = definitions
+        self.stamp_ns = stamp_ns
+        self.calibration = calibration
+        self._header: Header | None = None
+        self._content: Any = None
+        self._lock = threading.Lock()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of it."""
+        return len(self.data)
+
+    @property
+    def header(self) -> Header:
+        """Its own, read without decoding the rest; else the time at which it was recorded."""
+        if self._header is None:
+            self._header = self._read_header()
+        return self._header
+
+    @property
+    def message(self) -> Any:
+        """The ROS message, decoded anew at each call: an object with the type's fields.
+
+        Raises:
+            DamagedMessage: the bytes are no such message.
+        """
+        return self.definitions.read(self.type_name, self.data)
+
+    @property
+    def content(self) -> Any:
+        """One of `ros_visualise.data.MESSAGES`, decoded once; itself where we have no class for it.
+
+        A compressed image is an `Image`.
+
+        Raises:
+            DamagedMessage: the bytes are no such message, or the message contradicts itself.
+        """
+        if self._content is None:
+            with self._lock:
+                if self._content is None:
+                    self._content = self._decode()
+        return self._content
+
+    def _decode(self) -> Any:
+        kind = data_class(self.type_name)
+        if kind is None:
+            return self
+        try:
+            found: Any = from_message(self.message, kind)
+            if isinstance(found, CompressedImage):
+                found = decompress(found)
+        except (ValueError, TypeError, AttributeError) as error:
+            raise DamagedMessage(f"{self.type_name}: {error}") from error
+        if isinstance(found, Image) and self.calibration is not None:
+            info = self.calibration.content
+            if isinstance(info, CameraInfo):
+                found = replace(found, camera_info=replace(info, header=found.header))
+        return found
+
+    def _read_header(self) -> Header:
+        if not self.definitions.starts_with_header(self.type_name):
+            return Header(self.stamp_ns)
+        try:
+            return _parse_header(memoryview(self.data), self.definitions.encoding == "ros1")
+        except (struct.error, UnicodeDecodeError):
+            return Header(self.stamp_ns)
+
+
+def content(message: Any) -> Any:
+    """What a message on a topic says: a recorded one decoded, any other as it is.
+
+    Raises:
+        DamagedMessage: as `Recorded.content`.
+    """
+    return message.content if isinstance(message, Recorded) else message
+
+
+def _parse_header(data: memoryview, is_ros1: bool) -> Header:
+    if is_ros1:
+        _, sec, nanosec, length = struct.unpack_from("<IIII", data)
+        start, end = 16, 16 + length
+    else:
+        order = "<" if data[1] & 1 else ">"
+        sec, nanosec, length = struct.unpack_from(f"{order}iII", data, _CDR_ALIGN)
+        start, end = _CDR_ALIGN + 12, _CDR_ALIGN + 12 + max(length, 1) - 1
+    if end > len(data):
+        raise struct.error("the name of the frame is cut")
+    return Header(sec * _NS + nanosec, str(data[start:end], "utf-8"))
