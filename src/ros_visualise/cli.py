@@ -1,4 +1,4 @@
-"""The command line: what can be asked for. Light to import; `ros_visualise.commands` does it."""
+"""The command line: what can be asked for. Light to import; `ros_visualise.commands` do it."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
 
@@ -31,9 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         signal.signal(number, signal.default_int_handler)
     try:
         args = _parser().parse_args(arguments)
-        from ros_visualise import commands
-
-        status: int = getattr(commands, args.command)(args)
+        status: int = import_module(f"ros_visualise.commands.{args.module}").run(args)
         return status
     except RosVisualiseError as error:
         print(f"ros-visualise: {error}", file=sys.stderr)
@@ -59,8 +58,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, help="show the version and exit")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    playing = _playing_options()
+    _add_playing(commands)
+    _add_asking(commands)
+    return parser
 
+
+def _add_playing(commands: Any) -> None:
+    playing = _playing_options()
+    playing.set_defaults(module="play")
     demo = commands.add_parser(
         "demo", parents=[playing], help="a moving scene, with nothing to hand"
     )
@@ -78,12 +83,15 @@ def _parser() -> argparse.ArgumentParser:
     )
     camera.set_defaults(source="camera")
 
+
+def _add_asking(commands: Any) -> None:
     info = commands.add_parser("info", help="what a file holds")
+    info.set_defaults(module="info")
     info.add_argument("input", metavar="FILE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
     nodes = commands.add_parser("nodes", help="every node, its topics and its parameters")
+    nodes.set_defaults(module="nodes")
     nodes.add_argument("--json", action="store_true", help="as one JSON object")
-    return parser
 
 
 def _checked(

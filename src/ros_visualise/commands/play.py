@@ -1,4 +1,4 @@
-"""What the commands do."""
+"""``demo``, ``video``, ``camera``: playing a source through the nodes, with a view of it."""
 
 from __future__ import annotations
 
@@ -6,21 +6,17 @@ import json
 import logging
 import signal
 import sys
-import threading
 from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from ros_visualise import nodes as registry
-from ros_visualise import sources
+from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.errors import OpenError, ParameterError, RosVisualiseError, UsageError
-from ros_visualise.messages import type_name
-from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import Spec, specs
 from ros_visualise.pipelines import Graph, image_pipeline, parse_node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
@@ -28,57 +24,34 @@ from ros_visualise.sinks import parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
 
-T = TypeVar("T")
-
 _SPIN_S = 0.05
 
 
-def demo(args: Namespace) -> int:
-    """Play a moving scene made by the program."""
-    return _play(args)
+def run(args: Namespace) -> int:
+    """Play a source until it ends or a person ends it."""
+    return _play(args, **_SETTINGS[args.command](args))
 
 
-def video(args: Namespace) -> int:
-    """Play a video file."""
-    return _play(args, path=args.input)
+def _demo(args: Namespace) -> dict[str, Any]:
+    return {}
 
 
-def camera(args: Namespace) -> int:
-    """Play a camera."""
+def _video(args: Namespace) -> dict[str, Any]:
+    return {"path": args.input}
+
+
+def _camera(args: Namespace) -> dict[str, Any]:
     if args.rate is not None or args.loop or args.start is not None:
         raise UsageError("a camera is live: it takes no --rate, --loop or --start")
-    return _play(args, uri=args.input)
+    return {"uri": args.input}
 
 
-def info(args: Namespace) -> int:
-    """Print what a file holds."""
-    found = _interruptible(lambda: sources.info(args.input))
-    if args.json:
-        print(json.dumps(found))
-        return 0
-    topics = found.pop("topics")
-    for key, value in found.items():
-        print(f"{key + ':':<12}{value}")
-    for name, topic in topics.items():
-        print(f"{name}  {topic['type']}  {topic['messages']} messages  {topic['hz']} Hz")
-    return 0
-
-
-def nodes(args: Namespace) -> int:
-    """Print every node, its topics and its parameters."""
-    described = {found.name: _describe(found) for found in registry.find_all()}
-    if args.json:
-        print(json.dumps(described))
-        return 0
-    for name, node in described.items():
-        print(f"{name}: {node['doc']}")
-        for way in ("inputs", "outputs"):
-            if node[way]:
-                print(f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items()))
-        for param, about in node["params"].items():
-            print(f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}")
-        print()
-    return 0
+_SETTINGS: dict[str, Callable[[Namespace], dict[str, Any]]] = {
+    "demo": _demo,
+    "video": _video,
+    "camera": _camera,
+}
+"""Command -> the parameters that it gives its source."""
 
 
 def _play(args: Namespace, **settings: Any) -> int:
@@ -126,7 +99,7 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         frames=args.frames,
         hold=view.stays and args.duration is None and args.frames is None,
     )
-    runtime = _interruptible(lambda: LocalRuntime(graph, playback))
+    runtime = interruptible(lambda: LocalRuntime(graph, playback))
     interrupted = False
     try:
         recordings = _start_recordings(runtime, args.record, args.overwrite)
@@ -162,26 +135,6 @@ def _start_recordings(
             recording.path.unlink(missing_ok=True)
         raise
     return recordings
-
-
-def _interruptible(make: Callable[[], T]) -> T:
-    """What ``make`` returns, made on a thread, so that Ctrl-C need not wait for it."""
-    results: list[T] = []
-    errors: list[BaseException] = []
-
-    def work() -> None:
-        try:
-            results.append(make())
-        except BaseException as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(_SPIN_S)
-    if errors:
-        raise errors[0]
-    return results[0]
 
 
 def _refuse_double_use(targets: list[str], source: str | None) -> None:
@@ -224,32 +177,3 @@ def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
         raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
     return values
-
-
-def _describe(found: NodeType | SourceType) -> dict[str, Any]:
-    return {
-        "doc": found.doc,
-        "source": isinstance(found, SourceType),
-        "inputs": {port: type_name(kind) for port, kind in found.inputs.items()},
-        "outputs": {port: type_name(kind) for port, kind in found.outputs.items()},
-        "params": {spec.name: _describe_param(spec) for spec in specs(found.params)},
-    }
-
-
-def _describe_param(spec: Spec) -> dict[str, Any]:
-    return {
-        "type": "enum" if spec.choices else spec.type.__name__,
-        "default": getattr(spec.default, "value", spec.default),
-        "min": spec.min,
-        "max": spec.max,
-        "choices": list(spec.choices),
-        "help": spec.help,
-    }
-
-
-def _allowed(about: dict[str, Any]) -> str:
-    if about["choices"]:
-        return ", ".join(about["choices"])
-    if about["min"] is not None and about["max"] is not None:
-        return f"{about['type']} {about['min']:g} to {about['max']:g}"
-    return str(about["type"])

@@ -1,0 +1,58 @@
+"""``nodes``: every node, its topics and its parameters."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from typing import Any
+
+from ros_visualise import nodes as registry
+from ros_visualise.messages import type_name
+from ros_visualise.nodes import NodeType, SourceType
+from ros_visualise.params import Spec, specs
+
+
+def run(args: Namespace) -> int:
+    """Print every node, its topics and its parameters."""
+    described = {found.name: _describe(found) for found in registry.find_all()}
+    if args.json:
+        print(json.dumps(described))
+        return 0
+    for name, node in described.items():
+        print(f"{name}: {node['doc']}")
+        for way in ("inputs", "outputs"):
+            if node[way]:
+                print(f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items()))
+        for param, about in node["params"].items():
+            print(f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}")
+        print()
+    return 0
+
+
+def _describe(found: NodeType | SourceType) -> dict[str, Any]:
+    return {
+        "doc": found.doc,
+        "source": isinstance(found, SourceType),
+        "inputs": {port: type_name(kind) for port, kind in found.inputs.items()},
+        "outputs": {port: type_name(kind) for port, kind in found.outputs.items()},
+        "params": {spec.name: _describe_param(spec) for spec in specs(found.params)},
+    }
+
+
+def _describe_param(spec: Spec) -> dict[str, Any]:
+    return {
+        "type": "enum" if spec.choices else spec.type.__name__,
+        "default": getattr(spec.default, "value", spec.default),
+        "min": spec.min,
+        "max": spec.max,
+        "choices": list(spec.choices),
+        "help": spec.help,
+    }
+
+
+def _allowed(about: dict[str, Any]) -> str:
+    if about["choices"]:
+        return ", ".join(about["choices"])
+    if about["min"] is not None and about["max"] is not None:
+        return f"{about['type']} {about['min']:g} to {about['max']:g}"
+    return str(about["type"])
