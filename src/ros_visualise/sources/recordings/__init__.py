@@ -5,12 +5,25 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Generator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import TopicType
+
+_ROSBAG1 = b"#ROSBAG V"
+_MCAP = b"\x89MCAP0\r\n"
+_SQLITE = b"SQLite format 3\0"
+_ULOG = b"ULog\x01\x12\x35"
+_SRT = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\r?\n[\d:,. ]+-->")
+_HEAD_SIZE = 4096
+_LISTED = 3  # of the recordings in a folder, so many are named
 
 
 class Entry(NamedTuple):
@@ -90,8 +103,11 @@ class Recording(Protocol):
             topics: of these alone.
         """
 
+    def stamps_ns(self) -> Mapping[str, NDArray[np.int64]]:
+        """The stamps of each topic's messages in their order, from the index where there is one."""
+
     def close(self) -> None:
-        """Let go of its files; may be called from any thread."""
+        """Let go of its files; may be called from any thread, and ends what is being read."""
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -100,4 +116,104 @@ def open_recording(path: str | Path) -> Recording:
     Raises:
         OpenError: there is nothing, or nothing that can be read; the message says what to do.
     """
-    raise NotImplementedError
+    path = Path(path)
+    try:
+        return _open_folder(path) if path.is_dir() else _open_file(path)
+    except PermissionError:
+        raise OpenError(f"{path}: you may not read it; try chmod u+rX") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
+
+
+def is_recording(path: str | Path) -> bool:
+    """Whether there is something for `open_recording`, be it damaged; a video is none."""
+    path = Path(path)
+    try:
+        return path.is_dir() or (path.is_file() and _kind(_head(path)) != "")
+    except OSError:
+        return False
+
+
+def _open_file(path: Path) -> Recording:
+    if not path.exists():
+        raise OpenError(f"{path}: no such file; check the path")
+    if not path.is_file():
+        raise OpenError(f"{path}: no file; a camera is shown by: ros-visualise camera {path}")
+    head = _head(path)
+    if not head:
+        raise OpenError(f"{path}: an empty file; copy or record it again")
+    match _kind(head):
+        case "rosbag1":
+            from ros_visualise.sources.recordings.rosbag1 import open_rosbag1
+
+            return open_rosbag1(path)
+        case "mcap":
+            from ros_visualise.sources.recordings.mcap import open_mcap
+
+            return open_mcap(path)
+        case "sqlite":
+            from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
+
+            return open_rosbag2(path.parent if _is_listed(path) else path)
+        case "ulog":
+            from ros_visualise.sources.logs.px4 import open_ulog
+
+            return open_ulog(path)
+        case "srt":
+            from ros_visualise.sources.logs.dji import open_srt
+
+            return open_srt(path)
+    raise OpenError(
+        f"{path}: not a recording that is known here; if it is a video: ros-visualise video {path}"
+    )
+
+
+def _open_folder(path: Path) -> Recording:
+    from ros_visualise.sources.kitti import is_kitti, open_kitti
+    from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
+
+    if (path / "metadata.yaml").is_file():
+        return open_rosbag2(path)
+    if is_kitti(path):
+        return open_kitti(path)
+    found = _recordings_in(path)
+    if found and _is_one_split_bag(found):
+        return open_rosbag2(path)
+    if not found:
+        raise OpenError(f"{path}: a folder with no recording in it; give a file or folder of one")
+    names = ", ".join(item.name for item in found[:_LISTED])
+    more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
+    raise OpenError(f"{path}: a folder with {names}{more} in it; choose, for instance {found[0]}")
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    items = sorted(folder.iterdir())
+    return [
+        item
+        for item in items
+        if ((item / "metadata.yaml").is_file() if item.is_dir() else is_recording(item))
+    ]
+
+
+def _is_one_split_bag(files: list[Path]) -> bool:
+    """Whether they are what ROS 2 leaves of one bag: ``NAME_0.db3``, ``NAME_1.db3``, ..."""
+    names = {re.sub(r"_\d+(?=\.\w+$)", "", file.name) for file in files}
+    return len(names) == 1 and {file.suffix for file in files} <= {".db3", ".mcap"}
+
+
+def _is_listed(path: Path) -> bool:
+    metadata = path.parent / "metadata.yaml"
+    return metadata.is_file() and path.name in metadata.read_text(errors="replace")
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_SIZE)
+
+
+def _kind(head: bytes) -> str:
+    magics = {_ROSBAG1: "rosbag1", _MCAP: "mcap", _SQLITE: "sqlite", _ULOG: "ulog"}
+    for magic, kind in magics.items():
+        if head.startswith(magic):
+            return kind
+    return "srt" if _SRT.match(head) else ""
