@@ -4,6 +4,7 @@
   - RecordingError             a recording could not be written to its end
   - DamagedMessage             a recorded message cannot be read
   - UnsupportedImage           a node cannot process images of this encoding
+  - NoTransform                where two frames are to one another is not known
   - UsageError                 wrong usage                                  (exit status 2)
     - ParameterError           no such parameter, or a value out of its range
     - OpenError                an input or a target that cannot be opened
@@ -28,6 +29,10 @@ class DamagedMessage(RosVisualiseError):
 
 class UnsupportedImage(RosVisualiseError):
     """A node cannot process images of this encoding."""
+
+
+class NoTransform(RosVisualiseError):
+    """A frame is not known, or not where it was to another one at a time."""
 
 
 class UsageError(RosVisualiseError):

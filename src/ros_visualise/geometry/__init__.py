@@ -1,0 +1,1 @@
+"""Rotations, transforms, the tree of frames, and positions on the Earth."""
