@@ -55,8 +55,9 @@ def test_only_the_overlay_is_made_on_demand():
 
 def test_the_path_is_made_of_odometry_from_outside():
     graph = path_pipeline()
-    assert topics_of(graph) == {"path": ({"odom": "/odom"}, {"path": "/path"})}
-    assert graph.inputs == {"/odom": Odometry}
+    ports = ["odom", "pose", "pose_cov", "fix", "tf", "tf_static"]
+    assert topics_of(graph) == {"path": ({port: f"/{port}" for port in ports}, {"path": "/path"})}
+    assert graph.inputs["/odom"] is Odometry
     assert graph.source is None
     assert graph.node("path").type.latched == {"path"}
 
@@ -124,7 +125,7 @@ def test_two_nodes_cannot_publish_to_one_topic():
 
 
 def test_what_travels_on_topics_are_messages():
-    with pytest.raises(UsageError, match="float is no message; there is Image"):
+    with pytest.raises(UsageError, match="float is no message; there is CameraInfo, .*Image"):
         node("measure", inputs={"image": Image}, outputs={"sharpness": float})
 
 

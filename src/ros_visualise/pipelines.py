@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ros_visualise import params
-from ros_visualise.data import Image
+from ros_visualise.data import (
+    Image,
+    NavSatFix,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+)
 from ros_visualise.errors import ParameterError, UsageError
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType, find
+from ros_visualise.nodes.player import player
+from ros_visualise.sources.recordings import Recording
 
 
 @dataclass(frozen=True)
@@ -29,11 +39,15 @@ class Node:
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic: the type of its messages, the node that publishes it, and whether only on demand."""
+    """A topic: the class of its messages, the node that publishes it, and whether only on demand.
+
+    ``ros`` is its type on a ROS graph and in recordings, and whether its last message holds.
+    """
 
     type: type
     publisher: str
     on_demand: bool
+    ros: TopicType
 
 
 @dataclass(frozen=True)
@@ -67,9 +81,7 @@ class Graph:
     def topics(self) -> dict[str, Topic]:
         """Every topic by name, in the order of the nodes."""
         return {
-            topic: Topic(node.type.outputs[port], node.name, port in node.type.on_demand)
-            for node in self.nodes
-            for port, topic in node.outputs.items()
+            topic: _topic(node, port) for node in self.nodes for port, topic in node.outputs.items()
         }
 
     def node(self, name: str) -> Node:
@@ -149,11 +161,17 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     Raises:
         UsageError: two of the same name, or one whose input is not what comes before it.
     """
+    if source is None:
+        return Graph(_chained(added))
+    found = find(source)
+    first = Node(source, found, found.params(), {}, {"image": "/image_raw"})
+    return Graph((first, *_chained(added)))
+
+
+def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
+    """Nodes that pass on images, each to the next, the first from ``topic``."""
     nodes: tuple[Node, ...] = ()
-    topic, given = "/image_raw", Image
-    if source is not None:
-        found = find(source)
-        nodes = (Node(source, found, found.params(), {}, {"image": topic}),)
+    given = Image
     for declared in added:
         if any(node.name == declared.name for node in nodes):
             raise UsageError(f"{declared.name}: is there twice")
@@ -162,7 +180,65 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
         node = place(declared, {next(iter(declared.inputs)): topic})
         nodes += (node,)
         topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
+    return nodes
+
+
+def recording_pipeline(
+    recording: Recording,
+    topics: Collection[str] = (),
+    image: str | None = None,
+    odom: str | None = None,
+) -> Graph:
+    """A recording, one of its image topics through the image nodes, and its odometry to path.
+
+    A recorded topic that is called as one that a node publishes is played below ``/recorded``.
+
+    Args:
+        recording: it is open.
+        topics: of these alone; none: of all.
+        image: the topic of images; None: the first one, an empty text: none.
+        odom: the topic that the path is made of; None: the first of odometry, else of poses, else
+            of positions; an empty text: none.
+
+    Raises:
+        UsageError: a topic is not there or not of the right type.
+    """
+    declared = player(recording, topics)
+    image = _choose(declared, "--image", image, (Image,))
+    odom = _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
+    added = [_built_in(name) for name in IMAGE_NODES] if image else []
+    made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
+    made |= {"/path"} if odom else set()
+    outputs = {name: f"/recorded{name}" if name in made else name for name in declared.outputs}
+    nodes: tuple[Node, ...] = (Node("player", declared, declared.params(), {}, outputs),)
+    nodes += _chained(added, outputs[image]) if image else ()
+    if odom:
+        port = _PATH_INPUTS[declared.outputs[odom]]
+        nodes += (place(_built_in("path"), {port: outputs[odom]}),)
     return Graph(nodes)
+
+
+_PATH_INPUTS: dict[type, str] = {
+    Odometry: "odom",
+    PoseStamped: "pose",
+    PoseWithCovarianceStamped: "pose_cov",
+    NavSatFix: "fix",
+}
+"""What path can follow -> its input, the best first."""
+
+
+def _choose(
+    source: SourceType, option: str, wanted: str | None, kinds: Sequence[type]
+) -> str | None:
+    """The topic that is wanted, or the first one of these kinds."""
+    fitting = [name for kind in kinds for name, cls in source.outputs.items() if cls is kind]
+    if wanted is None:
+        return next(iter(fitting), None)
+    if wanted and wanted not in fitting:
+        there = ", ".join(fitting) or "none"
+        names = " or ".join(kind.__name__ for kind in kinds)
+        raise UsageError(f"{option} {wanted}: no such topic of {names}; there is {there}")
+    return wanted or None
 
 
 def path_pipeline() -> Graph:
@@ -207,6 +283,13 @@ def place(declared: NodeType, inputs: Mapping[str, str]) -> Node:
     named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
     outputs = _OUTPUTS.get(declared.name, named)
     return Node(declared.name, declared, declared.params(), inputs, outputs)
+
+
+def _topic(node: Node, port: str) -> Topic:
+    cls = node.type.outputs[port]
+    known = node.type.ros.get(port) if isinstance(node.type, SourceType) else None
+    ros = known or TopicType(type_name(cls), latched=port in node.type.latched)
+    return Topic(cls, node.name, port in node.type.on_demand, ros)
 
 
 def _built_in(name: str) -> NodeType:

@@ -8,17 +8,20 @@
 A node is a function or, where it keeps a state, a class with
 
 - ``__init__(params)``,
-- ``step(<its inputs by name>, params)``, called for each message, and where needed
+- ``step(<an input by name>, params)``, called for each message, and where needed
 - ``reset()``, when time has jumped backwards,
 - ``finish()``, at the end of the stream,
-- ``report()``, figures of its own for the run report.
+- ``report()``, figures of its own for the run report,
+- methods decorated with `action`: buttons on the page, services on a ROS graph.
 
-``step`` answers with the message of its only output, with a dict of output name to message, or
-with None: nothing for this one.
+A node of several inputs gets each message alone, so its ``step`` has a default for each of them.
+``step`` and actions answer with the message of its only output, with a dict of output name to
+message, or with None: nothing for this one.
 
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
-closed; ``close()``; and where needed ``report()``.
+closed; ``close()``; and where needed ``report()``, actions, and ``receive(port, message)`` for the
+inputs that it declares. Actions and ``receive`` are called from other threads than ``messages``.
 """
 
 from __future__ import annotations
@@ -36,6 +39,7 @@ from typing import Any, Protocol, TypeVar
 
 from ros_visualise.data import MESSAGES
 from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.messages.recorded import TopicType
 
 T = TypeVar("T")
 
@@ -52,7 +56,8 @@ class NodeType:
     ``on_demand`` names the outputs that are only made while somebody wants them; ``latched`` those
     whose last message holds until the next, so that whoever comes later gets it; ``drops`` is the
     reason under which an answer of None is counted, where that means a dropped message;
-    ``stateless`` where the same message and parameters always give the same answer.
+    ``stateless`` where the same message and parameters always give the same answer; ``actions``
+    are the names of its actions, and what each does.
     """
 
     name: str
@@ -65,11 +70,15 @@ class NodeType:
     stateless: bool = True
     doc: str = ""
     latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class SourceType:
-    """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera."""
+    """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera.
+
+    ``ros`` are the types of those outputs for which their class does not say it, as of a recording.
+    """
 
     name: str
     make: Callable[[Any, Any], Source]
@@ -79,6 +88,9 @@ class SourceType:
     doc: str = ""
     inputs: Mapping[str, type] = field(default_factory=dict)
     on_demand: frozenset[str] = frozenset()
+    latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
+    ros: Mapping[str, TopicType] = field(default_factory=dict)
 
 
 class Source(Protocol):
@@ -89,6 +101,9 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Let go of what is open; may be called from any thread."""
+
+    def receive(self, port: str, message: Any) -> None:
+        """Take a message of an input; may be called from any thread."""
 
     def report(self) -> dict[str, Any]:
         """Figures of its own for the run report."""
@@ -102,6 +117,9 @@ class _Optional:
 
     def finish(self) -> Any:
         return None
+
+    def receive(self, port: str, message: Any) -> None:
+        pass
 
     def report(self) -> dict[str, Any]:
         return {}
@@ -148,6 +166,7 @@ def node(
             stateless=not isinstance(target, type),
             doc=_first_line(target),
             latched=frozenset(latched),
+            actions=_actions_of(target),
         )
         return target
 
@@ -155,14 +174,45 @@ def node(
 
 
 def source(
-    name: str, *, params: type, outputs: Mapping[str, type], live: bool = False
+    name: str,
+    *,
+    params: type,
+    outputs: Mapping[str, type],
+    inputs: Mapping[str, type] | None = None,
+    on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
+    live: bool = False,
 ) -> Callable[[T], T]:
     """Declare the decorated class as a source; see the module's docstring."""
 
     def declare(target: T) -> T:
-        declared = SourceType(name, _completed(target), params, outputs, live, _first_line(target))  # type: ignore[arg-type]
-        target.declared = declared  # type: ignore[attr-defined]
+        target.declared = SourceType(  # type: ignore[attr-defined]
+            name,
+            _completed(target),  # type: ignore[arg-type]
+            params,
+            outputs,
+            live,
+            doc=_first_line(target),
+            inputs=inputs or {},
+            on_demand=frozenset(on_demand),
+            latched=frozenset(latched),
+            actions=_actions_of(target),
+        )
         return target
+
+    return declare
+
+
+def action(help: str) -> Callable[[T], T]:
+    """Declare the decorated method as an action: something that a person may ask a node to do.
+
+    Args:
+        help: what it does, in a few words.
+    """
+
+    def declare(method: T) -> T:
+        method.action = help  # type: ignore[attr-defined]
+        return method
 
     return declare
 
@@ -224,6 +274,11 @@ def _declared_in(module: ModuleType) -> dict[str, NodeType | SourceType]:
 def _completed(cls: type) -> type:
     """The class, with what it leaves out."""
     return type(cls.__name__, (cls, _Optional), {})
+
+
+def _actions_of(target: Any) -> dict[str, str]:
+    found = {name: getattr(method, "action", None) for name, method in vars(target).items()}
+    return {name: help for name, help in found.items() if isinstance(help, str)}
 
 
 def _first_line(target: Any) -> str:

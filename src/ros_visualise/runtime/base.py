@@ -13,10 +13,13 @@ from ros_visualise.sources.playback import Playback
 
 
 class Subscription(Protocol):
-    """The newest message of one topic, for whoever looks on; it never holds up a node."""
+    """The newest messages of one topic, for whoever looks on; it never holds up a node."""
 
     def take(self, timeout_s: float) -> Any | None:
-        """The newest message not taken yet; None if none came in time or the topic ended."""
+        """The oldest message that waits; None if none came in time or the topic ended.
+
+        It is of the topic's class, decoded where it comes from a recording.
+        """
 
     def close(self) -> None:
         """End it."""
@@ -57,8 +60,19 @@ class Runtime(Protocol):
     def playback(self) -> Playback | None:
         """None where the source cannot be paused or sought from here."""
 
-    def subscribe(self, topic: str) -> Subscription:
-        """Look at a topic; an on-demand output is made from now on."""
+    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
+        """Look at a topic; an on-demand output is made from now on.
+
+        Args:
+            topic: of the graph.
+            depth: how many messages may wait to be taken; 1 is always the newest.
+        """
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish a message on a topic that comes from outside the graph; see ``graph.inputs``."""
+
+    def act(self, node: str, action: str) -> None:
+        """Run an action of a node."""
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
         """Topics and nodes with their counts, and rates of the whole run or of its last seconds.

@@ -11,15 +11,14 @@ from typing import Any
 
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
-from ros_visualise.messages import type_name
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.node_thread import NodeThread
-from ros_visualise.runtime.queues import Inbox
+from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.runner import NodeRunner
-from ros_visualise.runtime.source_thread import SourceThread
+from ros_visualise.runtime.source_thread import SourceInput, SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sinks import open_recorder, parse_target
 from ros_visualise.sources.playback import Playback
@@ -51,6 +50,7 @@ class LocalRuntime:
         self._topics = {name: Topic(False) for name in graph.inputs}
         self._topics |= {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
+        self._fed = 0
         self._source = self._open_source()
         self._nodes = [self._join(n) for n in graph.nodes if isinstance(n.type, NodeType)]
         works = [self._source.run] if self._source else []
@@ -103,16 +103,29 @@ class LocalRuntime:
             if topic in node.runner.node.inputs.values():
                 node.inbox.wait_until_taken(timeout_s)
 
-    def subscribe(self, topic: str) -> Subscription:
+    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message."""
-        inbox = Inbox(lossless=False)
+        inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
         return Subscription(inbox, partial(self._topics[topic].disconnect, inbox))
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish on a topic that comes from outside."""
+        self._fed += 1
+        self._topics[topic].publish(Packet(self._fed, message, time.monotonic_ns()))
+
+    def act(self, node: str, action: str) -> None:
+        """Run an action of a node."""
+        if self._source is not None and node == self._source.name:
+            self._source.act(action)
+        for thread in self._nodes:
+            if thread.runner.node.name == node:
+                thread.act(action)
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
         """The run report; see `ros_visualise.runtime.base.Runtime`."""
         topics = {
-            name: {"type": type_name(topic.type), **self._topics[name].report(window_s)}
+            name: {"type": topic.ros.name, **self._topics[name].report(window_s)}
             for name, topic in self.graph.topics.items()
             if self._topics[name].wanted
         }
@@ -130,7 +143,7 @@ class LocalRuntime:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        types = {name: topic.type for name, topic in self.graph.topics.items()}
+        types = {name: topic.ros for name, topic in self.graph.topics.items()}
         on_demand = [name for name, topic in self.graph.topics.items() if topic.on_demand]
         path = parse_target(str(target))[0].resolve()
         if any(one.is_open and one.path.resolve() == path for one in self._recordings):
@@ -156,14 +169,17 @@ class LocalRuntime:
             return None
         outputs = {port: self._topics[topic] for port, topic in node.outputs.items()}
         parameters = self.parameters[node.name]
-        return SourceThread(node, parameters, self.playback, outputs, self._choose_queues)
+        source = SourceThread(node, parameters, self.playback, outputs, self._choose_queues)
+        for port, topic in node.inputs.items():
+            self._topics[topic].connect(SourceInput(source, port))
+        return source
 
     def _join(self, node: Node) -> NodeThread:
-        [(port, topic)] = node.inputs.items()
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}
         runner = NodeRunner(node, self.parameters[node.name])
-        thread = NodeThread(runner, port, outputs)
-        self._topics[topic].connect(thread.inbox)
+        thread = NodeThread(runner, outputs)
+        for topic, entrance in thread.inputs.items():
+            self._topics[topic].connect(entrance)
         return thread
 
     def _choose_queues(self) -> None:

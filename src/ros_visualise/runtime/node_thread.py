@@ -2,12 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
+from ros_visualise.data import Image, PointCloud
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import Topic
+
+_KEPT = 256
+"""Messages of an input that may wait for their turn, but of images and clouds the newest alone."""
+
+
+class Input:
+    """One input of a node: marks what comes in, on its way to the one inbox.
+
+    Args:
+        inbox: of the node.
+        port: the input's name.
+        kind: class of its messages.
+        closed: called when nothing more comes.
+    """
+
+    def __init__(self, inbox: Inbox, port: str, kind: type, closed: Callable[[], None]) -> None:
+        self._inbox, self._port, self._closed = inbox, port, closed
+        self._keep = 1 if kind in (Image, PointCloud) else _KEPT
+
+    def put(self, packet: Packet) -> None:
+        """Take a packet."""
+        self._inbox.put(packet._replace(port=self._port), self._keep)
+
+    def close(self) -> None:
+        """Nothing more comes."""
+        self._closed()
 
 
 class NodeThread:
@@ -15,31 +43,41 @@ class NodeThread:
 
     Args:
         runner: the node.
-        port: its input.
         outputs: output name -> topic.
     """
 
-    def __init__(self, runner: NodeRunner, port: str, outputs: Mapping[str, Topic]) -> None:
+    def __init__(self, runner: NodeRunner, outputs: Mapping[str, Topic]) -> None:
         self.runner = runner
         self.inbox = Inbox(lossless=False)
-        self._port = port
+        self.inputs = {
+            topic: Input(self.inbox, port, runner.node.type.inputs[port], self._input_closed)
+            for port, topic in runner.node.inputs.items()
+        }
+        self._open = len(self.inputs)
         self._outputs = outputs
+        self._last = Packet(0, None, 0)
+        self._at_work = threading.Lock()
 
     def run(self) -> None:
         """Until the inbox is closed and empty."""
-        number = arrival_ns = 0
         try:
             while (packet := self.inbox.take()) is not None:
-                number, message, arrival_ns = packet
-                answer = NOTHING
-                if message is not None:
-                    answer = self.runner.step({self._port: message}, arrival_ns)
-                self._publish(number, answer, arrival_ns)
-            self._publish(number, self.runner.finish(), arrival_ns)
+                with self._at_work:
+                    self._last = packet
+                    self._publish(self._step(packet))
+            with self._at_work:
+                self._publish(self.runner.finish())
         finally:
             self.inbox.close(discard=True)
             for topic in self._outputs.values():
                 topic.finish()
+
+    def act(self, name: str) -> None:
+        """Run an action of the node between two steps."""
+        with self._at_work:
+            answer = self.runner.act(name)
+            if answer:
+                self._publish(answer)
 
     def repeat_last(self) -> None:
         """Process the last message once more, with the parameters as they are now."""
@@ -53,6 +91,17 @@ class NodeThread:
             report["dropped"]["queue"] = self.inbox.dropped
         return report
 
-    def _publish(self, number: int, answer: Mapping[str, Any], arrival_ns: int) -> None:
+    def _step(self, packet: Packet) -> Mapping[str, Any]:
+        if packet.message is None:
+            return NOTHING
+        return self.runner.step({packet.port: packet.message}, packet.arrival_ns)
+
+    def _publish(self, answer: Mapping[str, Any]) -> None:
+        number, arrival_ns = self._last.number, self._last.arrival_ns
         for port, topic in self._outputs.items():
             topic.publish(Packet(number, answer.get(port), arrival_ns))
+
+    def _input_closed(self) -> None:
+        self._open -= 1
+        if self._open == 0:
+            self.inbox.close()

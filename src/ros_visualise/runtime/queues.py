@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from typing import Any, NamedTuple
 
 
@@ -13,25 +13,30 @@ class Packet(NamedTuple):
 
     ``number`` counts what the source published; what nodes make of it keeps the number, so that a
     recorder can put all topics in order. ``arrival_ns`` is the monotonic time at the source.
+    ``port`` is the input of the node that it waits for.
     """
 
     number: int
     message: Any | None
     arrival_ns: int
+    port: str = ""
 
 
 class Inbox:
     """The packets that wait for one consumer.
 
-    ``lossless``: whoever puts waits for room. Otherwise only the newest message is kept and those
-    it replaces are counted in ``dropped``. May be switched at any time.
+    ``lossless``: whoever puts waits for room. Otherwise only the newest messages are kept, ``keep``
+    of each port, and those that they replace are counted in ``dropped``. May be switched at any
+    time.
     """
 
-    def __init__(self, lossless: bool, depth: int = 2) -> None:
+    def __init__(self, lossless: bool, depth: int = 2, keep: int = 1) -> None:
         self.dropped = 0
+        self._keep = keep
         self._lossless = lossless
         self._depth = depth
         self._packets: deque[Packet] = deque()
+        self._waiting: Counter[str] = Counter()  # messages by port
         self._taken: Packet | None = None  # the last one with a message
         self._number = 0
         self._again = False
@@ -49,18 +54,25 @@ class Inbox:
             self._lossless = lossless
             self._changed.notify_all()
 
-    def put(self, packet: Packet) -> None:
-        """Add a packet; after `close` it is let go."""
+    def put(self, packet: Packet, keep: int | None = None) -> None:
+        """Add a packet; after `close` it is let go.
+
+        Args:
+            packet: what waits from now on.
+            keep: how many of its port may wait, where that is not as with the others.
+        """
+        keep = self._keep if keep is None else keep
         with self._changed:
             while self._lossless and len(self._packets) >= self._depth and not self._closed:
                 self._changed.wait()
             if self._closed:
                 return
-            if not self._lossless:
-                if packet.message is None and self._packets:
-                    return  # nothing new must not push out something
-                self.dropped += sum(1 for p in self._packets if p.message is not None)
-                self._packets.clear()
+            if packet.message is not None:
+                self._waiting[packet.port] += 1
+                if not self._lossless and self._waiting[packet.port] > keep:
+                    self._drop(packet.port, self._waiting[packet.port] - keep)
+            elif self._packets and not self._lossless:
+                return  # it would only take room
             self._packets.append(packet)
             self._changed.notify_all()
 
@@ -73,9 +85,23 @@ class Inbox:
                 return self._repeated() if again and not self._closed else None
             packet = self._packets.popleft()
             self._number = packet.number
-            self._taken = packet if packet.message is not None else self._taken
+            if packet.message is not None:
+                self._waiting[packet.port] -= 1
+                self._taken = packet
             self._changed.notify_all()
             return packet
+
+    def _drop(self, port: str, count: int) -> None:
+        """Let go of the oldest of a port, and of what says nothing."""
+        kept: deque[Packet] = deque()
+        for packet in self._packets:
+            if count and packet.port == port and packet.message is not None:
+                count -= 1
+                self.dropped += 1
+                self._waiting[port] -= 1
+            elif packet.message is not None:
+                kept.append(packet)
+        self._packets = kept
 
     def wait_until_taken(self, timeout_s: float) -> None:
         """Wait until nothing waits here any more."""
@@ -90,7 +116,7 @@ class Inbox:
 
     def _repeated(self) -> Packet | None:
         assert self._taken is not None
-        return Packet(self._number, self._taken.message, time.monotonic_ns())
+        return self._taken._replace(number=self._number, arrival_ns=time.monotonic_ns())
 
     def close(self, discard: bool = False) -> None:
         """Nothing more comes in; what is there can still be taken unless discarded."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import Header, Image, ParameterEvent, Path
+from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import RecordingError
+from ros_visualise.messages.recorded import Recorded
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
@@ -41,7 +43,7 @@ class RecorderThread:
 
     Messages are written by the number that the source gave them and then by the order of the nodes,
     so that the same input makes the same file however the threads run. A message is written as soon
-    as every recorded node has answered its number.
+    as every recorded node has answered its number, if that number went to it.
 
     ``lossless``: whoever publishes waits while too much is pending; otherwise the message is
     dropped and counted.
@@ -51,7 +53,7 @@ class RecorderThread:
         path: the file.
         written: messages that were recorded.
         dropped: messages that were not.
-        inboxes: topic -> where its packets go.
+        inboxes: topic -> where its packets go; also those of topics that numbers come from.
     """
 
     def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
@@ -61,11 +63,15 @@ class RecorderThread:
         self.path = recorder.path
         self.written = 0
         self.topics = tuple(t for t in graph.topics if t in recorder.topics)
-        self.inboxes = {topic: TopicInbox(self, topic) for topic in self.topics}
+        self._followers = _followers(graph, self.topics)
+        self.inboxes = {t: TopicInbox(self, t) for t in (*self._followers, *self.topics)}
         self._recorder = recorder
         self._pending_bytes = 0
         self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
-        self._answered = dict.fromkeys(self.topics, -1)
+        self._order = {topic: place for place, topic in enumerate(self.topics)}
+        self._answered = dict.fromkeys(self.inboxes, -1)
+        self._owed: dict[str, deque[int]] = {t: deque() for t in self.inboxes}
+        self._begun = -1  # the newest number that came from a source
         self._events: deque[ParameterEvent] = deque()
         self._stamp_ns = 0
         self._stopped = False
@@ -80,24 +86,22 @@ class RecorderThread:
 
     def put(self, topic: str, packet: Packet) -> None:
         """Take the publisher's answer for one number."""
-        pending = self._pending[topic]
+        pending = self._pending.get(topic)
         with self._changed:
             while self.lossless and self._is_full(pending) and not self._stopped:
                 self._changed.wait()
             if self._stopped:
                 return
-            self._answered[topic] = packet.number
-            if packet.message is not None and self._is_full(pending):
-                self.dropped += 1
-            elif packet.message is not None:
-                pending.append((packet.number, packet.message))
-                self._pending_bytes += _size(packet.message)
+            self._count(topic, packet.number)
+            if pending is not None and packet.message is not None:
+                self._keep(pending, packet)
             self._changed.notify_all()
 
     def finish(self, topic: str) -> None:
         """Nothing more comes on this topic."""
         with self._changed:
             self._answered[topic] = _FINISHED
+            self._owed[topic].clear()
             self._changed.notify_all()
 
     def put_event(self, event: ParameterEvent) -> None:
@@ -133,7 +137,26 @@ class RecorderThread:
         self.error = error
         self._recorder.close()
 
-    def _is_full(self, pending: deque[tuple[int, Any]]) -> bool:
+    def _count(self, topic: str, number: int) -> None:
+        """Note who owes an answer to this number, or that it was given."""
+        self._answered[topic] = max(self._answered[topic], number)
+        if topic in self._followers:
+            self._begun = max(self._begun, number)
+            for follower in self._followers[topic]:
+                if self._answered[follower] < number:
+                    self._owed[follower].append(number)
+        owed = self._owed[topic]
+        while owed and owed[0] <= number:
+            owed.popleft()
+
+    def _keep(self, pending: deque[tuple[int, Any]], packet: Packet) -> None:
+        if self._is_full(pending):
+            self.dropped += 1
+        else:
+            pending.append((packet.number, packet.message))
+            self._pending_bytes += _size(packet.message)
+
+    def _is_full(self, pending: deque[tuple[int, Any]] | None) -> bool:
         """Too much waits; but a topic of which nothing waits may hold back the others."""
         return bool(pending) and self._pending_bytes >= _MAX_PENDING_BYTES
 
@@ -150,17 +173,26 @@ class RecorderThread:
             return topic, message
 
     def _first_ready(self) -> str | None:
-        waiting = [topic for topic in self.topics if self._pending[topic]]
-        topic = min(waiting, key=lambda topic: self._pending[topic][0][0], default=None)
-        if topic is None or self._stopped:
-            return topic
-        return topic if self._pending[topic][0][0] <= min(self._answered.values()) else None
+        waiting = [
+            (self._pending[t][0][0], self._order[t], t) for t in self.topics if self._pending[t]
+        ]
+        if not waiting:
+            return None
+        number, _, topic = min(waiting)
+        return topic if self._stopped or self._is_answered(number) else None
+
+    def _is_answered(self, number: int) -> bool:
+        """Whether nothing can come any more that belongs before this number, or to it."""
+        if any(owed and owed[0] <= number for owed in self._owed.values()):
+            return False
+        return number <= self._begun or all(self._answered[t] == _FINISHED for t in self._followers)
 
     def _is_over(self) -> bool:
         return self._stopped or min(self._answered.values(), default=_FINISHED) == _FINISHED
 
     def _write(self, topic: str, message: Any) -> None:
-        self._stamp_ns = message.header.stamp_ns
+        is_recorded = isinstance(message, Recorded)
+        self._stamp_ns = message.stamp_ns if is_recorded else message.header.stamp_ns
         self._write_events()
         self._recorder.write(topic, message)
         self.written += 1
@@ -171,5 +203,21 @@ class RecorderThread:
             self._recorder.write(PARAMETER_EVENTS, event)
 
 
+def _followers(graph: Graph, recorded: Collection[str]) -> dict[str, list[str]]:
+    """Topics that numbers come from -> the recorded topics that are made from them."""
+    begins = set(graph.inputs)
+    if graph.source is not None:
+        begins |= set(graph.source.outputs.values())
+    origins = {topic: {topic} for topic in begins}
+    for node in graph.nodes:
+        if node is not graph.source:
+            made_from = set().union(*(origins.get(topic, set()) for topic in node.inputs.values()))
+            origins |= {topic: made_from for topic in node.outputs.values()}
+    return {
+        begin: [t for t in recorded if t not in begins and begin in origins.get(t, set())]
+        for begin in sorted(begins)
+    }
+
+
 def _size(message: Any) -> int:
-    return message.nbytes if isinstance(message, Image | Path) else 0
+    return message.nbytes if isinstance(message, Image | Path | PointCloud | Recorded) else 0

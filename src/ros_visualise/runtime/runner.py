@@ -8,13 +8,18 @@ import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.data import Transforms
+from ros_visualise.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.messages.recorded import content
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
 from ros_visualise.pipelines import Node
 from ros_visualise.runtime.stats import NodeStats
 
 log = logging.getLogger(__name__)
+
+_DISORDER_NS = 1_000_000_000
+"""Those who send transforms do not agree on the time; only further back, time has jumped."""
 
 NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
@@ -36,7 +41,7 @@ class NodeRunner:
         self._type = node.type
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
-        self._last_stamp_ns = 0
+        self._last_stamps_ns: dict[str, int] = {}
         self._said: set[tuple[type, str, int | None]] = set()
 
     def step(self, inputs: Mapping[str, Any], arrival_ns: int) -> Mapping[str, Any]:
@@ -49,12 +54,17 @@ class NodeRunner:
         self.stats.received += 1
         started_ns = time.monotonic_ns()
         try:
-            self._reset_if_time_went_back(inputs)
-            answer = self._state.step(**inputs, params=self._parameters.current)
+            decoded = {port: content(message) for port, message in inputs.items()}
+            self._reset_if_time_went_back(decoded)
+            answer = self._state.step(**decoded, params=self._parameters.current)
             outputs = self._by_output(answer)
+        except DamagedMessage as error:
+            self.stats.dropped["damaged"] += 1
+            self._say(error)
+            return NOTHING
         except Exception as error:
             self.stats.dropped["error"] += 1
-            self._say(error)
+            self._fail(error)
             return NOTHING
         if not outputs and self._type.drops:
             self.stats.dropped[self._type.drops] += 1
@@ -62,12 +72,20 @@ class NodeRunner:
             self.stats.answered(arrival_ns, started_ns)
         return outputs
 
+    def act(self, name: str) -> Mapping[str, Any]:
+        """Run an action; what the node answers to it."""
+        try:
+            return self._by_output(getattr(self._state, name)())
+        except Exception as error:
+            self._fail(error)
+            return NOTHING
+
     def finish(self) -> Mapping[str, Any]:
         """What the node still has at the end of the stream."""
         try:
             return self._by_output(self._state.finish())
         except Exception as error:
-            self._say(error)
+            self._fail(error)
             return NOTHING
 
     def report(self) -> dict[str, Any]:
@@ -75,7 +93,7 @@ class NodeRunner:
         try:
             own = self._state.report()
         except Exception as error:
-            self._say(error)
+            self._fail(error)
             own = {}
         return {**self.stats.report(), **own}
 
@@ -92,13 +110,19 @@ class NodeRunner:
         return outputs
 
     def _reset_if_time_went_back(self, inputs: Mapping[str, Any]) -> None:
-        stamp_ns = max(message.header.stamp_ns for message in inputs.values())
-        if stamp_ns < self._last_stamp_ns:
-            self._state.reset()
-        self._last_stamp_ns = stamp_ns
+        for port, message in inputs.items():
+            stamp_ns = message.header.stamp_ns
+            patience_ns = _DISORDER_NS if isinstance(message, Transforms) else 0
+            if stamp_ns < self._last_stamps_ns.get(port, 0) - patience_ns:
+                self._state.reset()
+                self._last_stamps_ns.clear()
+            self._last_stamps_ns[port] = stamp_ns
+
+    def _fail(self, error: Exception) -> None:
+        self.failed = True
+        self._say(error)
 
     def _say(self, error: Exception) -> None:
-        self.failed = True
         origin = traceback.extract_tb(error.__traceback__)[-1]
         kind = (type(error), origin.filename, origin.lineno)
         if kind not in self._said:

@@ -76,6 +76,14 @@ class SourceThread:
         """Counts and the source's own figures."""
         return {**self._stats.report(), **self._source.report()}
 
+    def act(self, name: str) -> None:
+        """Run an action of the source."""
+        getattr(self._source, name)()
+
+    def receive(self, port: str, message: Any) -> None:
+        """Hand a message to an input of the source."""
+        self._source.receive(port, message)
+
     def close(self) -> None:
         """Let go of what is open."""
         self._source.close()
@@ -107,3 +115,18 @@ class SourceThread:
         source = self._type.make(current, self._playback)
         self._opened_with = current
         return source
+
+
+class SourceInput:
+    """Hands what comes on a topic to an input of the source, on the thread that publishes it."""
+
+    def __init__(self, source: SourceThread, port: str) -> None:
+        self._source, self._port = source, port
+
+    def put(self, packet: Packet) -> None:
+        """Take a packet."""
+        if packet.message is not None:
+            self._source.receive(self._port, packet.message)
+
+    def close(self) -> None:
+        """Nothing more comes; the source goes on without."""

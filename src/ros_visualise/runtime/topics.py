@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.stats import TopicStats
+
+log = logging.getLogger(__name__)
 
 
 class Consumer(Protocol):
@@ -23,21 +28,36 @@ class Consumer(Protocol):
 
 
 class Subscription:
-    """The newest message of one topic; see `ros_visualise.runtime.base.Subscription`."""
+    """Messages of one topic for whoever looks on; see `ros_visualise.runtime.base.Subscription`."""
 
     def __init__(self, inbox: Inbox, disconnect: Callable[[], None]) -> None:
         self._inbox = inbox
         self._disconnect = disconnect
+        self._said = False
 
     def take(self, timeout_s: float) -> Any | None:
-        """The newest message not taken yet; None if none came in time or the topic ended."""
+        """The oldest message that waits; None if none came in time or the topic ended.
+
+        What a recording holds is decoded; what cannot be is left out.
+        """
         packet = self._inbox.take(timeout_s)
-        return None if packet is None else packet.message
+        while packet is not None:
+            try:
+                return content(packet.message)
+            except DamagedMessage as error:
+                self._say(error)
+            packet = self._inbox.take(0)
+        return None
 
     def close(self) -> None:
         """End it."""
         self._disconnect()
         self._inbox.close(discard=True)
+
+    def _say(self, error: DamagedMessage) -> None:
+        if not self._said:
+            log.warning("%s (said once)", error)
+        self._said = True
 
 
 class Topic:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
-from typing import NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.rate import Clock, WallClock
@@ -94,6 +94,11 @@ class Playback:
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._fresh = True  # the next message is shown at once, and time goes on from it
         self._played_ns = self._played_frames = 0
+        self._is_frame: Callable[[Any], bool] = lambda _: True
+        self.step_topics: tuple[str, ...] = ()
+        """Topics of the source that can be stepped through, where it has several."""
+        self.step_topic = ""
+        """The one of which a step shows the next message; empty: the next of any."""
 
     @property
     def closed(self) -> bool:
@@ -191,8 +196,17 @@ class Playback:
             start, end = self._position_ns / 1e9, duration_ns / 1e9
             raise UsageError(f"it cannot start at {start:g} s: it lasts {end:.2f} s")
 
-    def run(self, recording: Playable[T]) -> Iterator[tuple[int, T]]:
-        """(Stamp, item) of a recording, each when its time has come."""
+    def run(
+        self, recording: Playable[T], is_frame: Callable[[T], bool] = lambda _: True
+    ) -> Iterator[tuple[int, T]]:
+        """(Stamp, item) of a recording, each when its time has come.
+
+        Args:
+            recording: what is played.
+            is_frame: whether an item is one of those that a person steps through and that are
+                counted; the others pass with them.
+        """
+        self._is_frame = is_frame
         start_ns = self._begin(recording)
         while start_ns is not None:
             at_end = yield from self._play_from(start_ns, recording)
@@ -233,7 +247,7 @@ class Playback:
         """Returns whether the end was reached."""
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
-                if not self._wait_turn(time_ns):
+                if not self._wait_turn(time_ns, self._is_frame(item)):
                     return False
                 yield self._stamp_ns(), item
         return True
@@ -243,7 +257,7 @@ class Playback:
             return self._due_at_ns
         return (self._base_ns or 0) + self._line_ns
 
-    def _wait_turn(self, time_ns: int) -> bool:
+    def _wait_turn(self, time_ns: int, is_frame: bool) -> bool:
         """Wait until the message of that time is due; whether it may pass."""
         with self._changed:
             line_ns = self._cycle_ns + time_ns
@@ -251,10 +265,11 @@ class Playback:
             self._done = self._is_done(self._played_ns + gap_ns)
             if self._done or not self._wait_due(line_ns):
                 return False
+            self._steps = max(0, self._steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
                 self._period_ns = gap_ns
             self._played_ns += gap_ns
-            self._played_frames += 1
+            self._played_frames += is_frame
             self._position_ns, self._line_ns, self._fresh = time_ns, line_ns, False
             return True
 
@@ -274,7 +289,6 @@ class Playback:
                 self._time.put(line_ns)
                 due_ns = now_ns
             self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)
-            self._steps = max(0, self._steps - 1)
             return True
         return False
 

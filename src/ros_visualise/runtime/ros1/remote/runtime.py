@@ -70,9 +70,9 @@ class RemoteRuntime:
         self._thread = threading.Thread(target=self._follow, name="discovery", daemon=True)
         self._thread.start()
 
-    def subscribe(self, topic: str) -> Subscription:
+    def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message if it was looked at before."""
-        inbox = Inbox(lossless=False)
+        inbox = Inbox(lossless=False, keep=depth)
         relay = self._relay(topic)
         relay.connect(inbox, self._comes_compressed(topic), latched=True)
         return Subscription(inbox, partial(relay.disconnect, inbox))
@@ -98,7 +98,7 @@ class RemoteRuntime:
             UsageError: it names a topic that there is not, or no known kind of file.
         """
         graph = self.graph
-        types = {name: topic.type for name, topic in graph.topics.items()}
+        types = {name: topic.ros for name, topic in graph.topics.items()}
         on_demand = [name for name, topic in graph.topics.items() if topic.on_demand]
         path = parse_target(str(target))[0].resolve()
         if any(one.is_open and one.path.resolve() == path for one in self._recordings):

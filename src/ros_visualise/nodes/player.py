@@ -1,0 +1,79 @@
+"""The node that plays a recording: a bag, an MCAP file, a KITTI folder, a flight log."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+from ros_visualise.errors import UsageError
+from ros_visualise.nodes import NoParams, SourceType, find, source
+from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.playing import PlayableRecording
+
+
+@source("player", params=NoParams, outputs={})
+class Player:
+    """Play a recording; it has an output for each topic."""
+
+    def __init__(
+        self, recording: Recording, topics: Collection[str], _: NoParams, playback: Playback
+    ) -> None:
+        self._recording = recording
+        self._playback = playback
+        playback.step_topics = tuple(topics)
+        self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
+        playback.check_start(self._playable.duration_ns)
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """The messages as they are recorded, each when its time has come."""
+        for _, batch in self._playback.run(self._playable, self._playable.is_frame):
+            for entry in batch:
+                yield entry.topic, entry.message
+
+    def report(self) -> dict[str, Any]:
+        """What could not be read."""
+        loss = self._recording.loss
+        return {"lost": {"messages": loss.messages, "bytes": loss.bytes}} if loss else {}
+
+    def close(self) -> None:
+        """End reading."""
+        self._recording.close()
+
+
+def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
+    """A source that plays just this recording; it has an output for each topic, called as that.
+
+    Args:
+        recording: it is open, and closed by the source.
+        topics: of these alone; none: of all that can be read.
+
+    Raises:
+        UsageError: one of them is not there or cannot be read, or nothing can.
+    """
+    played = _played(recording, topics)
+    types = {name: recording.topics[name].type for name in played}
+    declared = find("player")
+    assert isinstance(declared, SourceType)
+    return replace(
+        declared,
+        make=partial(declared.make, recording, played),
+        outputs={name: type.data_class for name, type in types.items()},
+        latched=frozenset(name for name, type in types.items() if type.latched),
+        ros=types,
+    )
+
+
+def _played(recording: Recording, wanted: Collection[str]) -> Collection[str]:
+    there = recording.topics
+    for name in wanted:
+        if name not in there:
+            raise UsageError(f"no topic {name}; there is {', '.join(there)}")
+        if there[name].unreadable:
+            raise UsageError(f"{name} cannot be played: {there[name].unreadable}")
+    found = wanted or [name for name, topic in there.items() if not topic.unreadable]
+    if not found:
+        raise UsageError(f"{recording.path}: nothing in it can be played")
+    return found

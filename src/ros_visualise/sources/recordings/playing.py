@@ -1,0 +1,95 @@
+"""A recording as `ros_visualise.sources.playback.Playback` plays it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Generator, Iterable
+from contextlib import closing
+
+from ros_visualise.sources.recordings import Entry, Recording
+
+Batch = tuple[Entry, ...]
+"""Messages that pass together."""
+
+_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_LOOK_BACK_NS = (1_000_000_000, 10_000_000_000, 2**62)
+
+
+class PlayableRecording:
+    """Some topics of a recording from any time on.
+
+    Where reading begins in the middle, the first batch holds what a person who had looked on until
+    then would see: the last message of each topic, the transforms of the last second, and all that
+    was latched.
+
+    Args:
+        recording: what is played.
+        topics: of these alone.
+        step_topic: gives the topic that a person steps through at the moment; empty: any.
+    """
+
+    def __init__(
+        self, recording: Recording, topics: Collection[str], step_topic: Callable[[], str]
+    ) -> None:
+        self._recording = recording
+        self._topics = tuple(topics)
+        self._step_topic = step_topic
+        info = recording.topics
+        self._transforms = {t for t in topics if info[t].type.name in _TRANSFORMS}
+        self._latched = {t for t in topics if info[t].type.latched or t.endswith("/tf_static")}
+
+    @property
+    def duration_ns(self) -> int:
+        """From its first to its last message."""
+        return self._recording.end_ns - self._recording.start_ns
+
+    def is_frame(self, batch: Batch) -> bool:
+        """Whether a person steps to it."""
+        return self._is_stepped(batch[-1])
+
+    def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
+        """(Time since the first message, messages), from those shown at ``start_ns`` on."""
+        origin_ns = self._recording.start_ns
+        if start_ns > 0:
+            shown = self._shown_at(origin_ns + start_ns)
+            if shown:
+                yield max(shown[-1].stamp_ns - origin_ns, 0), shown
+        after_ns = origin_ns + start_ns + 1 if start_ns > 0 else None
+        with closing(self._recording.read(after_ns, topics=self._topics)) as entries:
+            for entry in entries:
+                yield max(entry.stamp_ns - origin_ns, 0), (entry,)
+
+    def _shown_at(self, stamp_ns: int) -> Batch:
+        """What is to be seen at a time: the last one is of the topics that are stepped through."""
+        for back_ns in _LOOK_BACK_NS:
+            since_ns = max(stamp_ns - back_ns, self._recording.start_ns)
+            window = self._newest(since_ns, stamp_ns)
+            if any(map(self._is_stepped, window)):
+                return (*self._latched_before(since_ns), *self._frame_last(window))
+        return ()
+
+    def _newest(self, since_ns: int, stamp_ns: int) -> list[Entry]:
+        """The last message of each topic, and all that add to one another."""
+        kept: list[Entry] = []
+        last: dict[str, Entry] = {}
+        adding = self._transforms | self._latched
+        with closing(self._recording.read(since_ns, stamp_ns + 1, self._topics)) as entries:
+            for entry in entries:
+                if entry.topic in adding:
+                    kept.append(entry)
+                else:
+                    last[entry.topic] = entry
+        return sorted([*kept, *last.values()], key=lambda entry: entry.stamp_ns)
+
+    def _frame_last(self, window: Iterable[Entry]) -> list[Entry]:
+        entries = list(window)
+        at = max(i for i, entry in enumerate(entries) if self._is_stepped(entry))
+        return [*entries[:at], *entries[at + 1 :], entries[at]]
+
+    def _is_stepped(self, entry: Entry) -> bool:
+        return self._step_topic() in ("", entry.topic)
+
+    def _latched_before(self, stamp_ns: int) -> list[Entry]:
+        if not self._latched:
+            return []
+        with closing(self._recording.read(None, stamp_ns, self._latched)) as entries:
+            return list(entries)
