@@ -1,8 +1,11 @@
 """The path: what of the odometry it keeps, and when it is published."""
 
+import gc
 import math
+import sys
 from dataclasses import replace
 from pathlib import Path as File
+from types import FunctionType, ModuleType
 
 import numpy as np
 import pytest
@@ -10,7 +13,16 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from ros_visualise.data import Header, Odometry, Path
+from ros_visualise.data import (
+    Header,
+    NavSatFix,
+    Odometry,
+    Path,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.messages import from_message
 from ros_visualise.nodes.path import PathNode, PathParams
 from ros_visualise.pipelines import path_pipeline
@@ -31,7 +43,7 @@ def odometry(x=0.0, yaw=0.0, time_s=0.0, frame="odom"):
 def run(messages, params=EACH):
     """The paths, and the node."""
     path = PathNode(params)
-    return [path.step(message, params) for message in messages], path
+    return [path.step(params, odom=message) for message in messages], path
 
 
 def published(messages, params):
@@ -51,11 +63,14 @@ def test_it_holds_the_poses_in_the_odometrys_frame_with_its_stamps():
 
 def test_what_was_published_stays_as_it_was():
     params = replace(EACH, max_poses=40)
-    paths, _ = run([odometry(x, time_s=x) for x in range(500)], params)
-    for last, path in enumerate(paths):
-        expected = np.arange(max(0, last - 39), last + 1)
-        np.testing.assert_array_equal(path.positions_xyz[:, 0], expected)
-        np.testing.assert_array_equal(path.stamps_ns, 10**18 + expected * 10**9)
+    node = PathNode(params)
+    given = []
+    for x in range(500):
+        path = node.step(params, odom=odometry(x, time_s=x))
+        given.append((path, path.stamps_ns.copy(), path.positions_xyz.copy()))
+    for path, stamps_ns, positions_xyz in given:
+        np.testing.assert_array_equal(path.stamps_ns, stamps_ns)
+        np.testing.assert_array_equal(path.positions_xyz, positions_xyz)
 
 
 def test_a_pose_is_kept_when_it_is_far_enough_from_the_last_kept():
@@ -119,7 +134,7 @@ def test_messages_without_stamps_go_by_the_time_of_arrival():
     params = replace(EACH, rate=5)
     path = PathNode(params, Clock())
     unstamped = [replace(odometry(n), header=Header(0, "odom")) for n in range(1000)]
-    assert sum(path.step(message, params) is not None for message in unstamped) == 50
+    assert sum(path.step(params, odom=message) is not None for message in unstamped) == 50
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
@@ -128,13 +143,193 @@ def test_what_is_no_number_is_refused_and_counted(wrong):
     turned = replace(good, quat_xyzw=np.array([0, 0, 0, wrong]))
     paths, path = run([bad, good, turned, bad])
     assert [answer is not None for answer in paths] == [False, True, False, False]
-    assert path.report() == {"poses": 1, "refused": 3}
+    assert path.report()["refused"] == 3
+    assert path.report()["poses"] == 1
+    assert path.report()["length_m"] == 0
 
 
 def test_another_frame_begins_a_new_path():
     paths, _ = run([odometry(1), odometry(2, time_s=1), odometry(3, time_s=2, frame="map")])
     assert paths[-1].header.frame_id == "map"
     np.testing.assert_array_equal(paths[-1].positions_xyz, [[3, 2, 3]])
+
+
+def spiral(first, last, step_m):
+    """Odometry at 50 Hz along a helix of 10 m radius."""
+    for n in range(first, last):
+        angle = n * step_m / 10
+        xyz = np.array([10 * math.cos(angle), 10 * math.sin(angle), angle / 100])
+        quat = np.array([0, 0, math.sin(angle / 2), math.cos(angle / 2)])
+        yield Odometry(xyz, quat, header=Header(10**18 + n * 20_000_000, "odom"))
+
+
+def test_the_number_of_poses_is_bounded_and_the_shape_kept():
+    params = PathParams(max_poses=800, rate=0)
+    node = PathNode(params)
+    messages = list(spiral(0, 6000, step_m=0.1))
+    for message in messages:
+        path = node.step(params, odom=message)
+        assert len(path.stamps_ns) <= 800
+    report = node.report()
+    assert 0 < report["deviation_m"] < 0.5
+    line = path.positions_xyz
+    for message in messages[::37]:  # each lies that near to the line between its neighbours
+        at = np.searchsorted(path.stamps_ns, message.header.stamp_ns, "right") - 1
+        a, b = line[at], line[min(at + 1, len(line) - 1)]
+        along = b - a
+        part = np.clip((message.position_xyz - a) @ along / max(along @ along, 1e-12), 0, 1)
+        away = np.linalg.norm(message.position_xyz - a - part * along)
+        assert away <= report["deviation_m"] + 1e-4
+
+
+def bytes_held(root):
+    """Bytes of all that an object holds, arrays that others made included."""
+    seen, waiting, total = set(), [root], 0
+    while waiting:
+        one = waiting.pop()
+        if id(one) in seen or isinstance(one, (type, ModuleType, FunctionType)):
+            continue
+        seen.add(id(one))
+        total += sys.getsizeof(one)
+        waiting += gc.get_referents(one)
+    return total
+
+
+def test_a_long_run_costs_what_a_short_one_does():
+    """What is held and published in 10,000 messages, after 100,000 as after the first 10,000."""
+    params = PathParams(max_poses=200)
+    node = PathNode(params)
+    held, published = [], []
+    for start in range(0, 100_000, 10_000):
+        messages = spiral(start, start + 10_000, step_m=0.02)
+        paths = [node.step(params, odom=message) for message in messages]
+        published.append(sum(path.nbytes for path in paths if path))
+        del paths
+        held.append(bytes_held(node))
+    assert node.report()["length_m"] == pytest.approx(2000, rel=0.01)
+    assert max(held) < 60_000
+    assert max(published) <= 1000 * 200 * 64  # 5 paths a second, 200 s, 64 bytes a pose
+
+
+def test_it_says_how_far_and_how_fast():
+    messages = [odometry(2 * n / 100, time_s=n / 100) for n in range(1001)]
+    _, node = run(messages, PathParams())
+    report = node.report()
+    assert report["length_m"] == pytest.approx(20)
+    assert report["duration_s"] == pytest.approx(10)
+    assert report["mean_mps"] == report["top_mps"] == pytest.approx(2)
+    assert report["deviation_m"] == 0
+
+
+def test_a_cleared_path_begins_anew_where_it_is():
+    paths, node = run([odometry(x, time_s=x) for x in range(5)])
+    empty = node.clear()
+    assert len(empty.stamps_ns) == 0
+    assert empty.header == paths[-1].header
+    assert node.report()["length_m"] == 0
+    after = node.step(EACH, odom=odometry(7, time_s=7))
+    np.testing.assert_array_equal(after.positions_xyz, [[7, 2, 3]])
+    assert len(paths[-1].stamps_ns) == 5
+
+
+def test_poses_with_and_without_covariance_are_followed():
+    header = Header(10**18, "map")
+    xyz, quat = np.array([1.0, 2, 3]), np.array([0, 0, 0, 1.0])
+    for name, kind in (("pose", PoseStamped), ("pose_cov", PoseWithCovarianceStamped)):
+        path = PathNode(EACH).step(EACH, **{name: kind(xyz, quat, header=header)})
+        np.testing.assert_array_equal(path.positions_xyz, [[1, 2, 3]])
+        assert path.header == header
+
+
+def test_of_several_inputs_the_first_declared_is_followed():
+    node = PathNode(EACH)
+    pose = PoseStamped(np.zeros(3), np.array([0, 0, 0, 1.0]), Header(1, "map"))
+    assert node.step(EACH, pose=pose).header.frame_id == "map"
+    path = node.step(EACH, odom=odometry(1))
+    assert path.header.frame_id == "odom"
+    assert len(path.stamps_ns) == 1
+    assert node.step(EACH, pose=replace(pose, position_xyz=np.ones(3))) is None
+    assert len(node.step(EACH, odom=odometry(2, time_s=1)).stamps_ns) == 2
+
+
+def fix(latitude, longitude, altitude=50.0, status=0, time_s=0.0):
+    return NavSatFix(
+        latitude, longitude, altitude, status=status, header=Header(round(time_s * 1e9), "gps")
+    )
+
+
+def test_fixes_are_put_on_the_plane_at_the_first():
+    node = PathNode(EACH)
+    fixes = [
+        fix(48, 11, time_s=1),
+        fix(48.001, 11, time_s=2, altitude=math.nan),
+        fix(0, 0, status=-1, time_s=3),
+        fix(math.nan, 11, time_s=4),
+        fix(48, 11.001, time_s=5, altitude=60),
+    ]
+    answers = [node.step(EACH, fix=one) for one in fixes]
+    path = [one for one in answers if one][-1]
+    assert path.header == Header(5 * 10**9, "map")
+    # A thousandth of a degree at 48 degrees north, on the WGS 84 ellipsoid.
+    expected = [[0, 0, 0], [0, 111.2, 0], [74.63, 0, 10]]
+    np.testing.assert_allclose(path.positions_xyz, expected, atol=0.06)
+    np.testing.assert_array_equal(path.quats_xyzw, [[0, 0, 0, 1]] * 3)
+    assert node.report()["refused"] == 2
+
+
+def transforms(*several):
+    """Of (parent, child, x, time in s)."""
+    return Transforms(
+        tuple(
+            TransformStamped(
+                child,
+                np.array([x, 0.0, 0]),
+                np.array([0, 0, 0, 1.0]),
+                Header(round(time_s * 1e9), parent),
+            )
+            for parent, child, x, time_s in several
+        )
+    )
+
+
+BY_TF = replace(EACH, tf_parent="map", tf_child="base_link")
+
+
+def test_a_pair_of_frames_is_followed_through_the_tree():
+    node = PathNode(BY_TF)
+    node.step(BY_TF, tf_static=transforms(("base_footprint", "base_link", 0.5, 0)))
+    node.step(BY_TF, tf=transforms(("map", "odom", 10, 1), ("odom", "base_footprint", 1, 1)))
+    node.step(BY_TF, tf=transforms(("odom", "base_footprint", 2, 2)))
+    node.step(BY_TF, tf=transforms(("odom", "base_footprint", 3, 3), ("odom", "other", 3, 2.7)))
+    path = node.step(BY_TF, tf=transforms(("map", "odom", 20, 3)))
+    np.testing.assert_array_equal(path.stamps_ns, [10**9, 2 * 10**9, 3 * 10**9])
+    np.testing.assert_allclose(path.positions_xyz[:, 0], [11.5, 15 + 2.5, 23.5])
+    assert path.header == Header(3 * 10**9, "map")
+    assert node.step(BY_TF, odom=odometry(1)) is None
+
+
+def test_static_frames_are_known_before_a_pair_is_asked_for():
+    node = PathNode(EACH)
+    node.step(EACH, tf_static=transforms(("odom", "base_link", 0.5, 0)))
+    assert node.step(EACH, tf=transforms(("map", "odom", 1, 1))) is None
+    path = node.step(BY_TF, tf=transforms(("map", "odom", 2, 2)))
+    np.testing.assert_allclose(path.positions_xyz, [[2.5, 0, 0]])
+
+
+def test_after_a_jump_back_in_time_the_pair_is_followed_on():
+    node = PathNode(BY_TF)
+    node.step(BY_TF, tf_static=transforms(("odom", "base_link", 0.5, 0)))
+    for time_s in (100, 101):
+        node.step(BY_TF, tf=transforms(("map", "odom", time_s, time_s)))
+    node.reset()
+    path = node.step(BY_TF, tf=transforms(("map", "odom", 1, 5)))
+    np.testing.assert_allclose(path.positions_xyz, [[1.5, 0, 0]])
+
+
+def test_transforms_that_are_none_are_refused():
+    node = PathNode(BY_TF)
+    assert node.step(BY_TF, tf=transforms(("map", "base_link", math.nan, 1))) is None
+    assert node.report()["refused"] == 1
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The path that a robot has gone, from its odometry."""
+"""The path that a robot has gone."""
 
 from __future__ import annotations
 
@@ -6,10 +6,22 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from ros_visualise.data import Floats, Header, Odometry, Path
-from ros_visualise.nodes import node
+from ros_visualise.data import (
+    Floats,
+    Header,
+    NavSatFix,
+    Odometry,
+    Path,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Transforms,
+)
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.located import PLANE_FRAME, Located, Locator
+from ros_visualise.geometry.pair import FramePair
+from ros_visualise.geometry.track import Track
+from ros_visualise.geometry.travel import Travel
+from ros_visualise.nodes import action, node
 from ros_visualise.params import param
 from ros_visualise.rate import Clock, Pacer, WallClock
 
@@ -26,52 +38,81 @@ class PathParams:
     )
     max_poses: int = param(
         10_000,
-        "poses in the path; beyond it the oldest go",
-        min=1,
-        max=1_000_000,
-        slider=(1, 20_000),
+        "poses in the path; beyond it the oldest half is thinned, its shape kept",
+        min=10,
+        max=100_000,
+        slider=(10, 20_000),
     )
     rate: float = param(
         5.0, "paths per second at most, by the stamps; 0 is one for each pose", min=0, max=100
     )
+    tf_parent: str = param("", "follow tf_child in this frame by tf, and no other input")
+    tf_child: str = param("", "the frame to follow by tf; none: follow the other inputs")
 
 
 @node(
     "path",
     params=PathParams,
-    inputs={"odom": Odometry},
+    inputs={
+        "odom": Odometry,
+        "pose": PoseStamped,
+        "pose_cov": PoseWithCovarianceStamped,
+        "fix": NavSatFix,
+        "tf": Transforms,
+        "tf_static": Transforms,
+    },
     outputs={"path": Path},
     latched=("path",),
 )
 class PathNode:
-    """The path that a robot has gone, begun anew when time jumps back or the frame changes."""
+    """The path that a robot has gone, begun anew when time jumps back or the frame changes.
+
+    Of the inputs the first in the order of their declaration that has delivered is followed; with
+    ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.
+    """
 
     def __init__(self, params: PathParams, clock: Clock | None = None) -> None:
         self._clock = clock or WallClock()
-        self._refused = 0
+        self._locator = Locator()
+        self._tree = FrameTree()
+        self._pair = FramePair(self._tree, params.tf_parent, params.tf_child)
+        self._followed = ""
+        self._is_due = self._has_grown = False
         self.reset()
 
     def reset(self) -> None:
-        """Begin a new path."""
-        self._track = _Track()
-        self._pacer = Pacer()
-        self._header = Header()
-        self._is_due = self._has_grown = False
+        """Begin a new path: time jumped."""
+        self._tree.reset()
+        self._pair.reset()
+        self._locator.reset()
+        self._begin()
 
-    def step(self, odom: Odometry, params: PathParams) -> Path | None:
+    @action("forget the path so far")
+    def clear(self) -> Path:
+        """Begin a new path here; the answer is an empty one."""
+        header = self._header
+        self._begin()
+        return self._track.path(header)
+
+    def step(
+        self,
+        params: PathParams,
+        odom: Odometry | None = None,
+        pose: PoseStamped | None = None,
+        pose_cov: PoseWithCovarianceStamped | None = None,
+        fix: NavSatFix | None = None,
+        tf: Transforms | None = None,
+        tf_static: Transforms | None = None,
+    ) -> Path | None:
         """The path so far, when it has grown and it is time for it."""
-        pose = np.concatenate([odom.position_xyz, odom.quat_xyzw])
-        if not np.isfinite(pose).all():
-            self._refused += 1
-            return None
-        if odom.header.frame_id != self._header.frame_id:
-            self.reset()
-        self._header = odom.header
-        if self._track.is_apart(pose, params.min_distance, math.radians(params.min_angle)):
-            self._track.append(odom.header.stamp_ns, pose, params.max_poses)
-            self._has_grown = True
-        if not params.rate or self._pacer.passes(self._time_ns(), params.rate):
-            self._is_due = True
+        self._choose_pair(params)
+        for name, one in (("odom", odom), ("pose", pose), ("pose_cov", pose_cov), ("fix", fix)):
+            if one is not None and self._follows(name):
+                self._take(one, params)
+        if tf_static is not None:
+            self._take_transforms(tf_static, params, static=True)
+        if tf is not None and self._pair.child:
+            self._take_transforms(tf, params, static=False)
         return self.finish() if self._is_due else None
 
     def finish(self) -> Path | None:
@@ -82,59 +123,65 @@ class PathNode:
         return self._track.path(self._header)
 
     def report(self) -> dict[str, Any]:
-        """Poses in the path, and poses that are no numbers."""
-        return {"poses": len(self._track), "refused": self._refused}
+        """What was gone, and poses that were refused: no numbers, or without a fix."""
+        gone = self._travel.summary()
+        speeds = {"mean_mps": gone.mean_mps, "top_mps": gone.top_mps}
+        return {
+            "poses": len(self._track),
+            "length_m": round(gone.length_m, 3),
+            "duration_s": round(gone.duration_s, 3),
+            **{name: None if mps is None else round(mps, 3) for name, mps in speeds.items()},
+            "refused": self._locator.refused + self._locator.without_fix + self._pair.refused,
+            "deviation_m": round(self._track.deviation_m, 4),
+        }
+
+    def _begin(self) -> None:
+        self._track = Track()
+        self._travel = Travel()
+        self._pacer = Pacer()
+        self._header = Header()
+        self._is_due = self._has_grown = False
+
+    def _choose_pair(self, params: PathParams) -> None:
+        wanted = (params.tf_parent, params.tf_child) if params.tf_parent else ("", "")
+        if wanted != (self._pair.parent, self._pair.child):
+            self._pair = FramePair(self._tree, *wanted)
+            self._followed = ""
+            self._begin()
+
+    def _follows(self, name: str) -> bool:
+        """Whether a message of this input belongs to the path; a better input begins it anew."""
+        if self._pair.child:
+            return False
+        order = ("odom", "pose", "pose_cov", "fix", "")
+        if order.index(name) < order.index(self._followed):
+            self._followed = name
+            self._begin()
+        return name == self._followed
+
+    def _take(self, message: Located, params: PathParams) -> None:
+        pose = self._locator.locate(message)
+        if pose is None:
+            return
+        header = message.header
+        if isinstance(message, NavSatFix):
+            header = Header(header.stamp_ns, PLANE_FRAME)
+        self._add(header, pose, params)
+
+    def _take_transforms(self, message: Transforms, params: PathParams, static: bool) -> None:
+        for stamp_ns, pose in self._pair.add(message, static):
+            self._add(Header(stamp_ns, self._pair.parent), pose, params)
+
+    def _add(self, header: Header, pose: Floats, params: PathParams) -> None:
+        if header.frame_id != self._header.frame_id:
+            self._begin()
+        self._header = header
+        self._travel.add(header.stamp_ns, pose[:3].tolist())
+        if self._track.is_apart(pose, params.min_distance, math.radians(params.min_angle)):
+            self._track.append(header.stamp_ns, pose, params.max_poses)
+            self._has_grown = True
+        if not params.rate or self._pacer.passes(self._time_ns(), params.rate):
+            self._is_due = True
 
     def _time_ns(self) -> int:
         return self._header.stamp_ns or self._clock.monotonic_ns()
-
-
-class _Track:
-    """Poses (x, y, z and a quaternion x, y, z, w), each appended in constant time.
-
-    What `path` gave stays as it is: rows are only ever added, or copied to where there is room.
-    """
-
-    def __init__(self) -> None:
-        self._poses = np.zeros((0, 7))
-        self._stamps_ns = np.zeros(0, np.int64)
-        self._start = self._end = 0
-
-    def __len__(self) -> int:
-        return self._end - self._start
-
-    def is_apart(self, pose: Floats, distance: float, angle: float) -> bool:
-        """Whether a pose is that far from the last one, or turned by that angle in radians."""
-        if not len(self):
-            return True
-        last = self._poses[self._end - 1]
-        moved = np.linalg.norm(pose[:3] - last[:3])
-        return bool(moved >= distance or _angle(pose[3:], last[3:]) >= angle)
-
-    def append(self, stamp_ns: int, pose: Floats, max_poses: int) -> None:
-        """Add a pose; of the oldest only so many stay."""
-        if self._end == len(self._poses):
-            self._make_room()
-        self._poses[self._end] = pose
-        self._stamps_ns[self._end] = stamp_ns
-        self._end += 1
-        self._start = max(self._start, self._end - max_poses)
-
-    def path(self, header: Header) -> Path:
-        """The poses as they are now."""
-        kept = slice(self._start, self._end)
-        poses = self._poses[kept]
-        return Path(self._stamps_ns[kept], poses[:, :3], poses[:, 3:], header)
-
-    def _make_room(self) -> None:
-        kept, count = slice(self._start, self._end), len(self)
-        room = count + 64
-        self._poses = np.concatenate([self._poses[kept], np.empty((room, 7))])
-        self._stamps_ns = np.concatenate([self._stamps_ns[kept], np.empty(room, np.int64)])
-        self._start, self._end = 0, count
-
-
-def _angle(quat: Floats, other: Floats) -> float:
-    """The angle between two attitudes, 0 where one of them is none (all zero)."""
-    scale = math.sqrt(quat @ quat) * math.sqrt(other @ other)
-    return 2 * math.acos(min(abs(float(quat @ other)) / scale, 1.0)) if scale else 0.0

@@ -1,0 +1,83 @@
+"""Where one frame is in another, as the transforms between them come in."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+
+from ros_visualise.data import Floats, Transforms
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.transforms import to_pose
+
+_WAITING = 10_000
+"""Stamps that may wait until all of the chain is known then."""
+
+
+class FramePair:
+    """Follows one frame in another at the stamps of every transform between them that moves.
+
+    Args:
+        tree: what is known of the frames; it is added to by `add`.
+        parent, child: names of the frames; the poses are those of the child in the parent.
+
+    Attributes:
+        refused: messages with transforms that are none.
+    """
+
+    def __init__(self, tree: FrameTree, parent: str, child: str) -> None:
+        self.parent, self.child = parent, child
+        self.refused = 0
+        self._tree = tree
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: time jumped."""
+        self._waiting: deque[tuple[int, str]] = deque(maxlen=_WAITING)
+        self._last_ns: int | None = None
+
+    def add(self, message: Transforms, static: bool = False) -> list[tuple[int, Floats]]:
+        """The stamps at which the chain is known by now, and was not before, and the poses (7,)."""
+        try:
+            self._tree.add(message, static)
+        except ValueError:
+            self.refused += 1
+        if not static:
+            self._waiting.extend(
+                (one.header.stamp_ns, one.child_frame_id.lstrip("/")) for one in message.transforms
+            )
+        return [(stamp_ns, pose) for stamp_ns in self._known() for pose in self._poses(stamp_ns)]
+
+    def _known(self) -> list[int]:
+        try:
+            newest_ns = self._tree.newest_ns(self.parent, self.child)
+        except NoTransform:
+            return []
+        if newest_ns is None:
+            return []
+        chain = self._chain()
+        known = {stamp for stamp, child in self._waiting if stamp <= newest_ns and child in chain}
+        waiting = [one for one in self._waiting if one[0] > newest_ns]
+        self._waiting = deque(waiting, maxlen=_WAITING)
+        return sorted(stamp for stamp in known if self._last_ns is None or stamp > self._last_ns)
+
+    def _poses(self, stamp_ns: int) -> list[Floats]:
+        """The pose at a time; none where a part of the chain begins only later."""
+        try:
+            T_parent_child = self._tree.lookup(self.parent, self.child, stamp_ns)
+        except NoTransform:
+            return []
+        self._last_ns = stamp_ns
+        return [np.concatenate(to_pose(T_parent_child))]
+
+    def _chain(self) -> set[str]:
+        """The frames between the two that have a transform to their parents."""
+        above_child, above_parent = self._ancestors(self.child), self._ancestors(self.parent)
+        return set(above_child) ^ set(above_parent)
+
+    def _ancestors(self, frame: str) -> list[str]:
+        found = [frame.lstrip("/")]
+        while (above := self._tree.parent(found[-1])) is not None and above not in found:
+            found.append(above)
+        return found
