@@ -14,11 +14,14 @@ from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
 
+_RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
   ros-visualise demo
   ros-visualise video flight.mp4 --set filters.threshold=90
   ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
   ros-visualise camera rtsp://192.168.1.10/stream
+  ros-visualise bag drive.bag --image /camera/image_raw
+  ros-visualise kitti 2011_09_26/2011_09_26_drive_0009_sync
 """
 
 
@@ -44,9 +47,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         found = re.search("invalid choice: '(.*?)'", message)
-        if found and Path(found[1]).is_file():
-            message = f"to play {found[1]}: {self.prog} video {found[1]}"
+        if found and Path(found[1]).exists():
+            message = f"to play {found[1]}: {self.prog} {_command_for(Path(found[1]))} {found[1]}"
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _command_for(path: Path) -> str:
+    is_recording = path.is_dir() or path.suffix.lower() in _RECORDINGS
+    return "bag" if is_recording else "video"
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -69,10 +77,8 @@ def _add_playing(commands: Any) -> None:
     demo = commands.add_parser(
         "demo", parents=[playing], help="a moving scene, with nothing to hand"
     )
-    demo.set_defaults(source="demo")
     video = commands.add_parser("video", parents=[playing], help="a video file")
     video.add_argument("input", metavar="FILE")
-    video.set_defaults(source="streamer")
     camera = commands.add_parser("camera", parents=[playing], help="a camera")
     camera.add_argument(
         "input",
@@ -81,7 +87,32 @@ def _add_playing(commands: Any) -> None:
         default="0",
         help="a device by path or number (default: 0), a stream's URL, or a test pattern",
     )
-    camera.set_defaults(source="camera")
+    for command in (demo, video, camera):
+        command.add_argument(
+            "--size", metavar="WxH", default="", help="scale the images to this size"
+        )
+    _add_recordings(commands, playing)
+
+
+def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
+    bag = commands.add_parser(
+        "bag",
+        parents=[playing],
+        help="a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .SRT)",
+    )
+    bag.add_argument("input", metavar="PATH")
+    kitti = commands.add_parser("kitti", parents=[playing], help="a drive of the KITTI data set")
+    kitti.add_argument("input", metavar="DIR")
+    for command in (bag, kitti):
+        command.add_argument(
+            "--topics", nargs="+", default=[], metavar="TOPIC", help="play these alone"
+        )
+        command.add_argument(
+            "--image", metavar="TOPIC|none", help="images for the nodes (default: the first topic)"
+        )
+        command.add_argument(
+            "--odom", metavar="TOPIC|none", help="what the path is made of (default: the first)"
+        )
 
 
 def _add_asking(commands: Any) -> None:
@@ -136,7 +167,6 @@ def _playing_options() -> _Parser:
     )
     play.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
     play.add_argument("--frames", type=_count, metavar="N", help="end after so many frames")
-    play.add_argument("--size", metavar="WxH", default="", help="scale the images to this size")
     work = options.add_argument_group("nodes")
     work.add_argument(
         "--set",

@@ -1,6 +1,7 @@
 """The order in which a recorder writes, and what it does when it cannot."""
 
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from ros_visualise.data import Header, Image, ParameterEvent
 from ros_visualise.errors import RecordingError
+from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import Packet
@@ -152,3 +154,53 @@ def test_parameters_are_recorded_in_their_place(messages):
     recording.close()
     images = [("/a", 10 * (number + 1)) for number in range(messages)]
     assert memory.entries == [("/parameter_events", 10 if messages else 0), *images]
+
+
+def sensors():
+    """Two topics of a source, and a node behind one of them."""
+    made = SourceType("sensors", None, None, {"a": Image, "b": Image})
+    source = Node("sensors", made, None, {}, {"a": "/a", "b": "/b"})
+    behind = Node("c", FpsControl.declared, FpsParams(), {"image": "/a"}, {"image": "/c"})
+    return Graph((source, behind))
+
+
+def test_a_node_owes_no_answer_to_what_does_not_come_to_it():
+    memory = Memory()
+    recording = RecorderThread(memory, sensors(), lossless=True)
+    recording.put("/a", packet(0))
+    recording.put("/b", packet(1))
+    recording.put("/b", packet(2))
+    recording.put("/a", packet(3))
+    recording.put("/c", packet(0))
+    while recording.written < 4:  # all that nothing can come before any more
+        time.sleep(0.001)
+    assert memory.entries == [("/a", 0), ("/c", 0), ("/b", 10), ("/b", 20)]
+    recording.put("/c", packet(3))
+    for topic in recording.inboxes:
+        recording.finish(topic)
+    recording.close()
+    assert memory.entries[4:] == [("/a", 30), ("/c", 30)]
+
+
+def test_what_is_not_recorded_still_tells_who_owes_an_answer():
+    memory = Memory()
+    memory.topics = ("/b", "/c")
+    recording = RecorderThread(memory, sensors(), lossless=True)
+    recording.put("/a", packet(0))
+    recording.put("/b", packet(1))
+    recording.put("/c", packet(0))
+    for topic in recording.inboxes:
+        recording.finish(topic)
+    recording.close()
+    assert memory.entries == [("/c", 0), ("/b", 10)]
+
+
+def test_a_node_that_is_ahead_of_the_source_s_word_is_not_waited_for_twice():
+    memory = Memory()
+    recording = RecorderThread(memory, sensors(), lossless=True)
+    recording.put("/c", packet(0))
+    recording.put("/a", packet(0))
+    while recording.written < 2:
+        time.sleep(0.001)
+    recording.close()
+    assert memory.entries == [("/a", 0), ("/c", 0)]

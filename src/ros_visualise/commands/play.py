@@ -1,4 +1,4 @@
-"""``demo``, ``video``, ``camera``: playing a source through the nodes, with a view of it."""
+"""Playing a source through the nodes, with a view of it: `video`, `camera`, `bag` and others."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ import logging
 import signal
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
-from ros_visualise import nodes as registry
+from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.errors import OpenError, ParameterError, RosVisualiseError, UsageError
-from ros_visualise.pipelines import Graph, image_pipeline, parse_node
+from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.sinks import parse_target
@@ -29,65 +25,15 @@ _SPIN_S = 0.05
 
 def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it."""
-    return _play(args, **_SETTINGS[args.command](args))
-
-
-def _demo(args: Namespace) -> dict[str, Any]:
-    return {}
-
-
-def _video(args: Namespace) -> dict[str, Any]:
-    return {"path": args.input}
-
-
-def _camera(args: Namespace) -> dict[str, Any]:
-    if args.rate is not None or args.loop or args.start is not None:
-        raise UsageError("a camera is live: it takes no --rate, --loop or --start")
-    return {"uri": args.input}
-
-
-_SETTINGS: dict[str, Callable[[Namespace], dict[str, Any]]] = {
-    "demo": _demo,
-    "video": _video,
-    "camera": _camera,
-}
-"""Command -> the parameters that it gives its source."""
-
-
-def _play(args: Namespace, **settings: Any) -> int:
     _refuse_double_use(args.record, getattr(args, "input", None))
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
-    if args.size:
-        settings["size"] = args.size
-    graph = _graph(args, settings)
+    graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, args.host, args.port)
     try:
         return _run(args, graph, view)
     finally:
         view.close()
-
-
-def _graph(args: Namespace, settings: dict[str, Any]) -> Graph:
-    graph = image_pipeline(args.source, **settings)
-    last = "filters"
-    for text in args.node:
-        path, name, after = parse_node(text)
-        added = registry.load(path, name)
-        graph = graph.insert(added, after or last)
-        last = last if after else added.name
-    if args.params:
-        try:
-            graph = graph.configured(_read_yaml(args.params))
-        except ParameterError as error:
-            raise UsageError(f"{args.params}: {error}") from None
-    for text in args.set:
-        key, equals, value = text.partition("=")
-        node, dot, param = key.partition(".")
-        if not (equals and dot):
-            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
-        graph = graph.configured({node: {param: value}})
-    return graph
 
 
 def _run(args: Namespace, graph: Graph, view: View) -> int:
@@ -99,12 +45,13 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         frames=args.frames,
         hold=view.stays and args.duration is None and args.frames is None,
     )
+    playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     interrupted = False
     try:
         recordings = _start_recordings(runtime, args.record, args.overwrite)
+        view.open(runtime)  # before anything that holds can have passed
         runtime.start()
-        view.open(runtime)
         while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
             view.spin(_SPIN_S)
     except KeyboardInterrupt:
@@ -159,21 +106,8 @@ def _say_summary(report: dict[str, Any]) -> None:
     for name, node in report["nodes"].items():
         for reason, count in node["dropped"].items():
             print(f"{name}: {count} of {node['received']} left out by {reason}", file=sys.stderr)
+        for note in node.get("lost", {}).get("notes", ()):
+            print(f"{name}: {note}", file=sys.stderr)
     for name, recording in report["recordings"].items():
         dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
         print(f"{name}: {recording['messages']} messages recorded{dropped}", file=sys.stderr)
-
-
-def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
-    try:
-        values = YAML(typ="safe").load(path.read_text())
-    except OSError as error:
-        raise OpenError(
-            f"{path}: {error.strerror}; give a YAML file as NODE: {{PARAM: VALUE}}"
-        ) from None
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise OpenError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-    values = {} if values is None else values
-    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
-        raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
-    return values

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
@@ -36,7 +36,7 @@ class Player:
     def report(self) -> dict[str, Any]:
         """What could not be read."""
         loss = self._recording.loss
-        return {"lost": {"messages": loss.messages, "bytes": loss.bytes}} if loss else {}
+        return {"lost": asdict(loss)} if loss else {}
 
     def close(self) -> None:
         """End reading."""

@@ -1,0 +1,112 @@
+"""Which graph a playing command runs, and with which parameters."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ros_visualise import nodes as registry
+from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.pipelines import (
+    IMAGE_NODES,
+    Graph,
+    image_pipeline,
+    parse_node,
+    recording_pipeline,
+)
+from ros_visualise.sources.recordings import open_recording
+
+_NONE = "none"
+
+
+def graph_of(args: Namespace) -> Graph:
+    """The graph of a command with all that its options add and set.
+
+    Raises:
+        OpenError: the source, a node's file or the file of parameters cannot be opened.
+        UsageError: an option asks for what is not there.
+    """
+    graph = _GRAPHS[args.command](args)
+    last = "filters"
+    for text in args.node:
+        path, name, after = parse_node(text)
+        added = registry.load(path, name)
+        graph = graph.insert(added, after or last)
+        last = last if after else added.name
+    if args.params:
+        try:
+            graph = graph.configured(_read_yaml(args.params))
+        except ParameterError as error:
+            raise UsageError(f"{args.params}: {error}") from None
+    for text in args.set:
+        key, equals, value = text.partition("=")
+        node, dot, param = key.partition(".")
+        if not (equals and dot):
+            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
+        graph = graph.configured({node: {param: value}})
+    return graph
+
+
+def stepped_topic(graph: Graph) -> str:
+    """What a person steps through in a recording: its images, where they are processed."""
+    source = graph.source
+    for node in graph.nodes:
+        if source is not None and node.name == IMAGE_NODES[0]:
+            taken = set(node.inputs.values())
+            return next(port for port, topic in source.outputs.items() if topic in taken)
+    return ""
+
+
+def _demo(args: Namespace) -> Graph:
+    return image_pipeline("demo", **_size(args))
+
+
+def _video(args: Namespace) -> Graph:
+    return image_pipeline("streamer", path=args.input, **_size(args))
+
+
+def _camera(args: Namespace) -> Graph:
+    if args.rate is not None or args.loop or args.start is not None:
+        raise UsageError("a camera is live: it takes no --rate, --loop or --start")
+    return image_pipeline("camera", uri=args.input, **_size(args))
+
+
+def _recording(args: Namespace) -> Graph:
+    recording = open_recording(args.input)
+    return recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
+
+
+_GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
+    "demo": _demo,
+    "video": _video,
+    "camera": _camera,
+    "bag": _recording,
+    "kitti": _recording,
+}
+
+
+def _size(args: Namespace) -> dict[str, str]:
+    return {"size": args.size} if args.size else {}
+
+
+def _topic(name: str | None) -> str | None:
+    return "" if name == _NONE else name
+
+
+def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
+    try:
+        values = YAML(typ="safe").load(path.read_text())
+    except OSError as error:
+        raise OpenError(
+            f"{path}: {error.strerror}; give a YAML file as NODE: {{PARAM: VALUE}}"
+        ) from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise OpenError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    values = {} if values is None else values
+    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
+        raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
+    return values
