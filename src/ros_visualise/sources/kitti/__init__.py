@@ -1,0 +1,34 @@
+"""KITTI's folders as recordings of ROS topics.
+
+- the raw drives, synced and rectified or neither: `ros_visualise.sources.kitti.raw`
+- the sequences of the odometry benchmark: `ros_visualise.sources.kitti.odometry`
+
+Topics are ``/cam00/image_rect`` (of unsynced drives ``image_raw``) and ``/cam00/camera_info`` to
+``/cam03``, ``/velodyne_points``, ``/imu/data``, ``/gps/fix``, ``/gps/vel``, ``/odom``, ``/path``,
+``/tf`` and ``/tf_static``; frames are map -> odom -> base_link -> imu_link -> velodyne, and
+``cam00_optical`` to ``cam03_optical`` in velodyne. Stamps are in UTC, to the nanosecond.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_visualise.sources.kitti.folders import find_folder, has_folder, is_sequence
+from ros_visualise.sources.kitti.odometry import open_sequence
+from ros_visualise.sources.kitti.raw import open_drive
+from ros_visualise.sources.kitti.recording import KittiRecording
+
+
+def is_kitti(path: str | Path) -> bool:
+    """Whether it is a folder of KITTI's, or one above some."""
+    return has_folder(Path(path))
+
+
+def open_kitti(path: str | Path) -> KittiRecording:
+    """A drive, a sequence, or a folder above that holds one.
+
+    Raises:
+        OpenError: there is none, more than one, or one without frames.
+    """
+    folder = find_folder(Path(path))
+    return open_sequence(folder) if is_sequence(folder) else open_drive(folder)

@@ -1,0 +1,152 @@
+"""Images of KITTI's cameras, checked when they are read and decoded when somebody looks."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import zlib
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
+from ros_visualise.sources.kitti.files import DamagedFile, Files
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_CHUNK = 12  # length, type and CRC around a chunk's data
+_PATIENCE = 8
+
+
+class Demand:
+    """Whether somebody looks at a camera's images, so that they are worth decoding ahead."""
+
+    def __init__(self) -> None:
+        self._left = 0
+        self._lock = threading.Lock()
+
+    def renew(self) -> None:
+        """An image was looked at."""
+        with self._lock:
+            self._left = _PATIENCE
+
+    def take(self) -> bool:
+        """Whether to decode one more; not, when nobody looked at the last few."""
+        with self._lock:
+            self._left -= 1
+            return self._left >= 0
+
+
+class Camera:
+    """The images of one camera.
+
+    Args:
+        files: PNG files.
+        stamps_ns: (N,).
+        color: as bgr8 rather than mono8.
+        frame_id: its optical frame.
+        info: its calibration, if it is known.
+    """
+
+    def __init__(
+        self,
+        files: Files,
+        stamps_ns: npt.NDArray[np.int64],
+        color: bool,
+        frame_id: str,
+        info: CameraInfo | None,
+    ) -> None:
+        self._files, self._stamps_ns = files, stamps_ns
+        self._color, self._frame_id, self._info = color, frame_id, info
+        self._demand = Demand()
+
+    def image(self, index: int) -> Image:
+        """An image; decoded already while images are being looked at.
+
+        Raises:
+            DamagedFile: it is no PNG, or cut off, or changed.
+        """
+        path, data = self._files.path(index), self._files.read(index)
+        height, width = check_png(path, data)
+        decoded = decode(path, data, self._color) if self._demand.take() else None
+        shape = (height, width, 3) if self._color else (height, width)
+        pixels = Deferred(shape, np.uint8, partial(self._look, path, data, decoded))
+        encoding = "bgr8" if self._color else "mono8"
+        info = None if self._info is None else self.info(index)
+        return Image(pixels, encoding, self._header(index), info)
+
+    def info(self, index: int) -> CameraInfo:
+        """The calibration that goes with an image."""
+        assert self._info is not None, "only of a calibrated camera"
+        return replace(self._info, header=self._header(index))
+
+    def _header(self, index: int) -> Header:
+        return Header(int(self._stamps_ns[index]), self._frame_id)
+
+    def _look(self, path: Path, data: bytes, decoded: Pixels | None) -> Pixels:
+        self._demand.renew()
+        return decode(path, data, self._color) if decoded is None else decoded
+
+
+def decode(path: Path, data: bytes, color: bool) -> Pixels:
+    """The pixels of a PNG: (height, width, 3) in the order BGR, or (height, width).
+
+    Raises:
+        DamagedFile: OpenCV cannot decode it.
+    """
+    flags = (cv2.IMREAD_COLOR if color else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_IGNORE_ORIENTATION
+    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    if pixels is None:
+        raise DamagedFile(path, "OpenCV cannot decode it")
+    return pixels
+
+
+def check_png(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width of a PNG that is whole, by its own checksums, without decoding it.
+
+    Raises:
+        DamagedFile: it is not.
+
+    Source: W3C, Portable Network Graphics Specification, section 5.
+    """
+    if not data.startswith(_SIGNATURE):
+        raise DamagedFile(path, "not a PNG image")
+    view, at, kind = memoryview(data), len(_SIGNATURE), b""
+    while kind != b"IEND":
+        if at + _CHUNK > len(data):
+            raise DamagedFile(path, "cut off")
+        length, kind = struct.unpack_from(">I4s", data, at)
+        end = at + 8 + length
+        if end + 4 > len(data):
+            raise DamagedFile(path, "cut off")
+        if zlib.crc32(view[at + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            raise DamagedFile(path, "damaged: its checksum is wrong")
+        at = end + 4
+    width, height = read_size(data)
+    if not width or not height:
+        raise DamagedFile(path, "a PNG image without a size")
+    return height, width
+
+
+def read_size(head: bytes) -> tuple[int, int]:
+    """Width and height in the first 24 bytes of a PNG; 0, 0 of anything else."""
+    if len(head) < 24 or not head.startswith(_SIGNATURE) or head[12:16] != b"IHDR":
+        return 0, 0
+    width, height = struct.unpack_from(">II", head, len(_SIGNATURE) + 8)
+    return width, height
+
+
+def first_size(files: Files) -> tuple[int, int]:
+    """Width and height of the first image that says so; 0, 0 where none does."""
+    for index in range(len(files)):
+        try:
+            with files.path(index).open("rb") as file:
+                size = read_size(file.read(24))
+        except OSError:
+            continue
+        if all(size):
+            return size
+    return 0, 0

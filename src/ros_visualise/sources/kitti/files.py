@@ -1,0 +1,67 @@
+"""Files of frames: their numbers, and what is wrong with those that are damaged."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from ros_visualise.errors import DamagedMessage
+
+
+class DamagedFile(DamagedMessage):
+    """A file of a frame cannot be read; ``size`` are its bytes."""
+
+    def __init__(self, path: Path, why: str) -> None:
+        super().__init__(f"{path}: {why}")
+        self.path = path
+        self.size = path.stat().st_size if path.is_file() else 0
+
+
+@dataclass(frozen=True)
+class Files:
+    """The frames in a folder, by their numbers in rising order; from any number, with any gaps."""
+
+    folder: Path
+    names: tuple[str, ...] = ()
+    numbers: tuple[int, ...] = ()
+    size: int = 0
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def path(self, index: int) -> Path:
+        """The file at a place in the list."""
+        return self.folder / self.names[index]
+
+    def read(self, index: int) -> bytes:
+        """The bytes of a file.
+
+        Raises:
+            DamagedFile: it is empty, gone, or may not be read.
+        """
+        path = self.path(index)
+        try:
+            data = path.read_bytes()
+        except OSError as error:
+            raise DamagedFile(path, error.strerror or str(error)) from None
+        if not data:
+            raise DamagedFile(path, "empty")
+        return data
+
+
+def list_files(folder: Path, *suffixes: str) -> Files:
+    """The numbered files of one of these kinds, the first of which there are any; maybe none."""
+    try:
+        with os.scandir(folder) as items:
+            files = [(item.name, item.stat().st_size) for item in items if item.is_file()]
+    except OSError:
+        return Files(folder)
+    for suffix in suffixes:
+        matches = ((re.fullmatch(rf"(\d+)\.{suffix}", name), size) for name, size in files)
+        found = sorted((int(match[1]), match[0], size) for match, size in matches if match)
+        if found:
+            numbers, names, sizes = zip(*found, strict=True)
+            return Files(folder, names, numbers, sum(sizes))
+    return Files(folder)

@@ -1,0 +1,213 @@
+"""A sequence of KITTI's odometry benchmark.
+
+Its images are rectified, its scans are already compensated for the car's motion. Times are seconds
+since the sequence began, and are kept so. The ground truth is where rectified camera 0 is in its
+own first frame; here it is where base_link is in ``odom``, which is base_link at the first frame.
+
+base_link is the point on the road below the scanner, with the scanner's axes; without a scanner's
+calibration it is below camera 0. Their heights, 1.73 m and 1.65 m, are on KITTI's page of the
+setup.
+
+Source: A. Geiger et al., Are we ready for Autonomous Driving?, CVPR 2012, and the benchmark's
+readme.txt.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats, Header, Odometry, PointCloud
+from ros_visualise.errors import OpenError
+from ros_visualise.geometry import rotations, transforms
+from ros_visualise.sources.kitti import calibration, cameras, stamps
+from ros_visualise.sources.kitti.files import Files, list_files
+from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
+from ros_visualise.sources.kitti.raw import Places, camera_series
+from ros_visualise.sources.kitti.recording import KittiRecording
+from ros_visualise.sources.kitti.scanner import Scanner
+from ros_visualise.sources.kitti.series import (
+    BASE,
+    MAP,
+    ODOM,
+    VELODYNE,
+    Series,
+    moving_transforms,
+    optical_frame,
+    path_series,
+    static_series,
+)
+
+_NS = 1_000_000_000
+_PERIOD_NS = _NS // 10
+T_BASE_VELODYNE = transforms.from_parts(np.eye(3), [0, 0, 1.73])
+T_BASE_CAM0 = transforms.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 1.65])
+"""Looking straight ahead, where no calibration tells more."""
+
+
+def open_sequence(folder: Path) -> KittiRecording:
+    """The recording of a sequence's folder, ``sequences/NN``.
+
+    Raises:
+        OpenError: it holds no frames.
+    """
+    images = {c: list_files(folder / f"image_{c}", "png") for c in CAMERAS}
+    parts = {f"image_{c}": files for c, files in images.items() if files}
+    scans = list_files(folder / "velodyne", "bin")
+    if scans:
+        parts = {"velodyne": scans, **parts}
+    truth = read_poses(poses_file(folder))
+    if truth:
+        parts["poses"] = Files(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
+    if not parts:
+        raise OpenError(f"{folder}: holds no frames; unpack the benchmark's images or scans there")
+    times, notes = _stamp(folder, parts)
+    start_ns = min(int(one.min()) for one in times.values())
+    calib = calibration.read_matrices(folder / "calib.txt")
+    T_rect0_velodyne = calibration.rigid_3x4(calib.get("Tr"))
+    if T_rect0_velodyne is None:
+        notes.append("calib.txt has no Tr: where the scanner is, is not known")
+    series, places = _sensors(images, scans, times, calib, T_rect0_velodyne, notes)
+    if truth:
+        poses = _poses_of_base(np.stack(list(truth.values())), T_rect0_velodyne)
+        series = [*_truth_series(start_ns, times["poses"], poses), *series]
+        places = [(MAP, ODOM, np.eye(4)), *places]
+    series = [static_series(start_ns, places), *series]
+    size = sum(files.size for files in parts.values())
+    return KittiRecording(folder, "KITTI odometry", size, series, notes)
+
+
+def read_poses(path: Path) -> dict[int, Floats]:
+    """T_first_camera0, 4x4, by the number of the frame; lines that are no poses are left out."""
+    try:
+        lines = path.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return {}
+    found = {}
+    for number, line in enumerate(lines):
+        try:
+            T = calibration.rigid_3x4(np.array(line.split(), np.float64))
+        except ValueError:
+            continue
+        if T is not None and np.isfinite(T).all() and abs(np.linalg.det(T) - 1) < 0.01:
+            found[number] = T
+    return found
+
+
+def _stamp(
+    folder: Path, parts: dict[str, Files]
+) -> tuple[dict[str, npt.NDArray[np.int64]], list[str]]:
+    path = folder / "times.txt"
+    lines = _read_seconds(path)
+    sensors = []
+    for name, files in parts.items():
+        known = stamps.place(lines, files.numbers)
+        times = {number: known[number] for number in files.numbers if number in known}
+        sensors.append(stamps.Stamps(name, files.numbers, times, has_file=path.is_file()))
+    periods_ns = dict.fromkeys(parts, _PERIOD_NS)
+    notes = [
+        note.replace("timestamps.txt", "times.txt")
+        for note in stamps.complete(sensors, True, 0, periods_ns)
+    ]
+    notes += [
+        f"{name}: {len(lines) - len(files)} of {len(lines)} frames are missing"
+        for name, files in parts.items()
+        if len(files) < len(lines)
+    ]
+    found = {one.name: [one.times[number] for number in one.numbers] for one in sensors}
+    return {name: np.array(times, np.int64) for name, times in found.items()}, notes
+
+
+def _read_seconds(path: Path) -> list[int | None]:
+    """Seconds since the start, as ns; None on lines that hold none."""
+    try:
+        lines = path.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return []
+    times: list[int | None] = []
+    for line in lines:
+        try:
+            seconds = float(line)
+        except ValueError:
+            seconds = np.nan
+        times.append(round(seconds * _NS) if 0 <= seconds < 1e9 else None)
+    return times
+
+
+def _sensors(
+    images: dict[int, Files],
+    scans: Files,
+    times: dict[str, npt.NDArray[np.int64]],
+    calib: calibration.Matrices,
+    T_rect0_velodyne: Floats | None,
+    notes: list[str],
+) -> tuple[list[Series], Places]:
+    places: Places = []
+    if T_rect0_velodyne is not None:
+        places.append((BASE, VELODYNE, T_BASE_VELODYNE))
+    series = []
+    if scans:
+        scanner = Scanner(scans, times["velodyne"], VELODYNE)
+        made = Series("/velodyne_points", PointCloud, times["velodyne"], scanner.cloud, slow=True)
+        series.append(made)
+    for number, files in images.items():
+        if not files:
+            continue
+        above = transforms.inverse(T_BASE_CAM0) if T_rect0_velodyne is None else T_rect0_velodyne
+        camera = calibration.sequence_camera(number, calib, *cameras.first_size(files), above)
+        series += camera_series(number, "image_rect", files, times[f"image_{number}"], camera.info)
+        if camera.T_velodyne_camera is None:
+            notes.append(f"image_{number}: calib.txt has no P{number}, so without camera_info")
+            continue
+        parent = BASE if T_rect0_velodyne is None else VELODYNE
+        places.append((parent, optical_frame(number), camera.T_velodyne_camera))
+    return series, places
+
+
+def _poses_of_base(T_first_cam0: Floats, T_rect0_velodyne: Floats | None) -> Floats:
+    """T_odom_base, (N, 4, 4)."""
+    T_base_cam0 = T_BASE_CAM0
+    if T_rect0_velodyne is not None:
+        T_base_cam0 = T_BASE_VELODYNE @ transforms.inverse(T_rect0_velodyne)
+    found: Floats = T_base_cam0 @ T_first_cam0 @ transforms.inverse(T_base_cam0)
+    return found
+
+
+def _truth_series(start_ns: int, stamps_ns: npt.NDArray[np.int64], T: Floats) -> list[Series]:
+    positions_xyz, quats_xyzw = transforms.to_pose(T)
+    linear, angular = _velocities(stamps_ns, positions_xyz, quats_xyzw)
+
+    def odometry(index: int) -> Odometry:
+        return Odometry(
+            positions_xyz[index],
+            quats_xyzw[index],
+            linear_xyz=linear[index],
+            angular_xyz=angular[index],
+            child_frame_id=BASE,
+            header=Header(int(stamps_ns[index]), ODOM),
+        )
+
+    return [
+        path_series(start_ns, stamps_ns, positions_xyz, quats_xyzw),
+        moving_transforms(stamps_ns, positions_xyz, quats_xyzw),
+        Series("/odom", Odometry, stamps_ns, odometry),
+    ]
+
+
+def _velocities(
+    stamps_ns: npt.NDArray[np.int64], positions_xyz: Floats, quats_xyzw: Floats
+) -> tuple[Floats, Floats]:
+    """Linear and angular (N, 3), in the axes of base_link: between the frames before and after."""
+    here = np.arange(len(stamps_ns))
+    before, after = np.maximum(here - 1, 0), np.minimum(here + 1, len(here) - 1)
+    seconds = np.maximum((stamps_ns[after] - stamps_ns[before]) / _NS, 1e-9)[:, None]
+    moved = (positions_xyz[after] - positions_xyz[before]) / seconds
+    linear = np.einsum("nji,nj->ni", rotations.to_matrix(quats_xyzw), moved)
+    turn = rotations.multiply(rotations.inverse(quats_xyzw[before]), quats_xyzw[after])
+    turn = np.where(turn[:, 3:] < 0, -turn, turn)
+    sine = np.linalg.norm(turn[:, :3], axis=1, keepdims=True)
+    angle = 2 * np.arctan2(sine, turn[:, 3:])
+    angular = turn[:, :3] / np.maximum(sine, 1e-12) * angle / seconds
+    return linear, angular

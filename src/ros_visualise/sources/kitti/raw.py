@@ -1,0 +1,189 @@
+"""A drive of KITTI's raw data, synced and rectified or neither, with whatever sensors it has."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import CameraInfo, Floats, Image, PointCloud
+from ros_visualise.errors import OpenError
+from ros_visualise.geometry import transforms
+from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
+from ros_visualise.sources.kitti.files import DamagedFile, Files, list_files
+from ros_visualise.sources.kitti.folders import CAMERAS, is_unsynced
+from ros_visualise.sources.kitti.recording import KittiRecording
+from ros_visualise.sources.kitti.scanner import Scanner
+from ros_visualise.sources.kitti.series import (
+    BASE,
+    IMU,
+    MAP,
+    ODOM,
+    VELODYNE,
+    Series,
+    optical_frame,
+    static_series,
+)
+
+_OXTS_TOPICS = 5  # messages of one sample: imu, fix, vel, odom, tf
+_RAW_SIZE = (1392, 512)
+_FIRST_DAY = "2011_09_26"
+_MS = 1_000_000
+_LACKING = {
+    "cam_to_cam": "no camera has its camera_info and its frame",
+    "velo_to_cam": "no camera has its frame",
+    "imu_to_velo": "the scanner and the cameras are not connected to base_link",
+}
+"""What is left out without a file."""
+
+Places = list[tuple[str, str, Floats]]
+
+
+@dataclass
+class _Drive:
+    folder: Path
+    scans: Files
+    samples: Files
+    images: dict[int, Files]
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def parts(self) -> dict[str, Files]:
+        """Those that hold frames, by the names of their folders, the best for times first."""
+        images = {f"image_{camera:02d}": files for camera, files in self.images.items()}
+        every = {"velodyne_points": self.scans, "oxts": self.samples, **images}
+        return {name: files for name, files in every.items() if files}
+
+
+def open_drive(folder: Path) -> KittiRecording:
+    """The recording of a drive's folder.
+
+    Raises:
+        OpenError: it holds no frames.
+    """
+    samples = list_files(folder / "oxts" / "data", "txt")
+    scans = list_files(folder / "velodyne_points" / "data", "bin", "txt")
+    images = {c: list_files(folder / f"image_{c:02d}" / "data", "png") for c in CAMERAS}
+    drive = _Drive(folder, scans, samples, {c: files for c, files in images.items() if files})
+    if not drive.parts:
+        raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")
+    unsynced = _is_unsynced(drive)
+    times = _stamp(drive, synced=not unsynced)
+    start_ns = min(int(one.min()) for one in times.values())
+    series, places = [], []
+    whole, rows, damaged = oxts.read_samples(samples)
+    if whole:
+        found = oxts.Samples(rows, times["oxts"][whole])
+        series += found.series(start_ns)
+        places.append((MAP, ODOM, np.eye(4)))
+    sensors, fixed = _sensors(drive, times, unsynced)
+    series = [static_series(start_ns, places + fixed), *series, *sensors]
+    size = sum(files.size for files in drive.parts.values())
+    lost: list[tuple[DamagedFile, int]] = [(error, _OXTS_TOPICS) for error in damaged]
+    return KittiRecording(folder, "KITTI raw", size, series, drive.notes, lost)
+
+
+def _is_unsynced(drive: _Drive) -> bool:
+    """By its name; else by the size of its images."""
+    told = is_unsynced(drive.folder)
+    if told is not None:
+        return told
+    sizes = [cameras.first_size(files) for files in drive.images.values()]
+    return _RAW_SIZE in sizes
+
+
+def _stamp(drive: _Drive, synced: bool) -> dict[str, npt.NDArray[np.int64]]:
+    """The times of each part's frames."""
+    sensors = [
+        stamps.read_stamps(name, drive.folder / name / "timestamps.txt", files.numbers)
+        for name, files in drive.parts.items()
+    ]
+    drive.notes += [
+        f"{one.name}: {one.missing} of {one.missing + len(one.numbers)} frames are missing"
+        for one in sensors
+        if one.missing
+    ]
+    periods_ns = {one.name: 100 * _MS for one in sensors}
+    if not synced:
+        periods_ns["oxts"] = 10 * _MS
+    drive.notes += stamps.complete(sensors, synced, _date_ns(drive.folder), periods_ns)
+    return {
+        one.name: np.array([one.times[number] for number in one.numbers], np.int64)
+        for one in sensors
+    }
+
+
+def _date_ns(folder: Path) -> int:
+    """The start of the day that the folder's name begins with."""
+    found = re.search(r"(\d{4})_(\d\d)_(\d\d)", str(folder.absolute()))
+    year, month, day = found.groups() if found else _FIRST_DAY.split("_")
+    return stamps.parse_time(f"{year}-{month}-{day} 00:00:00") or 0
+
+
+def _sensors(
+    drive: _Drive, times: dict[str, npt.NDArray[np.int64]], unsynced: bool
+) -> tuple[list[Series], Places]:
+    """The scanner's and the cameras' topics, and where the sensors are."""
+    cam_to_cam = _read_calibration(drive, "cam_to_cam", bool(drive.images))
+    velo_to_cam = _read_calibration(drive, "velo_to_cam", bool(drive.images))
+    imu_to_velo = _read_calibration(drive, "imu_to_velo", bool(drive.images or drive.scans))
+    T_cam0_velodyne = calibration.rigid(velo_to_cam)
+    T_velodyne_imu = calibration.rigid(imu_to_velo)
+    places: Places = [(BASE, IMU, oxts.T_BASE_IMU)]
+    if T_velodyne_imu is not None:
+        places.append((IMU, VELODYNE, transforms.inverse(T_velodyne_imu)))
+    series = []
+    if drive.scans:
+        stamps_ns = times["velodyne_points"]
+        scanner = Scanner(drive.scans, stamps_ns, VELODYNE)
+        series.append(Series("/velodyne_points", PointCloud, stamps_ns, scanner.cloud, slow=True))
+    for number, files in drive.images.items():
+        found = calibration.raw_camera(number, cam_to_cam, T_cam0_velodyne, not unsynced)
+        _check(drive, number, found)
+        stamps_ns = times[f"image_{number:02d}"]
+        name = "image_raw" if unsynced else "image_rect"
+        series += camera_series(number, name, files, stamps_ns, found.info)
+        if found.T_velodyne_camera is not None:
+            places.append((VELODYNE, optical_frame(number), found.T_velodyne_camera))
+    return series, places
+
+
+def camera_series(
+    number: int,
+    name: str,
+    files: Files,
+    stamps_ns: npt.NDArray[np.int64],
+    info: CameraInfo | None,
+) -> list[Series]:
+    """A camera's images and, where it is calibrated, what goes with them."""
+    room = f"/cam{number:02d}"
+    camera = cameras.Camera(files, stamps_ns, number >= 2, optical_frame(number), info)
+    series = [Series(f"{room}/{name}", Image, stamps_ns, camera.image, slow=True)]
+    if info is not None:
+        series.append(Series(f"{room}/camera_info", CameraInfo, stamps_ns, camera.info))
+    return series
+
+
+def _read_calibration(drive: _Drive, name: str, needed: bool) -> calibration.Matrices:
+    """A calibration file beside the drive's folder or in it."""
+    folders = (drive.folder.absolute().parent, drive.folder)
+    paths = [folder / f"calib_{name}.txt" for folder in folders]
+    found = next((path for path in paths if path.is_file()), None)
+    if found is not None:
+        return calibration.read_matrices(found)
+    if needed:
+        drive.notes.append(f"no {paths[0].name} in {folders[0]}: {_LACKING[name]}")
+    return {}
+
+
+def _check(drive: _Drive, number: int, camera: calibration.Camera) -> None:
+    if camera.info is None:
+        return
+    size = cameras.first_size(drive.images[number])
+    calibrated = (camera.info.width, camera.info.height)
+    if all(size) and size != calibrated:
+        (w, h), (cw, ch) = size, calibrated
+        drive.notes.append(f"image_{number:02d}: images of {w}x{h}, calibrated for {cw}x{ch}")

@@ -1,0 +1,188 @@
+"""KITTI folders as recordings of ROS topics: an index over series, and reading ahead of it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.kitti.files import DamagedFile
+from ros_visualise.sources.kitti.series import Series
+from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+
+log = logging.getLogger(__name__)
+
+_AHEAD = 6  # files that are read, checked and decoded while those before are still in use
+_MOST_WORKERS = 4
+
+_Item = tuple[Series, int, "Future[Any] | None"]
+
+
+class KittiRecording:
+    """A KITTI drive or sequence as a `ros_visualise.sources.recordings.Recording`.
+
+    Its messages are those of `ros_visualise.data`. Nothing but folders and texts is read until a
+    message is asked for; images are decoded when somebody looks at them, and ahead of that while
+    somebody does.
+
+    Attributes:
+        notes: what the folder lacks and what was done about it, a line each; none is a loss.
+    """
+
+    compression = "none"
+
+    def __init__(
+        self,
+        path: Path,
+        format: str,
+        size: int,
+        series: Sequence[Series],
+        notes: Sequence[str] = (),
+        damaged: Sequence[tuple[DamagedFile, int]] = (),
+    ) -> None:
+        self.path, self.format, self.size = path, format, size
+        self.notes = list(notes)
+        self.loss = Loss()
+        self.topics: Mapping[str, TopicInfo] = {
+            one.topic: TopicInfo(
+                TopicType(type_name(one.kind), latched=one.latched), len(one.stamps_ns)
+            )
+            for one in sorted(series, key=lambda one: one.topic)
+        }
+        self._series = [one for one in series if len(one.stamps_ns)]
+        self._index = _Index(self._series)
+        self.start_ns, self.end_ns = self._index.span_ns
+        self._lost: set[Path] = set()
+        self._lost_in: Counter[str] = Counter()
+        self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, os.cpu_count() or 1), "kitti")
+        self._lock = threading.Lock()
+        self._closed = False
+        for error, messages in damaged:
+            self._lose(error, messages)
+        for note in self.notes:
+            log.warning("%s: %s", path, note)
+
+    def read(
+        self,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        topics: Collection[str] | None = None,
+    ) -> Generator[Entry, None, None]:
+        """The messages in order of their stamps; damaged files are left out and counted."""
+        for series, number, message in self._read_ahead(
+            self._index.rows(start_ns, stop_ns, topics)
+        ):
+            try:
+                yield Entry(series.topic, int(series.stamps_ns[number]), message())
+            except DamagedFile as error:
+                self._lose(error)
+            except CancelledError:
+                return
+
+    def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        """The stamps of each topic's messages in their order."""
+        return {one.topic: np.sort(one.stamps_ns) for one in self._series}
+
+    def close(self) -> None:
+        """End what is being read."""
+        with self._lock:
+            self._closed = True
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def _read_ahead(
+        self, rows: Iterator[tuple[Series, int]]
+    ) -> Iterator[tuple[Series, int, Callable[[], Any]]]:
+        waiting: deque[_Item] = deque()
+        slow = 0
+        try:
+            for series, number in rows:
+                waiting.append((series, number, self._start(series, number)))
+                slow += series.slow
+                while waiting and (slow > _AHEAD or not slow):
+                    slow -= waiting[0][0].slow
+                    yield self._finish(waiting.popleft())
+            while waiting:
+                yield self._finish(waiting.popleft())
+        finally:
+            for _, _, future in waiting:
+                if future is not None:
+                    future.cancel()
+
+    def _start(self, series: Series, number: int) -> Future[Any] | None:
+        with self._lock:
+            if self._closed or not series.slow:
+                return None
+            return self._pool.submit(series.make, number)
+
+    def _finish(self, item: _Item) -> tuple[Series, int, Callable[[], Any]]:
+        series, number, future = item
+
+        def message() -> Any:
+            if self._closed:
+                raise CancelledError
+            return series.make(number) if future is None else future.result()
+
+        return series, number, message
+
+    def _lose(self, error: DamagedFile, messages: int = 1) -> None:
+        if error.path in self._lost:  # when it is read again
+            return
+        self._lost.add(error.path)
+        self.loss.messages += messages
+        self.loss.bytes += error.size
+        self._lost_in[str(error.path.parent)] += 1
+        self._note(error)
+
+    def _note(self, error: DamagedFile) -> None:
+        """One line for each folder, with its first damaged file."""
+        count = self._lost_in[str(error.path.parent)]
+        first, plural = str(error), f"; {count} such files are left out"
+        for number, note in enumerate(self.loss.notes):
+            if note.startswith(str(error.path.parent)):
+                self.loss.notes[number] = note.partition("; ")[0] + plural
+                return
+        self.loss.notes.append(first)
+
+
+class _Index:
+    """All messages in order of their stamps; of equal ones, in the order of the series."""
+
+    def __init__(self, series: Sequence[Series]) -> None:
+        self._series = series
+        none = np.zeros(0, np.int64)
+        stamps = np.concatenate([none, *(one.stamps_ns for one in series)])
+        which = [np.full(len(one.stamps_ns), i, np.int64) for i, one in enumerate(series)]
+        numbers = [np.arange(len(one.stamps_ns)) for one in series]
+        order = np.argsort(stamps, kind="stable")
+        self._stamps_ns = stamps[order]
+        self._which = np.concatenate([none, *which])[order]
+        self._numbers = np.concatenate([none, *numbers])[order]
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """The first and the last stamp."""
+        stamps = self._stamps_ns
+        return (int(stamps[0]), int(stamps[-1])) if len(stamps) else (0, 0)
+
+    def rows(
+        self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
+    ) -> Iterator[tuple[Series, int]]:
+        """Series, and number in it."""
+        stamps = self._stamps_ns
+        begin = 0 if start_ns is None else int(np.searchsorted(stamps, start_ns))
+        end = len(stamps) if stop_ns is None else int(np.searchsorted(stamps, stop_ns))
+        wanted = [topics is None or one.topic in topics for one in self._series]
+        for row in range(begin, end):
+            which = int(self._which[row])
+            if wanted[which]:
+                yield self._series[which], int(self._numbers[row])

@@ -1,0 +1,147 @@
+"""When frames were taken: the files of times, and what is done where they are missing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+Times = dict[int, int]
+"""Number of a frame -> nanoseconds since 1970 in UTC."""
+
+_NS = 1_000_000_000
+_LINE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d(\.\d+)?)")
+_LAST_NS = 2**32 * _NS  # the latest that ROS 1 can say
+
+
+@dataclass
+class Stamps:
+    """The times of one sensor's frames.
+
+    Attributes:
+        name: of the sensor's folder.
+        numbers: of the frames that there are.
+        times: of those whose time is known.
+        missing: how many more times there are, of frames that are not.
+    """
+
+    name: str
+    numbers: Sequence[int]
+    times: Times = field(default_factory=dict)
+    missing: int = 0
+    has_file: bool = False
+
+
+def read_lines(path: Path) -> list[int | None]:
+    """The time on each line of a ``timestamps.txt`` in ns, in UTC; None on those without one."""
+    try:
+        lines = path.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        return []
+    return [parse_time(line) for line in lines]
+
+
+def parse_time(line: str) -> int | None:
+    """``2011-09-26 13:08:24.973999360`` as ns since 1970, whatever the time zone here."""
+    found = _LINE.fullmatch(line.strip())
+    if found is None:
+        return None
+    try:
+        stamp_ns = int(np.datetime64(f"{found[1]}T{found[2][:18]}", "ns").astype(np.int64))
+    except ValueError:  # such as month 13
+        return None
+    return stamp_ns if 0 <= stamp_ns < _LAST_NS else None
+
+
+def place(lines: Sequence[int | None], numbers: Sequence[int]) -> Times:
+    """The time of each number of a frame that the lines can mean.
+
+    A line belongs to the frame of its own number, counted from 0; of a part of a drive whose
+    list was cut with it, the first line belongs to the first frame.
+    """
+    first = 0
+    if numbers and numbers[-1] >= len(lines) > numbers[-1] - numbers[0]:
+        first = numbers[0]
+    return {first + line: time for line, time in enumerate(lines) if time is not None}
+
+
+def read_stamps(name: str, path: Path, numbers: Sequence[int]) -> Stamps:
+    """The times of frames from a ``timestamps.txt``, which need not be there."""
+    known = place(read_lines(path), numbers)
+    times = {number: known[number] for number in numbers if number in known}
+    return Stamps(name, numbers, times, len(known) - len(times), path.is_file())
+
+
+def complete(
+    sensors: Sequence[Stamps], synced: bool, start_ns: int, periods_ns: Mapping[str, int]
+) -> list[str]:
+    """Give each frame a time, and say in a line for each sensor what was done.
+
+    Times that are missing are those of another sensor's frame of the same number (of a synced
+    drive, where equal numbers are one turn of the scanner); else they are counted on from the
+    nearest that is known, at the sensor's rate; else from ``start_ns``.
+
+    Args:
+        sensors: in the order in which the others are asked; their ``times`` are completed.
+        periods_ns: by the sensors' names.
+    """
+    notes = []
+    known = {one.name: dict(one.times) for one in sensors}
+    for one in sensors:
+        lacking = [number for number in one.numbers if number not in one.times]
+        if not lacking:
+            continue
+        sources = _borrow(one, lacking, known) if synced else []
+        rest = [number for number in lacking if number not in one.times]
+        if rest:
+            sources.append(_count(one, rest, known, synced, start_ns, periods_ns[one.name]))
+        what = "no timestamps.txt" if not one.has_file else f"{len(lacking)} times are missing"
+        notes.append(f"{one.name}: {what}; {len(lacking)} frames stamped {', '.join(sources)}")
+    return notes
+
+
+def _borrow(one: Stamps, lacking: Sequence[int], known: Mapping[str, Times]) -> list[str]:
+    sources = []
+    for name, times in known.items():
+        given = {number: times[number] for number in lacking if number in times}
+        given = {number: time for number, time in given.items() if number not in one.times}
+        if given:
+            one.times.update(given)
+            sources.append(f"as {name}'s of the same number")
+    return sources
+
+
+def _count(
+    one: Stamps,
+    lacking: Sequence[int],
+    known: Mapping[str, Times],
+    synced: bool,
+    start_ns: int,
+    period_ns: int,
+) -> str:
+    basis = dict(one.times)
+    if not basis:
+        others = [times for times in known.values() if times]
+        if others and synced:
+            basis = dict(others[0])
+        else:
+            begin_ns = min((min(times.values()) for times in others), default=start_ns)
+            basis = {one.numbers[0]: begin_ns}
+    period_ns = _period(basis) or period_ns
+    numbers = np.array(sorted(basis))
+    for number in lacking:
+        nearest = int(numbers[np.abs(numbers - number).argmin()])
+        one.times[number] = max(0, basis[nearest] + (number - nearest) * period_ns)
+    begin = np.datetime64(min(basis.values()), "ns")
+    return f"at {_NS / period_ns:.3g} Hz from {str(begin)[:19].replace('T', ' ')} on"
+
+
+def _period(times: Times) -> int:
+    numbers = sorted(times)
+    gaps = [(times[b] - times[a]) / (b - a) for a, b in pairwise(numbers)]
+    return round(median(gaps)) if gaps and median(gaps) > 0 else 0
