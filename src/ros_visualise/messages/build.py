@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from dataclasses import Field, fields
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -76,9 +76,13 @@ def _slots(cls: Any) -> list[str]:
 @cache
 def field_names(cls: Any) -> dict[str, str]:
     """The fields of a message class in its order: the table's name -> its own name."""
-    names = _slots(cls) or [one.name for one in fields(cls)]
+    names = _slots(cls) or [one.name for one in fields(cls) if not _is_constant(one)]
     lowered = {name: name.lower() for name in names if not name.startswith("_")}
     return {_SAME_AS.get(low, low): name for name, low in lowered.items()}
+
+
+def _is_constant(one: Field[Any]) -> bool:
+    return str(one.type).startswith("ClassVar")  # rosbags makes fields of a type's constants
 
 
 def field(message: Any, name: str) -> Any:

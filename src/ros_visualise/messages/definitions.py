@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from ros_visualise.errors import DamagedMessage
 
@@ -16,6 +17,7 @@ Encoding = Literal["ros1", "cdr"]
 
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
 _HEADER = "std_msgs/msg/Header"
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 class Definitions:
@@ -27,6 +29,9 @@ class Definitions:
     def __init__(self, encoding: Encoding) -> None:
         self.encoding: Encoding = encoding
         self._store = get_typestore(_STORES[encoding])
+        if _TRANSFORMS not in self._store.fielddefs:  # of ROS 1 the library lacks it
+            text = "geometry_msgs/TransformStamped[] transforms"
+            self._store.register(get_types_from_msg(text, _TRANSFORMS))
         self._given: dict[str, str] = {}
         self._starts_with_header: dict[str, bool] = {}
         self._lock = threading.Lock()
@@ -35,6 +40,11 @@ class Definitions:
     def types(self) -> Mapping[str, Any]:
         """Type name -> class, for `ros_visualise.messages.to_message`."""
         return self._store.types
+
+    @property
+    def store(self) -> Typestore:
+        """What the library that reads and writes messages knows of the types."""
+        return self._store
 
     def define(self, type_name: str, text: str) -> None:
         """Add a type from its definition, with those that it is made of; they win over ROS's own.

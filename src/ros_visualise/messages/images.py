@@ -13,7 +13,6 @@ from ros_visualise.data import (
     CameraInfo,
     CompressedImage,
     Deferred,
-    Header,
     Image,
     Pixels,
 )
@@ -33,7 +32,7 @@ _YUV422 = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUY
 """What many cameras send -> the order of its bytes. They are read as bgr8."""
 
 
-def write_image(image: Image, _: Header) -> dict[str, Any]:
+def write_image(image: Image) -> dict[str, Any]:
     """The fields of a sensor_msgs/msg/Image, with the pixels as they lie in memory."""
     pixels = np.ascontiguousarray(image.pixels)
     return {
@@ -90,7 +89,7 @@ def _yuv422(message: Any, order: str) -> Deferred:
     return Deferred(shape, np.uint8, partial(yuv422_to_bgr, packed, order))
 
 
-def write_compressed(image: CompressedImage, _: Header) -> dict[str, Any]:
+def write_compressed(image: CompressedImage) -> dict[str, Any]:
     """The fields of a sensor_msgs/msg/CompressedImage."""
     return {"header": header(image.header), "format": image.format, "data": image.data}
 
@@ -101,13 +100,13 @@ def read_compressed(message: Any) -> CompressedImage:
     return CompressedImage(data, str(message.format), read_header(message.header))
 
 
-def write_camera_info(info: CameraInfo, of_image: Header) -> dict[str, Any]:
-    """The fields of a sensor_msgs/msg/CameraInfo with the header of its image."""
+def write_camera_info(info: CameraInfo) -> dict[str, Any]:
+    """The fields of a sensor_msgs/msg/CameraInfo."""
     P = np.column_stack([info.K, np.zeros(3)]) if info.P is None else info.P
     matrices = {"d": info.D, "k": info.K, "r": info.R, "p": P}
     whole_image = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
     return {
-        "header": header(of_image),
+        "header": header(info.header),
         "height": info.height,
         "width": info.width,
         "distortion_model": info.distortion_model,
@@ -132,4 +131,5 @@ def read_camera_info(message: Any) -> CameraInfo:
         R=matrix("r", 3, 3),
         P=matrix("p", 3, 4),
         distortion_model=str(message.distortion_model),
+        header=read_header(message.header),
     )

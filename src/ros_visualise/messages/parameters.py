@@ -20,7 +20,7 @@ _FIELDS: dict[type, tuple[int, str]] = {
 """Type of a value -> its number in rcl_interfaces/msg/ParameterType, and where it is put."""
 
 
-def write_parameter_event(event: ParameterEvent, _: Header) -> dict[str, Any]:
+def write_parameter_event(event: ParameterEvent) -> dict[str, Any]:
     """The fields of the message."""
     return {
         "stamp": time(event.header.stamp_ns),

@@ -10,15 +10,25 @@ from geometry_msgs import msg as geometry_msgs
 from nav_msgs import msg as nav_msgs
 from sensor_msgs import msg as sensor_msgs
 from std_msgs import msg as std_msgs
+from tf2_msgs import msg as tf2_msgs
 
 from ros_visualise.errors import UsageError
 from ros_visualise.messages import type_name
 
 _CLASSES = (
     std_msgs.Header,
-    sensor_msgs.Image,
-    sensor_msgs.CompressedImage,
+    std_msgs.String,
     sensor_msgs.CameraInfo,
+    sensor_msgs.CompressedImage,
+    sensor_msgs.FluidPressure,
+    sensor_msgs.Image,
+    sensor_msgs.Imu,
+    sensor_msgs.LaserScan,
+    sensor_msgs.MagneticField,
+    sensor_msgs.NavSatFix,
+    sensor_msgs.NavSatStatus,
+    sensor_msgs.PointCloud2,
+    sensor_msgs.PointField,
     sensor_msgs.RegionOfInterest,
     geometry_msgs.Point,
     geometry_msgs.Vector3,
@@ -26,10 +36,15 @@ _CLASSES = (
     geometry_msgs.Pose,
     geometry_msgs.PoseStamped,
     geometry_msgs.PoseWithCovariance,
+    geometry_msgs.PoseWithCovarianceStamped,
+    geometry_msgs.Transform,
+    geometry_msgs.TransformStamped,
     geometry_msgs.Twist,
+    geometry_msgs.TwistStamped,
     geometry_msgs.TwistWithCovariance,
     nav_msgs.Odometry,
     nav_msgs.Path,
+    tf2_msgs.TFMessage,
 )
 
 TYPES: Mapping[str, Any] = {

@@ -1,0 +1,107 @@
+"""The numbers of any ROS message, by name: what can be plotted.
+
+    numeric_fields(message)["pose.pose.position.x"]
+
+Messages are those that rosbags or genpy make, of any type. How one is read is found out once for
+each class of messages, from its first message.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from numbers import Real
+from operator import attrgetter
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from ros_visualise.messages.build import field_names, read_time
+
+_LONGEST = 9  # elements of an array that are taken as numbers of their own: a 3x3 matrix
+_NS = 1e-9
+
+Found = dict[str, float]
+
+
+class _Leaf(NamedTuple):
+    """A field that holds numbers: its path, and what adds them to those that were found."""
+
+    path: str
+    add: Callable[[Found, str, Any], None]
+
+
+class _Plan(NamedTuple):
+    leaves: list[_Leaf]
+    read: Callable[[Any], tuple[Any, ...]]
+
+
+_PLANS: WeakKeyDictionary[type, _Plan] = WeakKeyDictionary()
+
+
+def numeric_fields(message: Any) -> dict[str, float]:
+    """Each number of a message by its path, such as ``pose.pose.position.x`` or ``covariance[3]``.
+
+    Numbers, truth values as 0 and 1, times and durations in seconds, and arrays of up to nine of
+    them; longer arrays and lists of messages are left out.
+    """
+    plan = _PLANS.get(type(message))
+    if plan is None:
+        plan = _PLANS[type(message)] = _plan(message)
+    found: Found = {}
+    for (path, add), value in zip(plan.leaves, plan.read(message), strict=True):
+        add(found, path, value)
+    return found
+
+
+def field_paths(message: Any) -> list[str]:
+    """The paths of a message's numbers, in the order of its definition."""
+    return list(numeric_fields(message))
+
+
+def _plan(message: Any) -> _Plan:
+    leaves = list(_leaves(message, ""))
+    paths = [leaf.path for leaf in leaves]
+    if len(paths) > 1:
+        return _Plan(leaves, attrgetter(*paths))
+    return _Plan(leaves, lambda one: tuple(attrgetter(path)(one) for path in paths))
+
+
+def _leaves(message: Any, prefix: str) -> list[_Leaf]:
+    found = []
+    for name in field_names(message.__class__).values():
+        value = getattr(message, name)
+        add = _adder(value)
+        if add is not None:
+            found.append(_Leaf(prefix + name, add))
+        elif not isinstance(value, (str, bytes, list, tuple, np.ndarray)):
+            found += _leaves(value, f"{prefix}{name}.")
+    return found
+
+
+def _adder(value: Any) -> Callable[[Found, str, Any], None] | None:
+    """How a value is added; None if it is no numbers."""
+    if isinstance(value, (Real, np.bool_)):
+        return _add_number
+    if isinstance(value, (bytes, list, tuple, np.ndarray)):
+        return _add_array
+    if isinstance(value, str) or field_names(value.__class__).keys() != {"sec", "nanosec"}:
+        return None
+    return _add_time
+
+
+def _add_number(found: Found, path: str, value: Any) -> None:
+    found[path] = float(value)
+
+
+def _add_array(found: Found, path: str, values: Any) -> None:
+    if len(values) > _LONGEST:
+        return
+    plain = values.tolist() if isinstance(values, np.ndarray) else values
+    for index, value in enumerate(plain):
+        if isinstance(value, (int, float)):
+            found[f"{path}[{index}]"] = float(value)
+
+
+def _add_time(found: Found, path: str, value: Any) -> None:
+    found[path] = read_time(value) * _NS

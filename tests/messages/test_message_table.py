@@ -1,0 +1,38 @@
+"""The table of messages, and the classes that it fills."""
+
+from typing import Any
+
+import numpy as np
+from through import ROS1, ROS2
+
+from ros_visualise.data import MESSAGES, Image, Transforms
+from ros_visualise.messages import data_class, to_message, type_name
+
+
+def test_types_have_names_both_ways() -> None:
+    assert type_name(Image) == "sensor_msgs/msg/Image"
+    assert data_class("sensor_msgs/msg/Image") is Image
+    assert data_class("sensor_msgs/msg/Joy") is None
+    assert data_class("tf/msg/tfMessage") is Transforms
+
+
+def test_every_message_has_a_type_of_its_own() -> None:
+    names = {type_name(cls) for cls in MESSAGES}
+    assert len(names) == len(MESSAGES)
+    assert {data_class(name) for name in names} == set(MESSAGES)
+    for name in names - {"rcl_interfaces/msg/ParameterEvent"}:
+        assert ROS1.knows(name)
+    assert all(ROS2.knows(name) for name in names)
+
+
+def test_classes_with_slots_are_filled() -> None:
+    class Slotted:
+        __slots__ = ("data", "encoding", "header", "height", "is_bigendian", "step", "width")
+
+        def __init__(self, *values: Any) -> None:
+            for name, value in zip(self.__slots__, values, strict=True):
+                setattr(self, name, value)
+
+    types = {**ROS1.types, "sensor_msgs/msg/Image": Slotted}
+    found = to_message(Image(np.zeros((3, 5, 4), np.uint8), "rgba8"), types)
+    assert (found.encoding, found.height, found.step, found.width) == ("rgba8", 3, 20, 5)
