@@ -1,0 +1,91 @@
+"""Which camera's calibration belongs to a recorded image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Generator, Mapping
+from contextlib import closing
+
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.sources.recordings import Entry, TopicInfo
+
+Read = Callable[[int | None, int | None, Collection[str] | None], Generator[Entry, None, None]]
+"""As `Recording.read`."""
+
+_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
+_COMPRESSED = "sensor_msgs/msg/CompressedImage"
+_IMAGES = ("sensor_msgs/msg/Image", _COMPRESSED)
+_LOOK_BACK_NS = 1_000_000_000
+
+
+def calibrated(
+    read: Read,
+    known: Mapping[str, TopicInfo],
+    start_ns: int | None,
+    stop_ns: int | None,
+    wanted: Collection[str] | None,
+) -> Generator[Entry, None, None]:
+    """What ``read`` gives, each image with its camera's calibration: the last that came before it.
+
+    An image that comes before every calibration has the first one. Calibrations are read for the
+    images' sake also where they are not wanted, and are then not given.
+
+    Args:
+        read: gives the messages without calibrations.
+        known: the topics of the recording.
+        start_ns, stop_ns, wanted: as in `Recording.read`.
+    """
+    infos = {
+        topic: info
+        for topic in known
+        if (wanted is None or topic in wanted) and (info := calibration_topic(topic, known))
+    }
+    topics = None if wanted is None else {*wanted, *infos.values()}
+    last: dict[str, Recorded | None] = {}
+    with closing(read(start_ns, stop_ns, topics)) as entries:
+        for entry in entries:
+            message = entry.message
+            if isinstance(message, Recorded):
+                if message.type_name == _CAMERA_INFO:
+                    last[entry.topic] = message
+                elif entry.topic in infos:
+                    info = infos[entry.topic]
+                    if info not in last:
+                        last[info] = _nearest(read, info, start_ns)
+                    message.calibration = last[info]
+            if wanted is None or entry.topic in wanted:
+                yield entry
+
+
+def calibration_topic(topic: str, known: Mapping[str, TopicInfo]) -> str | None:
+    """The topic with the calibration of an image's camera; None of what is none or has none.
+
+    It stands beside the image: ``/cam/camera_info`` for ``/cam/image_raw`` and for
+    ``/cam/image_raw/compressed``.
+    """
+    if topic not in known or known[topic].type.name not in _IMAGES:
+        return None
+    camera = topic.rpartition("/")[0]
+    places = (
+        [camera, camera.rpartition("/")[0]] if known[topic].type.name == _COMPRESSED else [camera]
+    )
+    for place in places:
+        name = f"{place}/camera_info"
+        if name in known and known[name].type.name == _CAMERA_INFO:
+            return name
+    return None
+
+
+def _nearest(read: Read, topic: str, time_ns: int | None) -> Recorded | None:
+    """The last message before a time, else the first of all."""
+    span_ns = _LOOK_BACK_NS
+    while time_ns is not None and span_ns < 2 * time_ns:
+        found = None
+        with closing(read(max(0, time_ns - span_ns), time_ns, [topic])) as entries:
+            for entry in entries:
+                found = entry.message
+        if isinstance(found, Recorded):
+            return found
+        span_ns *= 8
+    with closing(read(None, None, [topic])) as entries:
+        first = next(entries, None)
+    return first.message if first and isinstance(first.message, Recorded) else None

@@ -1,0 +1,160 @@
+"""The records that a ROS 1 bag consists of.
+
+Source: the bag format 2.0, https://wiki.ros.org/Bags/Format/2.0
+"""
+
+from __future__ import annotations
+
+import bz2
+import struct
+from enum import IntEnum
+from typing import Any, BinaryIO, NamedTuple
+
+import lz4.frame  # type: ignore[import-untyped]
+
+MAGIC = b"#ROSBAG V2.0\n"
+
+_LONGEST_HEADER = 1 << 20  # longer, it is none: those of real bags have less than 5 KB
+_UINT32 = struct.Struct("<I")
+_UINT64 = struct.Struct("<Q")
+_TIME = struct.Struct("<II")
+_MESSAGE_HEADERS = tuple(
+    (struct.Struct(f"<{len(before)}sI{len(between)}sII"), before, between)
+    for before, between in (
+        (b"\x26\0\0\0\x09\0\0\0conn=", b"\x04\0\0\0op=\x02\x0d\0\0\0time="),
+        (b"\x26\0\0\0\x04\0\0\0op=\x02\x09\0\0\0conn=", b"\x0d\0\0\0time="),
+    )
+)
+MESSAGE_HEADER_SIZE = 42
+_DECOMPRESSORS = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
+
+Fields = dict[bytes, bytes]
+
+
+class Op(IntEnum):
+    """What a record is."""
+
+    MESSAGE = 2
+    BAG_HEADER = 3
+    INDEX = 4
+    CHUNK = 5
+    CHUNK_INFO = 6
+    CONNECTION = 7
+
+
+class Damaged(Exception):
+    """What stands here is not what ought to."""
+
+
+class Record(NamedTuple):
+    """One record: its header, and where its data lies."""
+
+    op: int
+    fields: Fields
+    data_position: int
+    data_size: int
+
+    @property
+    def end(self) -> int:
+        """Where the next one begins."""
+        return self.data_position + self.data_size
+
+
+def read_record(file: BinaryIO, position: int, end: int) -> Record:
+    """The record there, of which at least the header stands before ``end``.
+
+    Raises:
+        Damaged: there is none.
+    """
+    file.seek(position)
+    header_size = _number(file.read(4))
+    data_position = position + 8 + header_size
+    if header_size > _LONGEST_HEADER or data_position > end:
+        raise Damaged("no record")
+    fields = parse_fields(file.read(header_size))
+    op = fields.get(b"op", b"")
+    if len(op) != 1:
+        raise Damaged("a record that does not say what it is")
+    return Record(op[0], fields, data_position, _number(file.read(4)))
+
+
+def is_message_header(data: bytes, connection: int, stamp_ns: int) -> bool:
+    """Whether it is the header, with its length, of that message as roscpp or rospy write it."""
+    time = divmod(stamp_ns, 1_000_000_000)
+    return any(
+        data == layout.pack(before, connection, between, *time)
+        for layout, before, between in _MESSAGE_HEADERS
+    )
+
+
+def read_data(file: BinaryIO, record: Record) -> bytes:
+    """A record's data.
+
+    Raises:
+        Damaged: it is cut off.
+    """
+    file.seek(record.data_position)
+    data = file.read(record.data_size)
+    if len(data) != record.data_size:
+        raise Damaged("cut off")
+    return data
+
+
+def parse_fields(data: bytes) -> Fields:
+    """Name and value of each field of a header."""
+    fields: Fields = {}
+    position = 0
+    while position < len(data):
+        size = _number(data[position : position + 4])
+        position += 4
+        name, equals, value = data[position : position + size].partition(b"=")
+        if position + size > len(data) or not equals:
+            raise Damaged("a header that cannot be read")
+        fields[name] = value
+        position += size
+    return fields
+
+
+def number(fields: Fields, name: bytes) -> int:
+    """An unsigned number of 32 or 64 bits."""
+    return _number(fields.get(name, b""))
+
+
+def time_ns(fields: Fields, name: bytes) -> int:
+    """A time as nanoseconds."""
+    value = fields.get(name, b"")
+    if len(value) != _TIME.size:
+        raise Damaged(f"no time where {name.decode()} should be")
+    sec, nanosec = _TIME.unpack(value)
+    return int(sec) * 1_000_000_000 + int(nanosec)
+
+
+def text(fields: Fields, name: bytes) -> str:
+    """A text, empty where it is absent."""
+    return fields.get(name, b"").decode("utf-8", "replace")
+
+
+def decompress(compression: str, data: bytes, size: int, cut: bool = False) -> bytes:
+    """The ``size`` bytes that a chunk holds; of one that is cut off, those that are there.
+
+    Raises:
+        Damaged: it is something else, or the compression is not known.
+    """
+    if compression not in _DECOMPRESSORS:
+        raise Damaged(f"compressed by {compression or 'nothing'}, which is not known here")
+    decompressor: Any = _DECOMPRESSORS[compression]()
+    try:
+        found: bytes = decompressor.decompress(data, -1 if cut else size + 1)
+    except (OSError, ValueError, EOFError, RuntimeError, MemoryError) as error:
+        raise Damaged(f"its {compression} data is damaged") from error
+    if not cut and (len(found) != size or not decompressor.eof):
+        raise Damaged(f"its {compression} data is not as long as it says")
+    return found
+
+
+def _number(data: bytes) -> int:
+    if len(data) == _UINT32.size:
+        return int(_UINT32.unpack(data)[0])
+    if len(data) == _UINT64.size:
+        return int(_UINT64.unpack(data)[0])
+    raise Damaged("no number where one should be")
