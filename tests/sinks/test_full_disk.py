@@ -18,9 +18,11 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.data import Header, Image
 from ros_visualise.errors import RecordingError
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Recorder, open_recorder
 
 Usage = namedtuple("Usage", "total used free")
+IMAGE = TopicType("sensor_msgs/msg/Image")
 LIMIT = 1_000_000
 
 
@@ -35,7 +37,7 @@ def write_all(recorder: Recorder, stamps_ns: Iterable[int]) -> None:
         recorder.write("/a", noise(stamp_ns))
 
 
-def count_in_mcap(path: Path) -> int:
+def count_in_bag(path: Path) -> int:
     with AnyReader([path]) as reader:
         return sum(1 for _ in reader.messages())
 
@@ -57,7 +59,9 @@ def count_in_mp4(path: Path) -> int:
 
 
 @pytest.mark.parametrize(
-    ("suffix", "count"), [(".mcap", count_in_mcap), (".mp4", count_in_mp4)], ids=["mcap", "mp4"]
+    ("suffix", "count"),
+    [(".mcap", count_in_bag), (".bag", count_in_bag), (".mp4", count_in_mp4)],
+    ids=["mcap", "bag", "mp4"],
 )
 def test_it_stops_while_there_is_room_to_finish(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str, count
@@ -69,7 +73,7 @@ def test_it_stops_while_there_is_room_to_finish(
         return Usage(LIMIT, 0, LIMIT - path.stat().st_size)
 
     monkeypatch.setattr(shutil, "disk_usage", disk_usage)
-    recorder = open_recorder(str(path), {"/a": Image})
+    recorder = open_recorder(str(path), {"/a": IMAGE})
     images = iter(range(0, 10**12, 33_000_000))
     with pytest.raises(RecordingError) as error:
         write_all(recorder, images)
@@ -82,31 +86,31 @@ def test_it_stops_while_there_is_room_to_finish(
     assert LIMIT // 2 < path.stat().st_size < LIMIT
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4"])
 def test_a_disk_that_was_full_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(LIMIT, LIMIT, 0))
-    recorder = open_recorder(f"{tmp_path}/r{suffix}", {"/a": Image})
+    recorder = open_recorder(f"{tmp_path}/r{suffix}", {"/a": IMAGE})
     with pytest.raises(RecordingError, match="No space left on device; the first 0 messages"):
         recorder.write("/a", noise(0))
     recorder.close()
-    if suffix == ".mcap":
-        assert count_in_mcap(recorder.path) == 0
-    else:
+    if suffix == ".mp4":
         assert not recorder.path.exists()
+    else:
+        assert count_in_bag(recorder.path) == 0
 
 
 PROGRAM = f"""
 import json, resource, signal, sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from test_full_disk import LIMIT, Image, RecordingError, open_recorder, write_all
+from test_full_disk import IMAGE, LIMIT, RecordingError, open_recorder, write_all
 
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT))
 errors = []
 for path in sys.argv[1:]:
-    recorder = open_recorder(path, {{"/a": Image}})
+    recorder = open_recorder(path, {{"/a": IMAGE}})
     try:
         write_all(recorder, range(0, 10**12, 200_000_000))
     except RecordingError as error:

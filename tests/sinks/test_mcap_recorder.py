@@ -16,9 +16,11 @@ from rosbags.highlevel import AnyReader
 from ros_visualise.data import ENCODINGS, Header, Image, ParameterEvent
 from ros_visualise.errors import RecordingError
 from ros_visualise.messages import from_message
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder
 
-TOPICS = {"/image_raw": Image, "/edges": Image}
+IMAGE = TopicType("sensor_msgs/msg/Image")
+TOPICS = {"/image_raw": IMAGE, "/edges": IMAGE}
 
 
 def random_image(encoding: str, stamp_ns: int = 0, size: tuple[int, int] = (6, 7)) -> Image:
@@ -107,11 +109,12 @@ def test_an_unfinished_file_holds_all_that_was_written(tmp_path: Path) -> None:
 
 
 def test_a_file_cut_anywhere_holds_what_came_before(tmp_path: Path) -> None:
-    record(whole := tmp_path / "r.mcap", [("/edges", random_image("bgr8", s)) for s in range(3)])
+    images = [random_image("bgr8", s, (150, 150)) for s in range(3)]
+    record(whole := tmp_path / "r.mcap", [("/edges", image) for image in images])
     data = whole.read_bytes()
     cut = tmp_path / "cut.mcap"
     counts = []
-    for size in range(0, len(data), 97):
+    for size in range(0, len(data), 997):
         cut.write_bytes(data[:size])
         counts.append(len(list(whole_messages(cut))) if size > 100 else 0)
     assert counts == sorted(counts)

@@ -11,9 +11,11 @@ import pytest
 
 from ros_visualise.data import ENCODINGS, Deferred, Header, Image
 from ros_visualise.errors import RecordingError
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder
 
-TOPICS = {"/edges": Image}
+IMAGE = TopicType("sensor_msgs/msg/Image")
+TOPICS = {"/edges": IMAGE}
 PERIOD_NS = 33_366_667
 
 

@@ -4,16 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.data import CameraInfo, Image, ParameterEvent
 from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder, parse_target
 from ros_visualise.sinks import mp4 as mp4_module
 
+IMAGE = TopicType("sensor_msgs/msg/Image")
 TOPICS = {
-    "/image_raw": Image,
-    "/camera_info": CameraInfo,
-    "/edges": Image,
-    "/edges_overlay": Image,
+    "/image_raw": IMAGE,
+    "/camera_info": TopicType("sensor_msgs/msg/CameraInfo"),
+    "/edges": IMAGE,
+    "/edges_overlay": IMAGE,
 }
 ON_DEMAND = ("/edges_overlay",)
 
@@ -37,6 +38,10 @@ def test_targets_are_parsed(target: str, path: str, topics: tuple[str, ...]) -> 
     [
         ("r.mcap", ("/image_raw", "/camera_info", "/edges", PARAMETER_EVENTS)),
         ("r.mcap@/edges_overlay,/edges", ("/edges_overlay", "/edges", PARAMETER_EVENTS)),
+        ("r.mcap@/edges", ("/edges", PARAMETER_EVENTS)),
+        ("r.bag@/edges", ("/edges",)),
+        ("r", ("/image_raw", "/camera_info", "/edges", PARAMETER_EVENTS)),
+        ("r/@/edges", ("/edges", PARAMETER_EVENTS)),
         ("r.mp4", ("/edges",)),
         ("r.MP4@/edges_overlay", ("/edges_overlay",)),
     ],
@@ -49,8 +54,8 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
 @pytest.mark.parametrize(
     ("target", "expected"),
     [
-        ("r.avi", r"r.avi: a recording's name ends in .mcap or .mp4"),
-        ("r", "ends in .mcap or .mp4"),
+        ("r.avi", r"r.avi: a recording's name ends in .mcap, .bag or .mp4"),
+        ("r.bag@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
         ("r.mp4@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
         ("r.mp4@/edges,/image_raw", "holds one topic of images"),
         ("r.mp4@/camera_info", "holds one topic of images"),
@@ -64,10 +69,13 @@ def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> N
 
 def test_a_video_needs_images(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no topic of images"):
-        open_recorder(f"{tmp_path}/r.mp4", {"/parameter_events": ParameterEvent})
+        open_recorder(
+            f"{tmp_path}/r.mp4",
+            {"/parameter_events": TopicType("rcl_interfaces/msg/ParameterEvent")},
+        )
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4"])
 def test_targets_that_cannot_be_opened(tmp_path: Path, suffix: str) -> None:
     there = tmp_path / f"there{suffix}"
     there.write_text("precious")
@@ -85,7 +93,7 @@ def test_targets_that_cannot_be_opened(tmp_path: Path, suffix: str) -> None:
     assert there.read_text() == "precious"
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".mp4"])
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4"])
 def test_a_folder_is_never_overwritten(tmp_path: Path, suffix: str) -> None:
     (folder := tmp_path / f"folder{suffix}").mkdir()
     with pytest.raises(OpenError, match="is a folder"):
@@ -100,3 +108,44 @@ def test_a_missing_encoder_is_said_before_a_file_is_replaced(
     with pytest.raises(OpenError, match=r"without libnone264; record to \.mcap"):
         open_recorder(str(there), TOPICS, overwrite=True)
     assert there.read_text() == "precious"
+
+
+def test_a_ros2_folder_is_replaced_only_if_it_is_one(tmp_path: Path) -> None:
+    open_recorder(f"{tmp_path}/r", TOPICS).close()
+    with pytest.raises(OpenError, match="exists; add --overwrite"):
+        open_recorder(f"{tmp_path}/r", TOPICS)
+    open_recorder(f"{tmp_path}/r", TOPICS, overwrite=True).close()
+    (tmp_path / "r" / "thesis.tex").write_text("precious")
+    with pytest.raises(OpenError, match="holds more than a ROS 2 bag"):
+        open_recorder(f"{tmp_path}/r", TOPICS, overwrite=True)
+    assert {p.name for p in (tmp_path / "r").iterdir()} == {
+        "metadata.yaml",
+        "r_0.mcap",
+        "thesis.tex",
+    }
+
+
+@pytest.mark.parametrize(
+    ("target", "options", "expected"),
+    [
+        (
+            "r.bag",
+            {"compression": "zstd"},
+            "cannot be compressed by zstd; it can by none, lz4, bz2",
+        ),
+        (
+            "r.mcap",
+            {"compression": "bz2"},
+            "cannot be compressed by bz2; it can by lz4, none, zstd",
+        ),
+        ("r.mp4", {"compression": "lz4"}, "cannot be compressed by lz4"),
+        ("r.bag", {"profile": "ros2"}, "holds messages of ROS 1"),
+        ("r", {"profile": "ros1"}, "holds messages of ROS 2"),
+    ],
+)
+def test_what_a_kind_of_file_cannot_hold(
+    tmp_path: Path, target: str, options: dict[str, str], expected: str
+) -> None:
+    with pytest.raises(UsageError, match=expected):
+        open_recorder(f"{tmp_path}/{target}", TOPICS, **options)
+    assert not list(tmp_path.iterdir())

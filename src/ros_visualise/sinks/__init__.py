@@ -9,30 +9,50 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
+from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
+from ros_visualise.messages import type_name
+from ros_visualise.messages.definitions import Encoding
+from ros_visualise.messages.recorded import TopicType
 
-SUFFIXES = (".mcap", ".mp4")
+Kind = Literal["mcap", "bag", "mp4", "folder"]
+Profile = Literal["ros1", "ros2"]
+
+COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
+    "mcap": ("lz4", "none", "zstd"),
+    "folder": ("lz4", "none", "zstd"),
+    "bag": ("none", "lz4", "bz2"),
+    "mp4": (),
+}
+"""Kind of recording -> how it may be compressed; the first one is what it is if nobody says."""
 PARAMETER_EVENTS = "/parameter_events"
-"""The topic of a `ros_visualise.data.ParameterEvent`; a recorder that can hold it always does."""
+"""The topic of a `ros_visualise.data.ParameterEvent`; with ROS 2 types it is always recorded."""
 
 
 class Recorder(Protocol):
     """An open recording; one thread at a time uses it.
 
     Attributes:
-        path: the file.
+        path: the file or folder.
         topics: what it records; messages of other topics are let go.
     """
 
     path: Path
     topics: tuple[str, ...]
 
-    def write(self, topic: str, message: Any) -> None:
-        """Record a message at the time of its header.
+    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
+        """Record a message.
+
+        Args:
+            topic: one of `topics`.
+            message: one of `ros_visualise.data.MESSAGES` or a
+                `ros_visualise.messages.recorded.Recorded`.
+            stamp_ns: its time; else that at which it was recorded before, or that of its header.
 
         Raises:
+            DamagedMessage: this one cannot be written; others can.
             RecordingError: it cannot go on, as on a full disk; what was written stays readable.
         """
 
@@ -61,40 +81,106 @@ def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
     return Path(path), tuple(dict.fromkeys(name for name in names.split(",") if name))
 
 
+def kind_of(path: Path) -> Kind:
+    """What kind of recording a name stands for; one without a suffix is a ROS 2 folder.
+
+    Raises:
+        UsageError: it ends in something else.
+    """
+    kinds: dict[str, Kind] = {"": "folder", ".mcap": "mcap", ".bag": "bag", ".mp4": "mp4"}
+    kind = kinds.get(path.suffix.lower())
+    if kind is None:
+        raise UsageError(
+            f"{path}: a recording's name ends in .mcap, .bag or .mp4, or then in @/TOPIC; without"
+            " any of these it is the folder of a ROS 2 bag"
+        )
+    return kind
+
+
+def encoding_of(path: Path, profile: Profile | None = None) -> Encoding:
+    """How messages stand in a recording.
+
+    Raises:
+        UsageError: this kind of file does not hold messages of that profile.
+    """
+    kind = kind_of(path)
+    if (kind, profile) in (("bag", "ros2"), ("folder", "ros1")):
+        other = "ROS 1 (--profile ros1)" if kind == "bag" else "ROS 2 (--profile ros2)"
+        raise UsageError(f"{path}: holds messages of {other} alone; record to .mcap instead")
+    return "ros1" if kind == "bag" or profile == "ros1" else "cdr"
+
+
 def open_recorder(
     target: str,
-    topics: Mapping[str, type],
+    topics: Mapping[str, TopicType],
     overwrite: bool = False,
     on_demand: Collection[str] = (),
+    *,
+    profile: Profile | None = None,
+    compression: str | None = None,
+    live: bool = True,
 ) -> Recorder:
     """Open a recording.
 
-    Where the target names no topics, an .mcap takes all of them and an .mp4 the last one of images,
+    Where the target names no topics, it takes all of them, and an .mp4 the last one of images,
     without those on demand.
 
     Args:
         target: OUT[@TOPIC[,TOPIC...]].
-        topics: topic -> class of its messages, of all that there are.
+        topics: topic -> type of its messages, of all that there are.
         overwrite: replace a file that exists.
         on_demand: those that are only recorded when they are named.
+        profile: an .mcap may hold messages of ROS 1; if nobody says, they are of ROS 2.
+        compression: one of `COMPRESSIONS`.
+        live: messages come as they are made: a process that is killed loses none, and changes of
+            parameters are recorded too. Otherwise they are gathered in larger chunks.
 
     Raises:
-        UsageError: no such topic or kind of file.
+        DamagedMessage: a type that cannot be written so.
+        UsageError: no such topic, compression or kind of file.
         OpenError: it exists or cannot be written.
     """
     path, named = parse_target(target)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        kinds = " or ".join(SUFFIXES)
-        raise UsageError(f"{path}: a recording's name ends in {kinds}, or then in @/TOPIC")
+    kind = kind_of(path)
+    encoding = encoding_of(path, profile)
+    if compression is not None and compression not in COMPRESSIONS[kind]:
+        can = ", ".join(COMPRESSIONS[kind]) or "nothing but what it is"
+        raise UsageError(f"{path}: cannot be compressed by {compression}; it can by {can}")
     for name in named:
         if name not in topics:
             raise UsageError(f"{target}: no topic {name}; there are {', '.join(topics)}")
     wanted = {name: topics[name] for name in named or topics if named or name not in on_demand}
-    if suffix == ".mp4":
+    if kind == "mp4":
         from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
         return Mp4Recorder(path, choose_topic(target, wanted, bool(named)), overwrite)
+    if live and encoding == "cdr":
+        wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
+    return _open_chunked(
+        kind, path, wanted, encoding, overwrite, compression or COMPRESSIONS[kind][0], live
+    )
+
+
+def _open_chunked(
+    kind: Kind,
+    path: Path,
+    topics: Mapping[str, TopicType],
+    encoding: Encoding,
+    overwrite: bool,
+    compression: str,
+    live: bool,
+) -> Recorder:
+    from ros_visualise.sinks.encoding import Encoder
+
+    encoder = Encoder(encoding)
+    if kind == "bag":
+        from ros_visualise.sinks.bag import BagRecorder
+
+        return BagRecorder(path, topics, encoder, overwrite, compression, live)
+    if kind == "folder":
+        from ros_visualise.sinks.folder import FolderRecorder
+
+        return FolderRecorder(path, topics, encoder, overwrite, compression, live)
     from ros_visualise.sinks.mcap import McapRecorder
 
-    return McapRecorder(path, wanted, overwrite)
+    return McapRecorder(path, topics, encoder, overwrite, compression, live)

@@ -77,6 +77,13 @@ class TargetFile:
         """What is written so far can be read as it is."""
         self._kept = self.size
 
+    def cut(self, size: int) -> None:
+        """Drop what comes after so many bytes, and go on there."""
+        if not self.failed:
+            self._kept = min(self._kept, size)
+            self._file.seek(size)
+            self._file.truncate()
+
     def fail(self) -> None:
         """Drop what was written after the last `keep`, and all that comes."""
         self.failed = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from av.video.frame import PictureType
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RecordingError, UsageError
+from ros_visualise.messages.recorded import Recorded, TopicType, content
 from ros_visualise.sinks.files import DISK_FULL, TargetFile, recording_failed
 from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
 from ros_visualise.sinks.yuv import Bytes, even_size, to_i420
@@ -39,13 +41,13 @@ _FILE_OPTIONS = {
 }
 
 
-def choose_topic(target: str, topics: Mapping[str, type], named: bool) -> str:
+def choose_topic(target: str, topics: Mapping[str, TopicType], named: bool) -> str:
     """The topic that an .mp4 holds: the one that was named, or the last one of images.
 
     Raises:
         UsageError: there is none, or something else was named.
     """
-    images = [topic for topic, cls in topics.items() if cls is Image]
+    images = [topic for topic, kind in topics.items() if kind.data_class is Image]
     if named and (len(topics) > 1 or not images):
         raise UsageError(f"{target}: an .mp4 holds one topic of images; record to .mcap instead")
     if not images:
@@ -70,12 +72,17 @@ class Mp4Recorder:
         self._closed = False
         self._warned = False
 
-    def write(self, topic: str, message: Any) -> None:
+    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record an image at its stamp; as `ros_visualise.sinks.Recorder`."""
         if topic not in self.topics:
             return
         if self._closed:
             raise RecordingError(f"{self.path}: the recording has ended")
+        if stamp_ns is None and isinstance(message, Recorded):
+            stamp_ns = message.stamp_ns
+        message = content(message)
+        if stamp_ns is not None:
+            message = replace(message, header=replace(message.header, stamp_ns=stamp_ns))
         try:
             if self._video is None:
                 self._video = _Video(self._file, even_size(message))

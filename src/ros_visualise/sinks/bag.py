@@ -1,0 +1,193 @@
+"""Recording to ROS 1 bags of version 2.0.
+
+Source: "Bags/Format/2.0" in the ROS wiki. The rosbags library writes bags too, but keeps a chunk
+in memory until it is full, so that a process that is killed would lose it.
+"""
+
+from __future__ import annotations
+
+import bz2
+import struct
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import lz4.frame  # type: ignore[import-untyped]
+
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks.chunked import ChunkedRecorder
+from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
+
+_MAGIC = b"#ROSBAG V2.0\n"
+_BAG_HEADER_BYTES = 4096  # with the blanks that leave room to write it again
+_CHUNK_BYTES = 768 * 1024  # as rosbag does
+_CALLER = "/ros_visualise"
+_MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
+_NS = 1_000_000_000
+_U32 = struct.Struct("<I").pack
+_TIME = struct.Struct("<II").pack
+_LAST_FIELD = _U32(len(b"time=") + 8) + b"time="
+
+
+def _compress_lz4(data: bytes) -> bytes:
+    """As ROS's own reader wants it: blocks stand alone, and a checksum ends them."""
+    compressed: bytes = lz4.frame.compress(
+        data, block_linked=False, content_checksum=True, store_size=False
+    )
+    return compressed
+
+
+COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+    "none": bytes,
+    "lz4": _compress_lz4,
+    "bz2": bz2.compress,
+}
+
+
+class BagRecorder(ChunkedRecorder):
+    """Any number of topics in one .bag, as `rosbag record` writes it."""
+
+    def __init__(
+        self,
+        path: Path,
+        topics: Mapping[str, TopicType],
+        encoder: Encoder,
+        overwrite: bool,
+        compression: str = "none",
+        live: bool = True,
+    ) -> None:
+        self._compression = compression
+        self._numbers = {topic: number for number, topic in enumerate(topics)}
+        self._prefixes = {
+            topic: _fields(op=bytes([_MESSAGE]), conn=_U32(number))
+            for topic, number in self._numbers.items()
+        }
+        self._connections: dict[str, bytes] = {}
+        self._seen: set[str] = set()
+        self._chunk_infos: list[bytes] = []
+        self._chunk = _Chunk()
+        super().__init__(path, topics, encoder, overwrite, _CHUNK_BYTES, live)
+
+    def _begin(self, declared: Mapping[str, Declaration]) -> None:
+        for topic, found in declared.items():
+            self._connections[topic] = self._connection(topic, found)
+        self._file.write(_MAGIC + self._bag_header(0))
+
+    def _connection(self, topic: str, declared: Declaration) -> bytes:
+        header = _fields(
+            op=bytes([_CONNECTION]), conn=_U32(self._numbers[topic]), topic=topic.encode()
+        )
+        latching = {"latching": b"1"} if declared.latched else {}
+        about = _fields(
+            topic=topic.encode(),
+            type=declared.name.replace("/msg/", "/").encode(),
+            md5sum=declared.digest.encode(),
+            message_definition=declared.text.encode(),
+            callerid=_CALLER.encode(),
+            **latching,
+        )
+        return _record(header, about)
+
+    def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
+        chunk = self._chunk
+        self._shown_from = len(chunk.parts)
+        if topic not in self._seen:  # who reads an unfinished file finds it before its messages
+            self._seen.add(topic)
+            chunk.add(self._connections[topic])
+        time = _TIME(*divmod(stamp_ns, _NS))
+        chunk.index.setdefault(topic, []).append(time + _U32(chunk.size))
+        chunk.first_ns = min(stamp_ns, chunk.first_ns)
+        chunk.last_ns = max(stamp_ns, chunk.last_ns)
+        prefix = self._prefixes[topic]
+        length = len(prefix) + len(_LAST_FIELD) + len(time)
+        chunk.add(_U32(length) + prefix + _LAST_FIELD + time + _U32(len(data)))
+        chunk.add(data)
+
+    def _show_topics(self) -> None:
+        """They are shown with their first messages."""
+
+    def _show(self) -> None:
+        """Let the chunk at the file's end grow, not compressed."""
+        size = self._chunk.size
+        added = b"".join(self._chunk.parts[self._shown_from :])
+        start = _chunk_start("none", size, size)
+        self._file.seek(self._end + len(start) + size - len(added))
+        self._file.write(added)
+        self._file.seek(self._end)
+        self._file.write(start)
+
+    def _write_chunk(self) -> None:
+        chunk, self._chunk = self._chunk, _Chunk()
+        content = b"".join(chunk.parts)
+        compressed = COMPRESSIONS[self._compression](content)
+        self._file.write(_chunk_start(self._compression, len(content), len(compressed)))
+        self._file.write(compressed)
+        numbered = [(self._numbers[topic], found) for topic, found in chunk.index.items()]
+        self._file.write(b"".join(_index(number, entries) for number, entries in numbered))
+        header = _fields(
+            op=bytes([_CHUNK_INFO]),
+            ver=_U32(1),
+            chunk_pos=struct.pack("<Q", self._end),
+            start_time=_TIME(*divmod(chunk.first_ns, _NS)),
+            end_time=_TIME(*divmod(chunk.last_ns, _NS)),
+            count=_U32(len(numbered)),
+        )
+        counts = b"".join(_U32(number) + _U32(len(entries)) for number, entries in numbered)
+        self._chunk_infos.append(_record(header, counts))
+
+    def _finish(self) -> None:
+        index_pos = self._file.tell()
+        self._file.write(b"".join(self._connections.values()))
+        self._file.write(b"".join(self._chunk_infos))
+        self._file.seek(len(_MAGIC))
+        self._file.write(self._bag_header(index_pos))
+
+    @property
+    def _index_bytes(self) -> int:
+        topics = sum(map(len, self._connections.values()))
+        return topics + (len(self._chunk_infos) + 1) * (128 + 8 * len(self._connections))
+
+    def _bag_header(self, index_pos: int) -> bytes:
+        header = _fields(
+            op=bytes([_BAG]),
+            index_pos=struct.pack("<Q", index_pos),
+            conn_count=_U32(len(self._connections)),
+            chunk_count=_U32(len(self._chunk_infos)),
+        )
+        blanks = b" " * (_BAG_HEADER_BYTES - 8 - len(header))
+        return _record(header, blanks)
+
+
+@dataclass
+class _Chunk:
+    """What is gathered: its records, and where in them the messages of each topic begin."""
+
+    parts: list[Buffer] = field(default_factory=list)
+    size: int = 0
+    index: dict[str, list[bytes]] = field(default_factory=dict)
+    first_ns: int = 2**63
+    last_ns: int = 0
+
+    def add(self, part: Buffer) -> None:
+        """Put bytes at its end."""
+        self.parts.append(part)
+        self.size += len(part)
+
+
+def _chunk_start(compression: str, size: int, compressed_size: int) -> bytes:
+    header = _fields(op=bytes([_CHUNK]), compression=compression.encode(), size=_U32(size))
+    return _U32(len(header)) + header + _U32(compressed_size)
+
+
+def _fields(**values: bytes) -> bytes:
+    pairs = [name.encode() + b"=" + value for name, value in values.items()]
+    return b"".join(_U32(len(pair)) + pair for pair in pairs)
+
+
+def _record(header: bytes, data: bytes) -> bytes:
+    return _U32(len(header)) + header + _U32(len(data)) + data
+
+
+def _index(number: int, entries: list[bytes]) -> bytes:
+    header = _fields(op=bytes([_INDEX]), ver=_U32(1), conn=_U32(number), count=_U32(len(entries)))
+    return _record(header, b"".join(entries))

@@ -1,0 +1,191 @@
+"""Recordings of any number of topics in files that are made of chunks."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.errors import DamagedMessage, RecordingError
+from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
+from ros_visualise.sinks.files import DISK_FULL, TargetFile, recording_failed
+
+_LIVE_CHUNK_BYTES = 64 * 1024
+_SPAN_NS = 1_000_000_000
+_END_NS = 2**32 * 1_000_000_000  # of the times that ROS 1 holds
+_INDEX_BYTES = 64  # what one message adds to the indexes, at most
+_CHECK_BYTES = 64 * 1024
+
+
+class ChunkedRecorder(ABC):
+    """Messages gathered in chunks that are compressed and written as one.
+
+    What is in a chunk depends on the sizes and the stamps of messages alone, so that a file does
+    not depend on how fast it was made.
+
+    While a graph runs (``live``), a message that waits for its chunk to fill stands at the end of
+    the file already, not compressed, and the chunk takes its place: a process that is killed loses
+    nothing that it had written, or the last chunk if that was being written. Such a chunk spans a
+    second and is small, and large messages fill it at once, so that they are written only once.
+
+    Args:
+        path: the file.
+        topics: topic -> type of its messages, of all that may come.
+        encoder: makes the bytes of messages.
+        overwrite: replace a file that exists.
+        chunk_bytes: when a chunk is full, unless it is live.
+        live: as above.
+
+    Raises:
+        DamagedMessage: a type that cannot be written.
+        OpenError: as `TargetFile`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        topics: Mapping[str, TopicType],
+        encoder: Encoder,
+        overwrite: bool,
+        chunk_bytes: int,
+        live: bool,
+    ) -> None:
+        self.path = path
+        self.topics = tuple(topics)
+        self.declared = {name: encoder.declare(topic) for name, topic in topics.items()}
+        self.counts = dict.fromkeys(topics, 0)
+        self.start_ns, self.end_ns = _END_NS, 0
+        self._encoder = encoder
+        self._live = live
+        self._chunk_bytes = _LIVE_CHUNK_BYTES if live else chunk_bytes
+        self._closed = False
+        self._count = self._kept = self._chunked = 0
+        self._waiting_bytes = self._waiting_since_ns = 0
+        self._unchecked_bytes = _CHECK_BYTES
+        self._file = TargetFile(path, overwrite)
+        try:
+            self._begin(self.declared)
+            self._end = self._file.tell()
+            if live:
+                self._show_topics()
+            self._file.keep()
+        except OSError as error:
+            raise self._fail(error) from None
+
+    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
+        """Record a message; as `ros_visualise.sinks.Recorder`."""
+        if topic not in self.counts:
+            return
+        if self._closed:
+            raise RecordingError(f"{self.path}: the recording has ended")
+        data = self._encoder.encode(message)
+        stamp_ns = _stamp(message) if stamp_ns is None else stamp_ns
+        if not 0 <= stamp_ns < _END_NS:
+            raise DamagedMessage(f"{topic}: ROS cannot hold a stamp of {stamp_ns} ns")
+        if not self._has_room(len(data)):
+            self.close()
+            raise recording_failed(self.path, DISK_FULL, self._count)
+        try:
+            self._add(topic, stamp_ns, data)
+        except OSError as error:
+            raise self._fail(error) from None
+
+    def close(self) -> None:
+        """Write what waits and the index, and close the file."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            self._end_chunk()
+            self._file.cut(self._end)
+            self._finish()
+        except OSError as error:
+            raise self._fail(error) from None
+        self._file.close()
+
+    def __enter__(self) -> ChunkedRecorder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @abstractmethod
+    def _begin(self, declared: Mapping[str, Declaration]) -> None:
+        """Write the file's start."""
+
+    @abstractmethod
+    def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
+        """Take a message into the chunk."""
+
+    @abstractmethod
+    def _show_topics(self) -> None:
+        """Write the topics at the file's end, for who reads it before it is finished."""
+
+    @abstractmethod
+    def _show(self) -> None:
+        """Write the message that was appended last at the file's end."""
+
+    @abstractmethod
+    def _write_chunk(self) -> None:
+        """Write the chunk and begin a new one."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Write what comes after the last chunk."""
+
+    def _add(self, topic: str, stamp_ns: int, data: Buffer) -> None:
+        if self._live and abs(stamp_ns - self._waiting_since_ns) >= _SPAN_NS:
+            self._end_chunk()
+        if not self._waiting_bytes:
+            self._waiting_since_ns = stamp_ns
+        self._append(topic, stamp_ns, data)
+        self._waiting_bytes += len(data) + _INDEX_BYTES
+        self.counts[topic] += 1
+        self._count += 1
+        self.start_ns, self.end_ns = min(self.start_ns, stamp_ns), max(self.end_ns, stamp_ns)
+        if self._waiting_bytes >= self._chunk_bytes:
+            self._end_chunk()
+        elif self._live:
+            self._show()
+            self._keep()
+
+    def _end_chunk(self) -> None:
+        if not self._waiting_bytes:
+            return
+        self._file.cut(self._end)
+        self._kept = self._chunked
+        self._write_chunk()
+        self._end = self._file.tell()
+        self._waiting_bytes = 0
+        self._keep()
+        self._chunked = self._count
+
+    def _keep(self) -> None:
+        self._file.keep()
+        self._kept = self._count
+
+    def _has_room(self, size: int) -> bool:
+        """Whether the disk has room for a message; looks once in a while."""
+        self._unchecked_bytes += size + _INDEX_BYTES
+        if self._unchecked_bytes < _CHECK_BYTES:
+            return True
+        self._unchecked_bytes = 0
+        more = size + size // 128 + _CHECK_BYTES
+        return self._file.has_room(self._waiting_bytes + more + self._index_bytes)
+
+    @property
+    @abstractmethod
+    def _index_bytes(self) -> int:
+        """What `_finish` writes."""
+
+    def _fail(self, error: OSError) -> RecordingError:
+        self._closed = True
+        self._file.fail()
+        self._file.close()
+        return recording_failed(self.path, error, self._kept)
+
+
+def _stamp(message: Any) -> int:
+    return int(message.stamp_ns if isinstance(message, Recorded) else message.header.stamp_ns)

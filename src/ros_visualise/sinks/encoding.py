@@ -1,0 +1,140 @@
+"""Messages as the bytes of one encoding, wherever they come from."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
+from rosbags.typesys import get_types_from_msg
+
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.recorded import Recorded, TopicType
+
+log = logging.getLogger(__name__)
+
+Buffer = bytes | memoryview
+_Convert = Callable[[Buffer], Buffer]
+_ROS = {"ros1": "ROS 1", "cdr": "ROS 2"}
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What a file says of a topic's messages.
+
+    Their type as ``sensor_msgs/msg/Image``, its whole definition, its MD5 or hash, and whether who
+    comes late gets the last one.
+    """
+
+    name: str
+    text: str
+    digest: str
+    latched: bool
+
+
+class Encoder:
+    """Writes messages in one encoding; recorded ones that stand in it keep their bytes.
+
+    Recorded messages of the other encoding are rewritten by the rosbags library: byte by byte where
+    ROS 1 and ROS 2 define a type alike, else field by field. Types that only their recording knows
+    are defined in the other encoding too.
+    """
+
+    def __init__(self, encoding: Encoding) -> None:
+        self.encoding: Encoding = encoding
+        self._own = Definitions(encoding)
+        self._conversions: dict[tuple[str, Definitions], _Convert] = {}
+        self._defaults: dict[str, object] = {}
+
+    def declare(self, topic: TopicType) -> Declaration:
+        """How a topic's messages stand in the file.
+
+        Raises:
+            DamagedMessage: this encoding has no such type; the message says why.
+        """
+        source, name = topic.definitions, topic.name
+        if source is not None and source.encoding != self.encoding:
+            self._conversion(source, name)
+            source, name = None, self._rename(name)
+        types = source or self._own
+        if not types.knows(name):
+            raise DamagedMessage(f"{name}: nobody knows this type")
+        return Declaration(name, types.text(name), types.digest(name), topic.latched)
+
+    def encode(self, message: Any) -> Buffer:
+        """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.
+
+        Raises:
+            DamagedMessage: a recorded one that is none of its type, or cannot be converted.
+        """
+        if not isinstance(message, Recorded):
+            return self._own.write(type_name(type(message)), to_message(message, self._own.types))
+        if message.definitions.encoding == self.encoding:
+            return message.data
+        convert = self._conversion(message.definitions, message.type_name)
+        try:
+            return convert(message.data)
+        except Exception as error:  # the library raises what it happens to meet
+            raise DamagedMessage(
+                f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
+            ) from error
+
+    def _rename(self, name: str) -> str:
+        return STATIC_MSGTYPE_RENAMES.get(name, name) if self.encoding == "cdr" else name
+
+    def _conversion(self, source: Definitions, name: str) -> _Convert:
+        key = name, source
+        if key not in self._conversions:
+            target = self._rename(name)
+            try:
+                self._adopt(source, name, target)
+                self._conversions[key] = self._make_conversion(source, name, target)
+            except Exception as error:  # the library raises what it happens to meet
+                reason = f"{name}: {_ROS[self.encoding]} cannot hold this type"
+                raise DamagedMessage(reason) from error
+        return self._conversions[key]
+
+    def _adopt(self, source: Definitions, name: str, target: str) -> None:
+        """Define a type that this encoding does not know, and those that it is made of."""
+        own = self._own.store
+        if target in own.fielddefs:
+            return
+        text, _ = source.store.generate_msgdef(name, ros_version=1 if self._is_ros1 else 2)
+        found = get_types_from_msg(text, target)
+        own.register({n: fields for n, fields in found.items() if n not in own.fielddefs})
+
+    def _make_conversion(self, source: Definitions, name: str, target: str) -> _Convert:
+        own = self._own.store
+        migrate = partial(
+            _migrate, source.store, own, name, target, self._defaults, to_ros1=self._is_ros1
+        )
+        if not is_same_wireformat(source.store, own, name, target):
+            log.info("%s: ROS 1 and ROS 2 differ here; fields are kept by their names", name)
+            return migrate
+        if self._is_ros1:
+            direct = partial(source.store.cdr_to_ros1, typename=name)
+            return lambda data: direct(data) if data[1] & 1 else migrate(data)  # little-endian only
+        return partial(own.ros1_to_cdr, typename=target)
+
+    @property
+    def _is_ros1(self) -> bool:
+        return self.encoding == "ros1"
+
+
+def _migrate(
+    source: Any,
+    own: Any,
+    name: str,
+    target: str,
+    defaults: dict[str, object],
+    data: Buffer,
+    to_ros1: bool,
+) -> Buffer:
+    return migrate_bytes(
+        source, own, name, target, defaults, data, src_is2=to_ros1, dst_is2=not to_ros1
+    )
