@@ -75,7 +75,6 @@ class Recording(Protocol):
         path: the file or folder.
         format: for people and ``info``: ``rosbag 2.0``, ``mcap``, ``rosbag2``, ``KITTI raw``.
         size: bytes of all its files.
-        compression: ``none``, ``lz4``, ``bz2``, ``zstd``, or several joined by ``, ``.
         start_ns, end_ns: stamps of the first and the last message; equal where there is none.
         topics: by name, in the order of their names.
         loss: what could not be read.
@@ -84,11 +83,14 @@ class Recording(Protocol):
     path: Path
     format: str
     size: int
-    compression: str
     start_ns: int
     end_ns: int
     topics: Mapping[str, TopicInfo]
     loss: Loss
+
+    @property
+    def compression(self) -> str:
+        """``none``, ``lz4``, ``bz2``, ``zstd``, or several joined by ``, ``."""
 
     def read(
         self,

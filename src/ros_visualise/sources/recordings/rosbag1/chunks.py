@@ -167,7 +167,7 @@ class ChunkReader:
             size = int.from_bytes(file.read(4), "little")
             if start + offset + len(header) + 4 + size > end:
                 raise Damaged("a message that is longer than its chunk")
-            return file.read(size)
+            return _exactly(file, size)
         record = records.read_record(file, start + offset, end)
         while record.op == Op.CONNECTION:  # some indexes point to the one before the message
             record = records.read_record(file, record.end, end)
@@ -178,7 +178,7 @@ class ChunkReader:
             or records.time_ns(record.fields, b"time") != stamp_ns
         ):
             raise Damaged("another message than the index says")
-        return file.read(record.data_size)
+        return _exactly(file, record.data_size)
 
     def _open(self, chunk: Chunk) -> Content:
         if chunk.bare_end:
@@ -206,6 +206,13 @@ def count(connections: NDArray[Any]) -> dict[int, int]:
     """How often each occurs."""
     found, counts = np.unique(connections, return_counts=True)
     return dict(zip(found.tolist(), counts.tolist(), strict=True))
+
+
+def _exactly(file: BinaryIO, size: int) -> bytes:
+    data = file.read(size)
+    if len(data) != size:
+        raise Damaged("the file has become shorter")
+    return data
 
 
 def _entries(connection: int, indexed: NDArray[Any]) -> NDArray[Any]:

@@ -1,0 +1,67 @@
+"""What a recording holds, in figures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ros_visualise.sources.recordings import Recording, TopicInfo
+
+
+def summarize(recording: Recording) -> dict[str, Any]:
+    """As ``ros-visualise info --json`` prints it; times in seconds, size in bytes.
+
+    A topic's ``hz`` is None where it has too few messages for one.
+    """
+    stamps = recording.stamps_ns()
+    topics = {name: _topic(topic, stamps[name]) for name, topic in recording.topics.items()}
+    loss = recording.loss
+    return {
+        "path": str(recording.path),
+        "format": recording.format,
+        "start": recording.start_ns / 1e9,
+        "end": recording.end_ns / 1e9,
+        "duration": (recording.end_ns - recording.start_ns) / 1e9,
+        "size": recording.size,
+        "messages": sum(topic.messages for topic in recording.topics.values()),
+        "compression": recording.compression,
+        "types": _types(recording),
+        "topics": topics,
+        "lost": {"messages": loss.messages, "bytes": loss.bytes, "notes": list(loss.notes)},
+    }
+
+
+def mean_rate(stamps_ns: NDArray[np.int64]) -> float | None:
+    """Messages in a second by the median of the times between them, as ``rosbag info`` has it.
+
+    Args:
+        stamps_ns: (N,) in order.
+
+    Returns:
+        None where there are fewer than two, or most have the same stamp.
+    """
+    if len(stamps_ns) < 2:
+        return None
+    period_ns = float(np.median(np.diff(stamps_ns)))
+    return round(1e9 / period_ns, 4) if period_ns > 0 else None
+
+
+def _topic(topic: TopicInfo, stamps_ns: NDArray[np.int64]) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "type": topic.type.name,
+        "messages": topic.messages,
+        "hz": mean_rate(stamps_ns),
+        "connections": topic.connections,
+    }
+    if topic.unreadable:
+        found["unreadable"] = topic.unreadable
+    return found
+
+
+def _types(recording: Recording) -> dict[str, str]:
+    found: dict[str, str] = {}
+    for topic in recording.topics.values():
+        found.setdefault(topic.type.name, topic.digest)
+    return dict(sorted(found.items()))
