@@ -1,0 +1,222 @@
+"""MCAP files with ROS messages: whole, cut off anywhere, or damaged in places."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+from mcap.records import Channel as McapChannel
+from mcap.records import Schema
+
+from ros_visualise.errors import DamagedMessage, OpenError
+from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.sources.recordings import Entry, Loss, Recording
+from ros_visualise.sources.recordings.mcap_index import (
+    UNKNOWN,
+    index_bytes,
+    indexed_stamps,
+    read_index,
+)
+from ros_visualise.sources.recordings.mcap_records import (
+    EVER,
+    MAGIC,
+    Damaged,
+    Records,
+    decompress,
+    messages,
+)
+from ros_visualise.sources.recordings.mcap_scan import scan
+from ros_visualise.sources.recordings.merging import MergedRecording
+from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
+from ros_visualise.sources.recordings.storage import Channel, Query, add_note
+
+_LANGUAGES: dict[tuple[str, str], Encoding] = {
+    ("ros1", "ros1msg"): "ros1",
+    ("cdr", "ros2msg"): "cdr",
+    ("cdr", "ros2idl"): "cdr",
+}
+
+
+def open_mcap(path: Path) -> Recording:
+    """Open an MCAP file.
+
+    Raises:
+        OpenError: it cannot be read, or is none.
+    """
+    loss = Loss()
+    return MergedRecording(path, "mcap", [McapFile(path, Schemas(), loss)], loss)
+
+
+class McapFile:
+    """One MCAP file; a `Storage`, whose pieces are chunks and runs of messages between them.
+
+    Where the writer's index is there and agrees with the file, nothing else is read at first.
+
+    Args:
+        path: of the file.
+        schemas: of its recording.
+        loss: where to say what cannot be read.
+
+    Raises:
+        OpenError: it cannot be read, or is none.
+    """
+
+    def __init__(self, path: Path, schemas: Schemas, loss: Loss) -> None:
+        self.path, self._loss = path, loss
+        self._lock = threading.Lock()
+        self._file = _open(path)
+        try:
+            self.size = path.stat().st_size
+            index = read_index(self._file, self.size) or scan(self._file, self.size, loss)
+        except OSError as error:
+            self._file.close()
+            raise OpenError(f"{path}: {error.strerror}; copy it again") from None
+        self._rows = index.rows
+        self._channel_sets = index.channel_sets
+        self.starts_ns, self.ends_ns = self._rows["start_ns"], self._rows["end_ns"]
+        self.counts: Mapping[int, int] = index.counts
+        self.compressions: Collection[str] = index.compressions or {"none"}
+        self.channels: Mapping[int, Channel] = {
+            number: _channel(channel, index.schemas.get(channel.schema_id), schemas)
+            for number, channel in index.channels.items()
+        }
+        self._damaged: set[int] = set()
+
+    def select(self, query: Query) -> npt.NDArray[np.intp]:
+        """As `Storage.select`."""
+        wanted = {n for n, channel in self.channels.items() if query.asks_for(channel)}
+        holds = np.array([not wanted.isdisjoint(s) for s in self._channel_sets] + [bool(wanted)])
+        rows = self._rows
+        is_asked = holds[rows["channels"]]  # a set that is UNKNOWN takes the last
+        if query.start_ns > -(2**63):
+            is_asked &= rows["end_ns"] >= query.start_ns
+        if query.stop_ns < 2**63:
+            is_asked &= rows["start_ns"] < query.stop_ns
+        return np.flatnonzero(is_asked)
+
+    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
+        """As `Storage.read_piece`."""
+        loaded = self._load(piece)
+        if loaded is None:
+            return
+        records = memoryview(loaded)
+        shared = len(records) // 2  # a message that is most of its piece needs no copy
+        wanted = {
+            number: (channel.topic, channel.type_name, channel.definitions)
+            for number, channel in self.channels.items()
+            if query.asks_for(channel) and channel.definitions
+        }
+        found, is_whole = messages(records, wanted, query.start_ns, query.stop_ns)
+        if not is_whole:
+            self._lose(piece, "its records contradict each other", 0)
+        for stamp_ns, number, start, stop in found:
+            topic, type_name, definitions = wanted[number]
+            data = records[start:stop] if stop - start > shared else bytes(records[start:stop])
+            yield Entry(topic, stamp_ns, Recorded(type_name, data, definitions, stamp_ns))
+
+    def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """As `Storage.stamps_ns`; from the index behind each chunk, where it is whole."""
+        for piece in range(len(self._rows)):
+            yield from self._indexed_stamps(piece) or self._opened_stamps(piece)
+
+    def close(self) -> None:
+        """As `Storage.close`."""
+        with self._lock:
+            self._file.close()
+
+    def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
+        row = self._rows[piece]
+        if not row["is_chunk"] or UNKNOWN in (row["messages"], row["channels"]):
+            return []
+        channels = len(self._channel_sets[row["channels"]])
+        size = index_bytes(channels, int(row["messages"]))
+        with self._lock:
+            if self._file.closed:
+                return []
+            self._file.seek(int(row["offset"] + row["length"]))
+            return indexed_stamps(self._file.read(size), int(row["messages"]))
+
+    def _opened_stamps(self, piece: int) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        found, _ = messages(self._load(piece) or b"", self.channels, *EVER)
+        table = np.array([place[:2] for place in found], np.uint64).reshape(-1, 2)
+        for channel in np.unique(table[:, 1]):
+            stamps_ns = table[table[:, 1] == channel, 0]
+            yield int(channel), stamps_ns.astype(np.int64)
+
+    def _load(self, piece: int) -> Records | None:
+        """The records of a piece; None where they are damaged, or the file is closed."""
+        row = self._rows[piece]
+        with self._lock:
+            if self._file.closed:
+                return None
+            try:
+                self._file.seek(int(row["offset"]))
+                data = self._file.read(int(row["length"]))
+            except OSError as error:
+                self._lose(piece, f"{error.strerror}", int(row["messages"]))
+                return None
+        try:
+            return decompress(data) if row["is_chunk"] else data
+        except Damaged as damage:
+            self._lose(piece, str(damage), int(row["messages"]))
+            return None
+
+    def _lose(self, piece: int, why: str, messages: int) -> None:
+        if piece in self._damaged:
+            return
+        self._damaged.add(piece)
+        row = self._rows[piece]
+        self._loss.bytes += int(row["length"])
+        self._loss.messages += 0 if messages == UNKNOWN else messages
+        add_note(self._loss, f"{self.path.name}: the piece at byte {row['offset']} is lost: {why}")
+
+
+def _open(path: Path) -> BinaryIO:
+    try:
+        file = path.open("rb")
+        start = file.read(len(MAGIC))
+    except PermissionError:
+        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; give an MCAP file") from None
+    if start != MAGIC:
+        file.close()
+        what = "no MCAP file; check the path" if start else "an empty file; record or copy it again"
+        raise OpenError(f"{path}: {what}")
+    return file
+
+
+def _channel(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
+    encoding = channel.message_encoding
+    if schema is None:
+        return Channel(channel.topic, "", unreadable=f"{encoding}: it has no schema")
+    language = _LANGUAGES.get((encoding, schema.encoding))
+    if language is None:
+        what = encoding or schema.encoding or "no encoding"
+        return Channel(channel.topic, schema.name, unreadable=f"{what}: only ROS messages are read")
+    name = ros_name(schema.name)
+    is_idl = schema.encoding == "ros2idl"
+    try:
+        text = schema.data.decode("utf-8", "replace")
+        definitions = schemas.define(language, name, text, is_idl)
+    except DamagedMessage as damage:
+        return Channel(channel.topic, name, unreadable=str(damage))
+    return Channel(
+        channel.topic, name, definitions, _digest(channel, definitions, name), _is_latched(channel)
+    )
+
+
+def _digest(channel: McapChannel, definitions: Definitions, name: str) -> str:
+    given = channel.metadata.get("topic_type_hash") or channel.metadata.get("md5sum")
+    return given or definitions.digest(name)
+
+
+def _is_latched(channel: McapChannel) -> bool:
+    if channel.metadata.get("latching", "0").lower() in ("1", "true"):
+        return True
+    return is_latched(channel.metadata.get("offered_qos_profiles", ""))

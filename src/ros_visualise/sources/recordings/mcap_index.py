@@ -1,0 +1,235 @@
+"""Where in an MCAP file its messages are: a row per chunk, or per run of messages outside."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from typing import BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import EndOfFile
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema, Statistics
+
+from ros_visualise.sources.recordings.mcap_records import (
+    CHUNK_HEAD_BYTES,
+    COMPRESSIONS,
+    HEAD,
+    HEAD_BYTES,
+    MAGIC,
+    Damaged,
+    chunk_head,
+    read_channel,
+    read_schema,
+)
+
+UNKNOWN = -1
+"""A count of messages, or a set of channels, that only the piece itself tells."""
+
+MESSAGE_INDEX_HEAD = struct.Struct("<HI")
+"""What an index of one channel's messages in a chunk begins with: channel, length of the rest."""
+
+ENTRY_BYTES = 16
+"""Of each message in such an index."""
+
+_MESSAGE_INDEX_BYTES = HEAD_BYTES + MESSAGE_INDEX_HEAD.size
+_STAMP_LIMIT = 2**63 - 1
+_ROW = np.dtype(
+    [
+        ("offset", "<i8"),
+        ("length", "<i8"),
+        ("start_ns", "<i8"),
+        ("end_ns", "<i8"),
+        ("messages", "<i8"),
+        ("channels", "<i4"),
+        ("is_chunk", "<i4"),
+    ]
+)
+_PACK_ROW = struct.Struct("<5q2i")
+_FOOTER = struct.Struct("<BQQQI8s")
+_FOOTER_LENGTH = 20
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+_CHUNK_INDEX_TAIL = struct.Struct("<QI")
+_OFFSET_OF_CHANNEL = struct.Struct("<HQ")
+
+
+@dataclass
+class Index:
+    """The pieces of a file, and what it says of its channels."""
+
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: dict[int, int] = field(default_factory=dict)
+    compressions: set[str] = field(default_factory=set)
+    channel_sets: list[frozenset[int]] = field(default_factory=list)
+    _rows: bytearray = field(default_factory=bytearray)
+    _set_numbers: dict[frozenset[int], int] = field(default_factory=dict)
+
+    def add(
+        self,
+        offset: int,
+        length: int,
+        span_ns: tuple[int, int],
+        messages: int = UNKNOWN,
+        channels: Collection[int] | None = None,
+        is_chunk: bool = True,
+    ) -> None:
+        """Add a piece: where it is in the file, and what it holds as far as that is known."""
+        start_ns, end_ns = (min(stamp, _STAMP_LIMIT) for stamp in span_ns)
+        number = UNKNOWN if channels is None else self._number(frozenset(channels))
+        self._rows += _PACK_ROW.pack(offset, length, start_ns, end_ns, messages, number, is_chunk)
+
+    def count(self, messages: Mapping[int, int]) -> None:
+        """Add to the messages of channels."""
+        for channel, count in messages.items():
+            self.counts[channel] = self.counts.get(channel, 0) + count
+
+    def describe(self, schemas: Iterable[Schema], channels: Iterable[Channel]) -> None:
+        """Add schemas and channels; the first of a number counts."""
+        for schema in schemas:
+            self.schemas.setdefault(schema.id, schema)
+        for channel in channels:
+            self.channels.setdefault(channel.id, channel)
+
+    @property
+    def rows(self) -> npt.NDArray[np.void]:
+        """The pieces: offset, length, start_ns, end_ns, messages, channels, is_chunk."""
+        return np.frombuffer(bytes(self._rows), _ROW)
+
+    @property
+    def is_described(self) -> bool:
+        """Whether it knows all channels that its pieces name."""
+        return all(named <= self.channels.keys() for named in self.channel_sets)
+
+    def _number(self, channels: frozenset[int]) -> int:
+        if channels not in self._set_numbers:
+            self._set_numbers[channels] = len(self.channel_sets)
+            self.channel_sets.append(channels)
+        return self._set_numbers[channels]
+
+
+def read_index(file: BinaryIO, size: int) -> Index | None:
+    """The index that the writer put at the file's end; None unless it is there and agrees with it.
+
+    Source: the MCAP format specification, "Summary Section".
+    """
+    summary = _read_summary(file, size)
+    if summary is None:
+        return None
+    try:
+        index, statistics, chunks = _parse_summary(summary)
+    except (struct.error, EndOfFile):
+        return None
+    if statistics is None or not chunks or not index.is_described:
+        return None
+    index.counts = dict(statistics.channel_message_counts)
+    rows = index.rows
+    known = rows["messages"]
+    is_whole = (
+        statistics.chunk_count == chunks
+        and statistics.message_count == sum(index.counts.values())
+        and (UNKNOWN in known or int(known.sum()) == statistics.message_count)
+        and index.counts.keys() <= index.channels.keys()
+        and all(_is_there(file, size, rows[i]) for i in {0, chunks - 1})
+    )
+    return index if is_whole else None
+
+
+def index_bytes(channels: int, messages: int) -> int:
+    """The size of the index records behind a chunk, one for each of its channels."""
+    return _MESSAGE_INDEX_BYTES * channels + ENTRY_BYTES * messages
+
+
+def indexed_stamps(records: bytes, messages: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
+    """Channels and their stamps in the index records behind a chunk; none if they are damaged."""
+    found = []
+    position = 0
+    while position + _MESSAGE_INDEX_BYTES <= len(records):
+        kind, length = HEAD.unpack_from(records, position)
+        channel, size = MESSAGE_INDEX_HEAD.unpack_from(records, position + HEAD_BYTES)
+        position += _MESSAGE_INDEX_BYTES
+        is_index = kind == Opcode.MESSAGE_INDEX and length == size + MESSAGE_INDEX_HEAD.size
+        if not is_index or size % ENTRY_BYTES or position + size > len(records):
+            return []
+        pairs = np.frombuffer(records[position : position + size], "<u8").reshape(-1, 2)
+        found.append((channel, pairs[:, 0].astype(np.int64)))
+        position += size
+    return found if sum(len(stamps_ns) for _, stamps_ns in found) == messages else []
+
+
+def _read_summary(file: BinaryIO, size: int) -> bytes | None:
+    end = size - _FOOTER.size
+    if end < len(MAGIC):
+        return None
+    file.seek(end)
+    footer = file.read(_FOOTER.size)
+    kind, length, start, _, crc, magic = _FOOTER.unpack(footer)
+    if (kind, length, magic) != (Opcode.FOOTER, _FOOTER_LENGTH, MAGIC) or not 0 < start < end:
+        return None
+    file.seek(start)
+    summary = file.read(end - start)
+    checked = footer[: HEAD_BYTES + 16]  # the checksum covers the footer up to itself
+    if crc and zlib.crc32(checked, zlib.crc32(summary)) != crc:
+        return None
+    return summary
+
+
+def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
+    index, statistics, chunks = Index(), None, 0
+    position = 0
+    while position < len(summary):
+        kind, length = HEAD.unpack_from(summary, position)
+        position += HEAD_BYTES
+        body = summary[position : position + length]
+        position += length
+        if kind == Opcode.CHUNK_INDEX:
+            _add_chunk(index, body)
+            chunks += 1
+        elif kind == Opcode.SCHEMA and (schema := read_schema(body)):
+            index.describe([schema], [])
+        elif kind == Opcode.CHANNEL and (channel := read_channel(body)):
+            index.describe([], [channel])
+        elif kind == Opcode.STATISTICS:
+            statistics = read_statistics(body)
+    return index, statistics, chunks
+
+
+def _add_chunk(index: Index, body: bytes) -> None:
+    start_ns, end_ns, offset, length, map_length = _CHUNK_INDEX.unpack_from(body)
+    position = _CHUNK_INDEX.size
+    pairs = body[position : position + map_length]
+    channels = [channel for channel, _ in _OFFSET_OF_CHANNEL.iter_unpack(pairs)]
+    index_length, letters = _CHUNK_INDEX_TAIL.unpack_from(body, position + map_length)
+    position += map_length + _CHUNK_INDEX_TAIL.size
+    compression = body[position : position + letters].decode("ascii", "replace")
+    index.compressions.add(COMPRESSIONS.get(compression, compression))
+    if not channels:
+        index.add(offset, length, (start_ns, end_ns))
+    else:
+        messages, rest = divmod(index_length - index_bytes(len(channels), 0), ENTRY_BYTES)
+        known = UNKNOWN if rest or messages < 0 else messages
+        index.add(offset, length, (start_ns, end_ns), known, channels)
+
+
+def read_statistics(body: bytes) -> Statistics:
+    """What the file says that it holds."""
+    statistics: Statistics = Statistics.read(ReadDataStream(BytesIO(body)))
+    return statistics
+
+
+def _is_there(file: BinaryIO, size: int, row: np.void) -> bool:
+    """Whether a chunk is where the index has it."""
+    if not 0 < row["offset"] <= size - row["length"]:
+        return False
+    file.seek(int(row["offset"]))
+    head = file.read(CHUNK_HEAD_BYTES)
+    try:
+        chunk_head(head)
+    except Damaged:
+        return False
+    return bool(HEAD.unpack_from(head)[1] + HEAD_BYTES == row["length"])

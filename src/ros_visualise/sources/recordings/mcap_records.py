@@ -1,0 +1,190 @@
+"""The records of MCAP files, as far as their messages need them.
+
+Source: the MCAP format specification, mcap.dev/spec, version 0.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Container
+from operator import itemgetter
+from typing import NamedTuple
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+
+MAGIC = b"\x89MCAP0\r\n"
+HEAD = struct.Struct("<BQ")
+"""What each record begins with: its kind and the length of the rest."""
+
+HEAD_BYTES = HEAD.size
+CHUNK_HEAD_BYTES = 64
+"""Enough of a chunk's start for `chunk_head`."""
+
+EVER = (0, 2**64)
+"""The stamps that a file can hold."""
+
+COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
+
+_MESSAGE = struct.Struct("<BQHIQQ")
+_CHUNK = struct.Struct("<QQQII")
+_DATA_LENGTH = struct.Struct("<Q")
+
+
+class Damaged(Exception):
+    """A record contradicts itself or its checksum; says how."""
+
+
+class ChunkHead(NamedTuple):
+    """A chunk's start; its compressed records begin ``data_offset`` after its record does."""
+
+    start_ns: int
+    end_ns: int
+    uncompressed_size: int
+    crc: int
+    compression: str
+    data_offset: int
+
+
+Records = bytes | memoryview
+"""The bytes of one record after another."""
+
+Place = tuple[int, int, int, int]
+"""A message among records: its log time, its channel, where its bytes start and where they stop."""
+
+
+def chunk_head(record: bytes) -> ChunkHead:
+    """The start of a chunk, of its first `CHUNK_HEAD_BYTES` bytes.
+
+    Raises:
+        Damaged: it is no chunk, or its lengths contradict each other.
+    """
+    try:
+        kind, length = HEAD.unpack_from(record)
+        start_ns, end_ns, size, crc, letters = _CHUNK.unpack_from(record, HEAD_BYTES)
+        after = HEAD_BYTES + _CHUNK.size + letters
+        (data_length,) = _DATA_LENGTH.unpack_from(record, after)
+    except struct.error:
+        raise Damaged("its head is damaged") from None
+    compression = record[after - letters : after].decode("ascii", "replace")
+    data_offset = after + _DATA_LENGTH.size
+    if kind != Opcode.CHUNK or data_offset - HEAD_BYTES + data_length != length:
+        raise Damaged("its head is damaged")
+    return ChunkHead(start_ns, end_ns, size, crc, compression, data_offset)
+
+
+def decompress(record: bytes) -> Records:
+    """The records in a chunk.
+
+    Raises:
+        Damaged: its data cannot be decompressed, or is not what its checksum says.
+    """
+    head = chunk_head(record)
+    if head.compression not in _DECOMPRESS:
+        raise Damaged(f"its compression is {head.compression}; only lz4 and zstd can be read")
+    packed = memoryview(record)[head.data_offset :]
+    data = _DECOMPRESS[head.compression](packed, head.uncompressed_size)
+    if len(data) != head.uncompressed_size or (head.crc and zlib.crc32(data) != head.crc):
+        raise Damaged("its data is not what its checksum says")
+    return data
+
+
+def messages(
+    records: Records, channels: Container[int], start_ns: int, stop_ns: int
+) -> tuple[list[Place], bool]:
+    """The messages of some channels from a stamp until before another, in order of time.
+
+    Returns:
+        They, and whether the records could be read to their end.
+    """
+    found: list[Place] = []
+    position, end = 0, len(records)
+    last, is_sorted = -1, True
+    unpack, message_bytes, kind_message = _MESSAGE.unpack_from, _MESSAGE.size, int(Opcode.MESSAGE)
+    while position + message_bytes <= end:
+        kind, length, channel, _, log_time, _ = unpack(records, position)
+        after = position + HEAD_BYTES + length
+        if kind == kind_message and start_ns <= log_time < stop_ns and channel in channels:
+            if after > end or length < message_bytes - HEAD_BYTES:
+                break
+            found.append((log_time, channel, position + message_bytes, after))
+            is_sorted = is_sorted and log_time >= last
+            last = log_time
+        position = after
+    if not is_sorted:
+        found.sort(key=itemgetter(0))
+    return found, position == end or _is_short_tail(records, position)
+
+
+def described(records: Records) -> tuple[dict[int, Schema], dict[int, Channel]]:
+    """The schemas and channels among records, as far as they can be read."""
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    position = 0
+    while position + HEAD_BYTES <= len(records):
+        kind, length = HEAD.unpack_from(records, position)
+        body = slice(position + HEAD_BYTES, position + HEAD_BYTES + length)
+        position = body.stop
+        if kind == Opcode.SCHEMA and (schema := read_schema(records[body])):
+            schemas.setdefault(schema.id, schema)
+        elif kind == Opcode.CHANNEL and (channel := read_channel(records[body])):
+            channels.setdefault(channel.id, channel)
+    return schemas, channels
+
+
+def read_schema(body: Records) -> Schema | None:
+    """A schema, or None where the record is damaged."""
+    try:
+        schema: Schema = Schema.read(ReadDataStream(io.BytesIO(body)))
+    except (McapError, struct.error, UnicodeDecodeError):
+        return None
+    return schema
+
+
+def read_channel(body: Records) -> Channel | None:
+    """A channel, or None where the record is damaged."""
+    try:
+        channel: Channel = Channel.read(ReadDataStream(io.BytesIO(body)))
+    except (McapError, struct.error, UnicodeDecodeError):
+        return None
+    return channel
+
+
+def _is_short_tail(records: Records, position: int) -> bool:
+    """Whether whole records, too short to be messages, end a piece."""
+    while position + HEAD_BYTES <= len(records):
+        position += HEAD_BYTES + HEAD.unpack_from(records, position)[1]
+    return position == len(records)
+
+
+def _plain(data: memoryview, _: int) -> memoryview:
+    return data
+
+
+def _unpack_lz4(data: memoryview, _: int) -> bytes:
+    try:
+        return bytes(lz4.frame.decompress(data))
+    except (RuntimeError, MemoryError, EOFError):
+        raise Damaged("its lz4 data is damaged") from None
+
+
+def _unpack_zstd(data: memoryview, size: int) -> bytes:
+    try:
+        if zstandard.frame_content_size(data) not in (size, -1):
+            raise Damaged("its zstd data is damaged")
+        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
+    except (zstandard.ZstdError, MemoryError, OverflowError, ValueError):
+        raise Damaged("its zstd data is damaged") from None
+
+
+_DECOMPRESS: dict[str, Callable[[memoryview, int], Records]] = {
+    "": _plain,
+    "lz4": _unpack_lz4,
+    "zstd": _unpack_zstd,
+}

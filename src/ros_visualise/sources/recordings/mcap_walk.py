@@ -1,0 +1,178 @@
+"""Walking through an MCAP file from record to record, over cuts and garbage."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import BinaryIO, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from mcap.opcode import Opcode
+
+from ros_visualise.sources.recordings import Loss
+from ros_visualise.sources.recordings.mcap_records import (
+    CHUNK_HEAD_BYTES,
+    HEAD,
+    HEAD_BYTES,
+    MAGIC,
+    Damaged,
+    chunk_head,
+)
+from ros_visualise.sources.recordings.storage import add_note
+
+_ANY = 2**63 - 1
+_LENGTHS: dict[int, tuple[int, int]] = {
+    Opcode.HEADER: (8, _ANY),
+    Opcode.FOOTER: (20, 20),
+    Opcode.SCHEMA: (14, _ANY),
+    Opcode.CHANNEL: (16, _ANY),
+    Opcode.MESSAGE: (22, _ANY),
+    Opcode.CHUNK: (40, _ANY),
+    Opcode.MESSAGE_INDEX: (6, _ANY),
+    Opcode.CHUNK_INDEX: (64, _ANY),
+    Opcode.ATTACHMENT: (36, _ANY),
+    Opcode.ATTACHMENT_INDEX: (48, _ANY),
+    Opcode.STATISTICS: (46, _ANY),
+    Opcode.METADATA: (8, _ANY),
+    Opcode.METADATA_INDEX: (20, _ANY),
+    Opcode.SUMMARY_OFFSET: (17, 17),
+    Opcode.DATA_END: (4, 4),
+}
+_LEAST, _MOST = (
+    np.array([_LENGTHS.get(kind, (_ANY, 0))[side] for kind in range(256)]) for side in (0, 1)
+)
+_CHAIN = 3  # that many whole records in a row do not come about by chance
+_SEARCH_BYTES = 1 << 20
+
+
+class Record(NamedTuple):
+    """A record from ``start`` to ``end`` of the file, and its first bytes."""
+
+    start: int
+    end: int
+    kind: int
+    head: bytes
+
+
+def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
+    """All whole records; says in ``loss`` what lies between and after them."""
+    position = len(MAGIC)
+    last: Record | None = None
+    while position < size:
+        record = _record(file, position, size)
+        if record is not None:
+            if last is not None:
+                yield last
+            last, position = record, record.end
+            if record.kind == Opcode.FOOTER:
+                break
+            continue
+        # A message whose length is damaged ends in the midst of others: look for them there.
+        is_doubtful = last is not None and last.kind == Opcode.MESSAGE
+        start = last.start if last is not None and is_doubtful else position
+        found = None if _is_cut_chunk(file, position) else _find(file, start + 1, size)
+        if last is not None and (found is None or found >= position):
+            yield last
+        elif last is not None:
+            position = last.start
+        last = None
+        if found is None:
+            break
+        loss.bytes += found - position
+        add_note(loss, f"{found - position} damaged bytes at byte {position}")
+        position = found
+    if last is not None:
+        yield last
+    _check_end(file, position, size, last, loss)
+
+
+def _record(file: BinaryIO, start: int, size: int) -> Record | None:
+    file.seek(start)
+    head = file.read(CHUNK_HEAD_BYTES)
+    if len(head) < HEAD_BYTES:
+        return None
+    kind, length = HEAD.unpack_from(head)
+    end = start + HEAD_BYTES + length
+    if end > size or not _is_likely(kind, length, head):
+        return None
+    return Record(start, end, kind, head)
+
+
+def _is_likely(kind: int, length: int, head: bytes) -> bool:
+    if kind not in _LENGTHS:
+        return kind != 0  # to be skipped: of a later version, or somebody's own
+    if kind == Opcode.CHUNK:
+        return _is_chunk(head)
+    least, most = _LENGTHS[kind]
+    return least <= length <= most
+
+
+def _is_chunk(head: bytes) -> bool:
+    try:
+        chunk_head(head)
+    except Damaged:
+        return False
+    return True
+
+
+def _is_cut_chunk(file: BinaryIO, start: int) -> bool:
+    """Whether there is a chunk's true start, which cannot be as the file has not all of it."""
+    file.seek(start)
+    return _is_chunk(file.read(CHUNK_HEAD_BYTES))
+
+
+def _find(file: BinaryIO, start: int, size: int) -> int | None:
+    """Where the next record begins that is followed by others."""
+    while start < size:
+        file.seek(start)
+        block = np.frombuffer(file.read(_SEARCH_BYTES), np.uint8)
+        count = len(block) - HEAD_BYTES + 1
+        if count <= 0:
+            return None
+        for candidate in _candidates(block, count).tolist():
+            if _begins_chain(file, start + candidate, size):
+                return start + int(candidate)
+        start += count
+    return None
+
+
+def _candidates(block: npt.NDArray[np.uint8], count: int) -> npt.NDArray[np.intp]:
+    """Where in a block a known kind is followed by a length that it may have, below 1 TB."""
+    kinds = block[:count]
+    is_one = (kinds > 0) & (kinds <= max(_LENGTHS))
+    for high_byte in (6, 7, 8):
+        is_one &= block[high_byte : high_byte + count] == 0
+    at = np.flatnonzero(is_one)
+    lengths = np.zeros(len(at), np.int64)
+    for byte in range(5):
+        lengths |= block[at + 1 + byte].astype(np.int64) << (8 * byte)
+    is_likely = (lengths >= _LEAST[kinds[at]]) & (lengths <= _MOST[kinds[at]])
+    return at[is_likely]
+
+
+def _begins_chain(file: BinaryIO, position: int, size: int) -> bool:
+    for _ in range(_CHAIN):
+        record = _record(file, position, size)
+        if record is None or record.kind not in _LENGTHS:
+            return False
+        if record.kind == Opcode.FOOTER or record.end == size:
+            return True
+        position = record.end
+    return True
+
+
+def _check_end(file: BinaryIO, position: int, size: int, last: Record | None, loss: Loss) -> None:
+    file.seek(position)
+    is_closed = last is not None and last.kind == Opcode.FOOTER
+    if is_closed and file.read(len(MAGIC) + 1) == MAGIC:
+        return
+    rest = size - position
+    loss.bytes += rest
+    if is_closed:
+        add_note(loss, f"{rest} bytes after its end are none of its own")
+    else:
+        add_note(
+            loss,
+            f"its end is missing: cut off, or never closed by its recorder; "
+            f"{position / 1e6:.1f} MB are whole, {rest} bytes after them are not",
+        )

@@ -1,0 +1,160 @@
+"""One stream in order of time out of pieces that overlap, and a recording made of files of them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from heapq import heappop, heappush
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+from ros_visualise.sources.recordings.calibrations import calibrated
+from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Query, Storage
+
+
+def merge(
+    starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Iterator[Entry]]
+) -> Iterator[Entry]:
+    """All entries of all pieces in order of their stamps; of equal ones, the first piece's first.
+
+    A piece is opened when its time has come and let go of at its end: at no time are more open
+    than overlap.
+
+    Args:
+        starts_ns: (N,) the first stamp of each piece, or one before it.
+        open_piece: reads the piece of a number, in order of its stamps.
+    """
+    order = np.argsort(starts_ns, kind="stable")[::-1].tolist()
+    running: list[tuple[int, int, Entry, Iterator[Entry]]] = []
+    while order or running:
+        if order and (not running or (int(starts_ns[order[-1]]), order[-1]) < running[0][:2]):
+            piece = order.pop()
+            entries = open_piece(piece)
+            first = next(entries, None)
+            if first is not None:
+                heappush(running, (first.stamp_ns, piece, first, entries))
+            continue
+        _, piece, first, entries = heappop(running)
+        yield first
+        limit = running[0][:2] if running else (LATEST_NS, 0)
+        if order:
+            limit = min(limit, (int(starts_ns[order[-1]]), order[-1]))
+        for entry in entries:
+            if (entry.stamp_ns, piece) > limit:
+                heappush(running, (entry.stamp_ns, piece, entry, entries))
+                break
+            yield entry
+
+
+class MergedRecording:
+    """A `Recording` of one or several files.
+
+    Args:
+        path, format: as `Recording` has them.
+        storages: its files, in their order.
+        loss: to which the files add what they cannot read.
+        release: called when it is closed.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        format: str,
+        storages: Sequence[Storage],
+        loss: Loss,
+        release: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.path, self.format, self.loss = path, format, loss
+        self.size = sum(storage.size for storage in storages)
+        self.compression = ", ".join(sorted({c for s in storages for c in s.compressions}))
+        self.topics: Mapping[str, TopicInfo] = _topics(storages)
+        spans = [(s.starts_ns.min(), s.ends_ns.max()) for s in storages if len(s.starts_ns)]
+        self.start_ns = int(min((start for start, _ in spans), default=0))
+        self.end_ns = int(max((end for _, end in spans), default=0))
+        self._storages = storages
+        self._release = release
+        self._closed = threading.Event()
+
+    def read(
+        self,
+        start_ns: int | None = None,
+        stop_ns: int | None = None,
+        topics: Collection[str] | None = None,
+    ) -> Generator[Entry, None, None]:
+        """As `Recording.read`."""
+        return calibrated(self._read, self.topics, start_ns, stop_ns, topics)
+
+    def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
+        """As `Recording.stamps_ns`."""
+        found: dict[str, list[npt.NDArray[np.int64]]] = {topic: [] for topic in self.topics}
+        for storage in self._storages:
+            for number, stamps_ns in storage.stamps_ns():
+                channel = storage.channels.get(number)
+                if channel is not None and not channel.unreadable:
+                    found[channel.topic].append(stamps_ns)
+        empty = np.empty(0, np.int64)
+        return {topic: np.sort(np.concatenate([empty, *parts])) for topic, parts in found.items()}
+
+    def close(self) -> None:
+        """As `Recording.close`."""
+        self._closed.set()
+        for storage in self._storages:
+            storage.close()
+        self._release()
+
+    def _read(
+        self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
+    ) -> Generator[Entry, None, None]:
+        query = Query(
+            -LATEST_NS if start_ns is None else start_ns,
+            LATEST_NS if stop_ns is None else stop_ns,
+            None if topics is None else frozenset(topics),
+        )
+        is_closed = self._closed.is_set
+        for entry in self._merged(query):
+            if is_closed():
+                return
+            yield entry
+
+    def _merged(self, query: Query) -> Iterator[Entry]:
+        chosen = [storage.select(query) for storage in self._storages]
+        ends = np.cumsum([len(pieces) for pieces in chosen])
+        starts_ns = [s.starts_ns[p] for s, p in zip(self._storages, chosen, strict=True)]
+
+        def open_piece(number: int) -> Iterator[Entry]:
+            file = int(np.searchsorted(ends, number, side="right"))
+            piece = chosen[file][number - ends[file]]
+            return self._storages[file].read_piece(int(piece), query)
+
+        return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
+
+
+def _topics(storages: Sequence[Storage]) -> dict[str, TopicInfo]:
+    found: dict[str, list[tuple[Channel, int]]] = {}
+    connections: dict[str, int] = {}
+    for storage in storages:
+        here: dict[str, int] = {}
+        for number, channel in storage.channels.items():
+            found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
+            here[channel.topic] = here.get(channel.topic, 0) + 1
+        for topic, count in here.items():
+            connections[topic] = max(count, connections.get(topic, 0))
+    return {topic: _topic(found[topic], connections[topic]) for topic in sorted(found)}
+
+
+def _topic(channels: Sequence[tuple[Channel, int]], connections: int) -> TopicInfo:
+    """What a topic is by those of its channels that can be read, if there are any."""
+    readable = [pair for pair in channels if not pair[0].unreadable] or channels
+    first = readable[0][0]
+    latched = any(channel.latched for channel, _ in readable)
+    return TopicInfo(
+        TopicType(first.type_name, first.definitions, latched),
+        sum(count for _, count in readable),
+        first.digest,
+        connections,
+        first.unreadable,
+    )

@@ -1,0 +1,94 @@
+"""The message types that a recording defines, sorted into `Definitions` that do not conflict."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.definitions import Definitions, Encoding
+
+_TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
+
+_Types = dict[str, Any]
+
+
+class Schemas:
+    """Makes one `Definitions` per encoding, and another where two definitions of a name differ."""
+
+    def __init__(self) -> None:
+        self._spaces: dict[Encoding, list[tuple[Definitions, _Types]]] = {}
+        self._found: dict[tuple[Encoding, str, str, bool], Definitions] = {}
+
+    def define(
+        self, encoding: Encoding, type_name: str, text: str, is_idl: bool = False
+    ) -> Definitions:
+        """The definitions that know a type as its text has it; without a text, as ROS has it.
+
+        Args:
+            type_name: ``package/msg/Name``.
+            text: with the types that it is made of, as MCAP and rosbag2 hold it.
+            is_idl: the text is OMG IDL, else ROS's own language.
+
+        Raises:
+            DamagedMessage: the text is no definition, or there is none and ROS has none.
+        """
+        key = (encoding, type_name, text, is_idl)
+        if key not in self._found:
+            self._found[key] = self._define(*key)
+        return self._found[key]
+
+    def _define(self, encoding: Encoding, type_name: str, text: str, is_idl: bool) -> Definitions:
+        spaces = self._spaces.setdefault(encoding, [(Definitions(encoding), {})])
+        if not text.strip() and spaces[0][0].knows(type_name):
+            text = spaces[0][0].text(type_name)
+        elif not text.strip():
+            raise DamagedMessage(
+                f"{type_name}: nobody knows this type, and the recording does not define it"
+            )
+        elif is_idl:
+            text = _idl_to_msg(type_name, text)
+        types = _parse(type_name, text)
+        fitting = (
+            space
+            for space in spaces
+            if all(space[1].get(name, given) == given for name, given in types.items())
+        )
+        space = next(fitting, None)
+        if space is None:
+            space = (Definitions(encoding), {})
+            spaces.append(space)
+        definitions, known = space
+        definitions.define(type_name, text)
+        known.update(types)
+        return definitions
+
+
+def ros_name(name: str) -> str:
+    """A type's name as ``package/msg/Name``, from ``package/Name`` too."""
+    parts = name.split("/")
+    return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
+
+
+def is_latched(offered_qos_profiles: str) -> bool:
+    """Whether rosbag2's note of its publishers' QoS, in numbers or words, has a latched one."""
+    return bool(_TRANSIENT_LOCAL.search(offered_qos_profiles))
+
+
+def _parse(type_name: str, text: str) -> _Types:
+    try:
+        return dict(get_types_from_msg(text, type_name))
+    except Exception as error:  # the library's parser raises what it happens to meet
+        raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
+
+
+def _idl_to_msg(type_name: str, text: str) -> str:
+    """The same definition in ROS's own language."""
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_idl(text))
+        return store.generate_msgdef(type_name, ros_version=2)[0]
+    except Exception as error:  # the library's parser raises what it happens to meet
+        raise DamagedMessage(f"{type_name}: its IDL definition cannot be read") from error

@@ -1,0 +1,81 @@
+"""One file of a recording, as `MergedRecording` reads it: in pieces, each in order of time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.sources.recordings import Entry, Loss
+
+LATEST_NS = 2**64
+"""After every stamp that a file can hold."""
+
+_MOST_NOTES = 20
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so."""
+
+    topic: str
+    type_name: str
+    definitions: Definitions | None = None
+    digest: str = ""
+    latched: bool = False
+    unreadable: str = ""
+
+
+class Query(NamedTuple):
+    """Which messages are asked for: from a stamp until before another, of some topics or of all."""
+
+    start_ns: int = -LATEST_NS
+    stop_ns: int = LATEST_NS
+    topics: Collection[str] | None = None
+
+    def asks_for(self, channel: Channel) -> bool:
+        """Whether messages of a channel are wanted, and can be read."""
+        return not channel.unreadable and (self.topics is None or channel.topic in self.topics)
+
+
+class Storage(Protocol):
+    """A file's channels and its pieces, which are numbered in the order of the file.
+
+    Attributes:
+        size: its bytes.
+        compressions: those that it uses: ``none``, ``lz4``, ``zstd``.
+        channels: by the file's own numbers.
+        counts: messages of each channel.
+        starts_ns, ends_ns: (N,) stamps of the first and the last message of each piece.
+    """
+
+    size: int
+    compressions: Collection[str]
+    channels: Mapping[int, Channel]
+    counts: Mapping[int, int]
+    starts_ns: npt.NDArray[np.int64]
+    ends_ns: npt.NDArray[np.int64]
+
+    def select(self, query: Query) -> npt.NDArray[np.intp]:
+        """The pieces that may hold what is asked for, in the order of the file."""
+
+    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
+        """A piece's messages in order of their stamps, then of the file; none after `close`."""
+
+    def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """Channels and stamps of their messages, those of one channel in any number of arrays."""
+
+    def close(self) -> None:
+        """Let go of the file; may be called from any thread."""
+
+
+def add_note(loss: Loss, note: str) -> None:
+    """Say what was lost, unless much of that kind was said already."""
+    if len(loss.notes) < _MOST_NOTES and note not in loss.notes:
+        loss.notes.append(note)
+    elif len(loss.notes) == _MOST_NOTES:
+        loss.notes.append("and more")
