@@ -120,9 +120,55 @@ def _add_asking(commands: Any) -> None:
     info.set_defaults(module="info")
     info.add_argument("input", metavar="FILE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
+    _add_convert(commands)
+    _add_trajectory(commands)
     nodes = commands.add_parser("nodes", help="every node, its topics and its parameters")
     nodes.set_defaults(module="nodes")
     nodes.add_argument("--json", action="store_true", help="as one JSON object")
+
+
+def _add_convert(commands: Any) -> None:
+    convert = commands.add_parser("convert", help="a recording in another format, or a part of it")
+    convert.set_defaults(module="convert")
+    convert.add_argument("input", metavar="SRC", help="a recording of any kind")
+    convert.add_argument(
+        "output", metavar="DST", help=".bag, .mcap, or a name without these for a ROS 2 folder"
+    )
+    convert.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="these alone")
+    convert.add_argument(
+        "--start", type=_not_negative, metavar="S", help="begin at this time, seconds"
+    )
+    convert.add_argument("--duration", type=_positive, metavar="S", help="so many seconds")
+    convert.add_argument(
+        "--compression",
+        choices=("none", "lz4", "bz2", "zstd"),
+        help="a .bag: none (default), lz4, bz2; .mcap and ROS 2: lz4 (default), none, zstd",
+    )
+    convert.add_argument(
+        "--profile",
+        choices=("ros1", "ros2"),
+        help="types of an .mcap: of ROS 2 (default), or ROS 1, which keeps a .bag's bytes",
+    )
+    convert.add_argument("--overwrite", action="store_true", help="replace DST if it exists")
+    convert.add_argument("--json", action="store_true", help="say what it is as one JSON object")
+
+
+def _add_trajectory(commands: Any) -> None:
+    way = commands.add_parser(
+        "trajectory", help="the way that something went, as a text file and a picture"
+    )
+    way.set_defaults(module="trajectory")
+    way.add_argument("input", metavar="SRC", help="a recording of any kind")
+    way.add_argument("output", metavar="OUT", type=Path)
+    way.add_argument(
+        "--topic", help="of poses, odometry, fixes or a path; /tf:PARENT.CHILD for two frames"
+    )
+    way.add_argument(
+        "--format", choices=("tum", "kitti"), default="tum", help="of OUT (%(default)s)"
+    )
+    way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png, .svg or .pdf")
+    way.add_argument("--overwrite", action="store_true", help="replace files that exist")
+    way.add_argument("--json", action="store_true", help="say what it is as one JSON object")
 
 
 def _checked(

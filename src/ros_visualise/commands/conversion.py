@@ -1,0 +1,113 @@
+"""Copying a recording into a new one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Generator
+from contextlib import closing
+from dataclasses import dataclass, field
+
+from ros_visualise.commands.read_ahead import ReadAhead
+from ros_visualise.data import Transforms
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.recorded import content
+from ros_visualise.sinks import Recorder
+from ros_visualise.sources.recordings import Entry, Recording
+
+
+@dataclass(frozen=True)
+class Part:
+    """What of a recording is copied: the topics, from one time to before another; None is all."""
+
+    topics: tuple[str, ...]
+    start_ns: int | None = None
+    stop_ns: int | None = None
+
+
+@dataclass
+class Conversion:
+    """Copies a part of a recording.
+
+    One thread runs it, others may look at it and stop it.
+
+    Attributes:
+        written: topic -> messages that were written.
+        left_out: topic -> messages that could not be written.
+        reasons: topic -> why the first of them could not.
+    """
+
+    recording: Recording
+    part: Part
+    recorder: Recorder
+    written: Counter[str] = field(default_factory=Counter)
+    left_out: Counter[str] = field(default_factory=Counter)
+    reasons: dict[str, str] = field(default_factory=dict)
+    _stopped: bool = False
+
+    @property
+    def messages(self) -> int:
+        """All that were written by now."""
+        return sum(self.written.values())
+
+    def run(self) -> None:
+        """Copy, and finish the new recording, also where copying ends early.
+
+        Raises:
+            RecordingError: it could not be written to its end.
+        """
+        with self.recorder, closing(ReadAhead(self._read())) as entries:
+            for entry in entries:
+                if self._stopped:
+                    break
+                self._copy(entry)
+
+    def stop(self) -> None:
+        """End after the message that is being written, and do not wait for the next."""
+        self._stopped = True
+        self.recording.close()
+
+    def _copy(self, entry: Entry) -> None:
+        try:
+            self.recorder.write(entry.topic, entry.message, entry.stamp_ns)
+            self.written[entry.topic] += 1
+        except DamagedMessage as error:
+            self.left_out[entry.topic] += 1
+            self.reasons.setdefault(entry.topic, str(error))
+
+    def _read(self) -> Generator[Entry, None, None]:
+        part = self.part
+        if part.start_ns is not None:
+            for entry in _latched_before(self.recording, part.topics, part.start_ns):
+                yield entry._replace(stamp_ns=part.start_ns)
+        yield from self.recording.read(part.start_ns, part.stop_ns, part.topics)
+
+
+def _latched_before(recording: Recording, topics: Collection[str], start_ns: int) -> list[Entry]:
+    """The latched messages that somebody who comes at that time would be given."""
+    latched = [
+        topic
+        for topic in topics
+        if recording.topics[topic].type.latched or topic.endswith("/tf_static")
+    ]
+    if not latched:
+        return []
+    last: dict[tuple[str, ...], Entry] = {}
+    with closing(recording.read(None, start_ns, latched)) as entries:
+        for entry in entries:
+            last.update(dict.fromkeys(_says(entry), entry))
+    return sorted({id(entry): entry for entry in last.values()}.values(), key=_stamp)
+
+
+def _says(entry: Entry) -> list[tuple[str, ...]]:
+    """What a message replaces: what was said on its topic before or, of transforms, of a frame."""
+    try:
+        said = content(entry.message)
+    except DamagedMessage:
+        return [(entry.topic,)]
+    if not isinstance(said, Transforms):
+        return [(entry.topic,)]
+    return [(entry.topic, one.child_frame_id) for one in said.transforms]
+
+
+def _stamp(entry: Entry) -> int:
+    return entry.stamp_ns

@@ -1,0 +1,205 @@
+"""``convert``: a recording in another format, or a part of it."""
+
+from __future__ import annotations
+
+import json
+import logging
+import signal
+import sys
+import threading
+from argparse import Namespace
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from ros_visualise.commands.conversion import Conversion, Part
+from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.errors import DamagedMessage, RosVisualiseError, UsageError
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import encoding_of, kind_of, open_recorder
+from ros_visualise.sinks.encoding import Encoder
+from ros_visualise.sources.recordings import Recording, open_recording
+
+_SPIN_S = 0.05
+_NS = 1_000_000_000
+
+
+def run(args: Namespace) -> int:
+    """Copy a recording into a new file, and say what was lost."""
+    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
+    target = Path(args.output)
+    encoding = encoding_of(target, args.profile)
+    if kind_of(target) == "mp4":
+        raise UsageError(f"{target}: a video is made by ros-visualise bag SRC --record {target}")
+    _refuse_source(Path(args.input), target)
+    recording = interruptible(lambda: open_recording(args.input))
+    with closing(recording):
+        part = _choose_part(recording, args)
+        unwritable = _find_unwritable(recording, part, Encoder(encoding))
+        types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
+        recorder = open_recorder(
+            args.output,
+            types,
+            args.overwrite,
+            profile=args.profile,
+            compression=args.compression,
+            live=False,
+        )
+        part = Part(tuple(types), part.start_ns, part.stop_ns)
+        conversion = Conversion(recording, part, recorder)
+        interrupted, error = _watch(conversion)
+        return _finish(args, conversion, unwritable, interrupted, error)
+
+
+def _refuse_source(source: Path, target: Path) -> None:
+    if not source.exists() or not target.exists():
+        return
+    read, written = source.resolve(), target.resolve()
+    if source.samefile(target) or written in read.parents or read in written.parents:
+        raise UsageError(f"{target} is what is read, or holds it; choose another name")
+
+
+def _choose_part(recording: Recording, args: Namespace) -> Part:
+    for name in args.topics:
+        if name not in recording.topics:
+            there = ", ".join(recording.topics)
+            raise UsageError(f"{recording.path}: no topic {name}; there are {there}")
+    topics = tuple(t for t in recording.topics if not args.topics or t in args.topics)
+    if args.start is None and args.duration is None:
+        return Part(topics)
+    start_ns = recording.start_ns + round((args.start or 0) * _NS)
+    if start_ns > recording.end_ns:
+        length_s = (recording.end_ns - recording.start_ns) / _NS
+        raise UsageError(f"--start {args.start:g}: {recording.path} ends after {length_s:.1f} s")
+    stop_ns = None if args.duration is None else start_ns + round(args.duration * _NS)
+    return Part(topics, start_ns if args.start else None, stop_ns)
+
+
+def _find_unwritable(recording: Recording, part: Part, encoder: Encoder) -> dict[str, str]:
+    """Topic -> why its messages cannot be written."""
+    found = {}
+    for topic in part.topics:
+        info = recording.topics[topic]
+        if info.unreadable and not _passes(info.type, encoder):
+            found[topic] = info.unreadable
+            continue
+        try:
+            encoder.declare(info.type)
+        except DamagedMessage as error:
+            found[topic] = str(error)
+    return found
+
+
+def _passes(kind: TopicType, encoder: Encoder) -> bool:
+    """Whether its messages are written as the bytes that they are."""
+    return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
+
+
+def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
+    """Run it, and show how far it is; whether it was interrupted, and what ended it early."""
+    errors: list[Exception] = []
+
+    def work() -> None:
+        try:
+            conversion.run()
+        except Exception as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work, name="writer")
+    thread.start()
+    interrupted = False
+    with tqdm(
+        total=_expected(conversion),
+        unit=" messages",
+        unit_scale=True,
+        disable=None,
+        dynamic_ncols=True,
+        leave=False,
+    ) as bar:
+        try:
+            while thread.is_alive():
+                thread.join(_SPIN_S)
+                bar.update(conversion.messages - bar.n)
+        except KeyboardInterrupt:
+            interrupted = True
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, signal.SIG_IGN)
+            conversion.stop()
+        thread.join()
+    if errors and not isinstance(errors[0], RosVisualiseError):
+        raise errors[0]
+    return interrupted, errors[0] if errors else None
+
+
+def _expected(conversion: Conversion) -> int:
+    """About how many messages there will be."""
+    recording, part = conversion.recording, conversion.part
+    count = sum(recording.topics[topic].messages for topic in part.topics)
+    begin_ns = part.start_ns or recording.start_ns
+    end_ns = min(part.stop_ns or recording.end_ns, recording.end_ns)
+    length_ns = recording.end_ns - recording.start_ns
+    return round(count * (end_ns - begin_ns) / length_ns) if length_ns else count
+
+
+def _finish(
+    args: Namespace,
+    conversion: Conversion,
+    unwritable: dict[str, str],
+    interrupted: bool,
+    error: Exception | None,
+) -> int:
+    notes = _notes(args.input, conversion, unwritable)
+    if error is not None:
+        notes.append(str(error))
+    for note in notes:
+        print(f"ros-visualise: {note}", file=sys.stderr)
+    report = _report(conversion, unwritable, notes)
+    print(
+        f"{report['path']}: {report['messages']} messages on {len(report['topics'])} topics,"
+        f" {report['bytes'] / 1e6:.1f} MB",
+        file=sys.stderr,
+    )
+    if args.json:
+        print(json.dumps(report))
+    return 130 if interrupted else int(bool(notes))
+
+
+def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:
+    """What was lost, for people."""
+    loss = conversion.recording.loss
+    notes = [f"{source}: {note}" for note in loss.notes]
+    if loss and not notes:
+        notes.append(f"{source}: {loss.messages} messages could not be read")
+    notes += [f"{topic}: left out: {reason}" for topic, reason in unwritable.items()]
+    notes += [
+        f"{topic}: {count} messages left out: {conversion.reasons[topic]}"
+        for topic, count in conversion.left_out.items()
+    ]
+    return notes
+
+
+def _report(conversion: Conversion, unwritable: dict[str, str], notes: list[str]) -> dict[str, Any]:
+    recording, path = conversion.recording, conversion.recorder.path
+    files = [path] if path.is_file() else list(path.iterdir())
+    left_out = sum(recording.topics[topic].messages for topic in unwritable)
+    left_out += sum(conversion.left_out.values())
+    return {
+        "path": str(path),
+        "format": kind_of(path),
+        "messages": conversion.messages,
+        "bytes": sum(file.stat().st_size for file in files),
+        "topics": {
+            topic: {
+                "type": recording.topics[topic].type.name,
+                "messages": conversion.written[topic],
+            }
+            for topic in conversion.part.topics
+        },
+        "lost": {
+            "messages": recording.loss.messages + left_out,
+            "bytes": recording.loss.bytes,
+            "notes": notes,
+        },
+    }
