@@ -1,0 +1,98 @@
+"""``trajectory``: the way that something went, as a text file and a picture."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import Namespace
+from contextlib import closing
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.errors import UsageError
+from ros_visualise.geometry.travel import Travel
+from ros_visualise.sinks.figure import FIGURE_FORMATS
+from ros_visualise.sinks.trajectory import FORMATS, refuse_existing, save
+from ros_visualise.sinks.trajectory_plot import plot_trajectory
+from ros_visualise.sources.recordings import Loss, open_recording
+from ros_visualise.sources.trajectories import Trajectory, read_trajectory
+
+
+def run(args: Namespace) -> int:
+    """Write the way, draw it if that is asked for, and say what it is."""
+    for target in (args.output, args.plot):
+        if target is not None:
+            _check(target, args)
+    found, loss = interruptible(lambda: _read(args.input, args.topic))
+    save(args.output, "".join(FORMATS[args.format](found.path)).encode(), args.overwrite)
+    figures = _figures(found)
+    if args.plot is not None:
+        figure = plot_trajectory(found.path, _title(found, figures))
+        save(args.plot, FIGURE_FORMATS[args.plot.suffix.lower()](figure), args.overwrite)
+    print(json.dumps(_report(found, figures, args)) if args.json else _summary(found, figures))
+    for note in loss.notes:
+        print(f"ros-visualise: {args.input}: {note}", file=sys.stderr)
+    return 1 if loss or found.left_out.get("damaged") else 0
+
+
+def _check(target: Path, args: Namespace) -> None:
+    if target is args.plot and target.suffix.lower() not in FIGURE_FORMATS:
+        kinds = ", ".join(FIGURE_FORMATS)
+        raise UsageError(f"{target}: the name of a picture ends in one of {kinds}")
+    refuse_existing(target, args.overwrite)
+    if target.exists() and Path(args.input).exists() and target.samefile(args.input):
+        raise UsageError(f"{target} is what is read; choose another name to write to")
+    if args.plot is not None and args.plot.absolute() == args.output.absolute():
+        raise UsageError(f"{target} can not be both; choose another name for the picture")
+
+
+def _read(path: str, topic: str | None) -> tuple[Trajectory, Loss]:
+    with closing(open_recording(path)) as recording:
+        return read_trajectory(recording, topic), recording.loss
+
+
+def _figures(found: Trajectory) -> dict[str, Any]:
+    travel = Travel()
+    for stamp_ns, position in zip(
+        found.path.stamps_ns.tolist(), found.path.positions_xyz.tolist(), strict=True
+    ):
+        travel.add(stamp_ns, position)
+    return {"poses": len(found.path.stamps_ns), **asdict(travel.summary())}
+
+
+def _title(found: Trajectory, figures: dict[str, Any]) -> str:
+    return f"{found.topic}: {figures['length_m']:.2f} m in {figures['duration_s']:.1f} s"
+
+
+def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict[str, Any]:
+    return {
+        "path": str(args.input),
+        "topic": found.topic,
+        "frame": found.path.header.frame_id,
+        "start": int(found.path.stamps_ns[0]) / 1e9,
+        **figures,
+        "left_out": found.left_out,
+        "unordered": found.unordered,
+        "without_attitude": found.without_attitude,
+    }
+
+
+def _summary(found: Trajectory, figures: dict[str, Any]) -> str:
+    frame = found.path.header.frame_id
+    lines = [
+        f"{found.topic}: {figures['poses']} poses{f' in the frame {frame}' if frame else ''}",
+        f"length:     {figures['length_m']:.3f} m",
+        f"duration:   {figures['duration_s']:.3f} s",
+    ]
+    if figures["mean_mps"] is not None:
+        lines.append(f"mean speed: {figures['mean_mps']:.3f} m/s")
+        lines.append(f"top speed:  {figures['top_mps']:.3f} m/s over a second")
+    for why, count in found.left_out.items():
+        lines.append(f"left out:   {count} {why}")
+    if found.unordered:
+        lines.append(f"sorted:     {found.unordered} came after later ones")
+    if found.without_attitude:
+        lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
+    return "\n".join(lines)

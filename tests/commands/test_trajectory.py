@@ -1,0 +1,215 @@
+"""`ros-visualise trajectory`: files that evo reads, with the numbers that evo has."""
+
+import json
+import subprocess
+import sys
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import cv2
+import numpy as np
+import pytest
+from evo.tools import file_interface
+from rosbags.rosbag1 import Reader
+
+from ros_visualise.cli import main
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command; its exit status, output and what it said of errors."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+
+    def run(*arguments):
+        status = main(["trajectory", *map(str, arguments)])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+BAGS = [
+    ("evo_ROS_example.bag", "groundtruth", 12765),
+    ("evo_ROS_example.bag", "ORB-SLAM", 8362),
+    ("evo_ROS_example.bag", "S-PTAM", 5439),
+    ("robot_localization_test1.bag", "/husky_velocity_controller/odom", 3952),
+]
+
+
+@pytest.mark.parametrize(("bag", "topic", "count"), BAGS)
+def test_a_bag_gives_what_evo_reads_from_it(recordings, run, tmp_path, bag, topic, count):
+    source, out = recordings / "bags" / bag, tmp_path / "out.tum"
+    status, said, _ = run(source, out, "--topic", topic, "--json")
+    assert status == 0
+    with Reader(source) as reader:
+        expected = file_interface.read_bag_trajectory(reader, topic)
+    found = file_interface.read_tum_trajectory_file(out)
+    order = np.argsort(expected.timestamps, kind="stable")
+    np.testing.assert_allclose(found.timestamps, expected.timestamps[order], rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(found.positions_xyz, expected.positions_xyz[order])
+    np.testing.assert_array_equal(
+        found.orientations_quat_wxyz, expected.orientations_quat_wxyz[order]
+    )
+    report = json.loads(said)
+    assert report["poses"] == count
+    assert report["length_m"] == pytest.approx(found.path_length)
+    assert report["duration_s"] == pytest.approx(found.timestamps[-1] - found.timestamps[0])
+    assert report["mean_mps"] == pytest.approx(report["length_m"] / report["duration_s"])
+    assert report["mean_mps"] <= report["top_mps"]
+
+
+def test_kitti_files_hold_the_same_poses(recordings, run, tmp_path):
+    source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.txt"
+    assert run(source, out, "--format", "kitti")[0] == 0
+    assert run(source, tmp_path / "out.tum")[0] == 0
+    found = file_interface.read_kitti_poses_file(out)
+    expected = file_interface.read_tum_trajectory_file(tmp_path / "out.tum")
+    assert found.num_poses == 3952
+    np.testing.assert_allclose(found.poses_se3, expected.poses_se3, atol=1e-12)
+
+
+def test_stamps_keep_their_nanoseconds(recordings, run, tmp_path):
+    source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"
+    run(source, out, "--topic", "/husky_velocity_controller/odom")
+    with Reader(source) as reader:
+        [connection] = [c for c in reader.connections if c.topic.endswith("/odom")]
+        _, _, raw = next(reader.messages([connection]))
+    seconds, nanoseconds = np.frombuffer(raw[4:12], "<u4")
+    assert out.read_text().split(" ", 1)[0] == f"{seconds}.{nanoseconds:09d}"
+
+
+def test_tf_as_the_bag_has_it(recordings, run, tmp_path):
+    """Its chain is one moving transform and one static, which does not turn."""
+    source, out = recordings / "bags" / "evo_tf_example.bag", tmp_path / "out.tum"
+    assert run(source, out, "--topic", "/tf:odom.base_link")[0] == 0
+    found = file_interface.read_tum_trajectory_file(out)
+    moving = tmp_path / "moving.tum"
+    assert run(source, moving, "--topic", "/tf:odom.base_footprint")[0] == 0
+    footprint = file_interface.read_tum_trajectory_file(moving)
+    assert found.num_poses == footprint.num_poses == 517
+    offsets = [
+        np.linalg.inv(a) @ b for a, b in zip(footprint.poses_se3, found.poses_se3, strict=True)
+    ]
+    np.testing.assert_allclose(offsets, [offsets[0]] * 517, atol=1e-9)
+    np.testing.assert_allclose(offsets[0][:3, :3], np.eye(3), atol=1e-9)
+    assert (np.diff(found.timestamps) > 0).all()
+
+
+def test_the_fixes_of_a_husky(recordings, run, tmp_path):
+    source = recordings / "bags" / "robot_localization_test1.bag"
+    status, said, _ = run(source, tmp_path / "out.tum", "--topic", "/fix", "--json")
+    report = json.loads(said)
+    assert status == 0
+    assert report["frame"] == "map"
+    assert report["poses"] + sum(report["left_out"].values()) == 989
+    [first, *_] = (tmp_path / "out.tum").read_text().splitlines()
+    assert first.split(" ")[1:] == ["0.0", "0.0", "0.0", "0.0", "0.0", "0.0", "1.0"]
+    assert 359 < report["length_m"] < 500  # by its wheels 359 m: fixes jitter
+
+
+def test_what_it_says(recordings, run, tmp_path):
+    status, said, errors = run(
+        recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"
+    )
+    assert (status, errors) == (0, "")
+    assert said.splitlines()[:3] == [
+        "/husky_velocity_controller/odom: 3952 poses in the frame odom",
+        "length:     358.797 m",
+        "duration:   395.304 s",
+    ]
+
+
+class TestPlot:
+    @pytest.fixture
+    def plot(self, recordings, run, tmp_path):
+        def plot(name):
+            source = recordings / "bags" / "robot_localization_test1.bag"
+            assert run(source, tmp_path / f"{name}.tum", "--plot", tmp_path / name)[0] == 0
+            return tmp_path / name
+
+        return plot
+
+    def test_svg(self, plot):
+        root = ElementTree.parse(plot("way.svg")).getroot()
+        space = "{http://www.w3.org/2000/svg}"
+        texts = [one.text for one in root.iter(f"{space}text")]
+        assert "/husky_velocity_controller/odom: 358.80 m in 395.3 s" in texts
+        assert {"x (m)", "y (m)", "z (m)", "time (s)", "start", "end"} <= set(texts)
+        curves = [one for one in root.iter(f"{space}polyline") if "#1f6fb2" in one.get("stroke")]
+        above = np.array([p.split(",") for p in curves[0].get("points").split()], float)
+        # One scale for x and y: the drawn length is that of the way, 358.8 m, in pixels.
+        spans = above.max(axis=0) - above.min(axis=0)
+        drawn = sum(np.linalg.norm(b - a) for a, b in pairwise(above))
+        assert drawn / spans[0] == pytest.approx(358.8 / 151.6, rel=0.02)
+
+    def test_png(self, plot):
+        pixels = cv2.imread(str(plot("way.png")))
+        assert pixels.shape == (1600, 1600, 3)
+        assert (pixels == (178, 111, 31)).all(axis=2).sum() > 3000  # of the line, blue green red
+
+    def test_pdf(self, plot):
+        data = plot("way.PDF").read_bytes()
+        assert data.startswith(b"%PDF-1.4\n")
+        table = int(data.rpartition(b"startxref\n")[2].split()[0])
+        lines = data[table:].split(b"\n")
+        assert lines[0] == b"xref"
+        for number, line in enumerate(lines[3:8], 1):
+            assert data[int(line[:10]) :].startswith(b"%d 0 obj" % number)
+
+
+class TestRefusals:
+    @pytest.fixture
+    def refused(self, run, capsys):
+        def refused(*arguments):
+            status, out, error = run(*arguments)
+            assert (status, out) == (2, "")
+            [line] = error.splitlines()
+            return line
+
+        return refused
+
+    def test_files_that_exist(self, recordings, refused, run, tmp_path):
+        source, out = recordings / "bags" / "evo_tf_example.bag", tmp_path / "out.tum"
+        out.write_text("mine")
+        assert "--overwrite" in refused(source, out, "--topic", "/tf:odom.base_link")
+        assert "--overwrite" in refused(
+            source, tmp_path / "new.tum", "--plot", out.rename(tmp_path / "out.svg")
+        )
+        assert not (tmp_path / "new.tum").exists()
+        assert (tmp_path / "out.svg").read_text() == "mine"
+        (tmp_path / "new.tum").write_text("mine")
+        assert (
+            run(source, tmp_path / "new.tum", "--topic=/tf:odom.base_link", "--overwrite")[0] == 0
+        )
+        assert len((tmp_path / "new.tum").read_text().splitlines()) == 517
+
+    def test_the_recording_itself(self, refused, tmp_path):
+        source = tmp_path / "a.bag"
+        source.write_bytes(b"#ROSBAG V2.0\n")
+        assert "what is read" in refused(source, source, "--overwrite")
+
+    def test_topics(self, recordings, refused, tmp_path):
+        bag, out = recordings / "bags" / "evo_ROS_example.bag", tmp_path / "out.tum"
+        for said in (refused(bag, out), refused(bag, out, "--topic", "/none")):
+            assert "ORB-SLAM, " in said
+            assert "groundtruth" in said
+        tf = recordings / "bags" / "evo_tf_example.bag"
+        assert "base_footprint, base_link, odom" in refused(tf, out)
+        assert "no frame 'mars'" in refused(tf, out, "--topic", "/tf:odom.mars")
+        assert not out.exists()
+
+    def test_pictures_and_inputs(self, refused, tmp_path):
+        assert ".svg" in refused(tmp_path / "a.bag", tmp_path / "out.tum", "--plot", "a.jpg")
+        same = tmp_path / "way.svg"
+        assert "both" in refused(tmp_path / "a.bag", same, "--plot", same)
+        assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
+
+
+def test_as_a_process(recordings, tmp_path):
+    source = recordings / "bags" / "evo_tf_example.bag"
+    command = [sys.executable, "-m", "ros_visualise", "trajectory", source, tmp_path / "out.tum"]
+    done = subprocess.run(
+        [*command, "--topic", "/tf:odom.base_link"], capture_output=True, text=True, timeout=60
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("/tf:odom.base_link: 517 poses in the frame odom\n")
