@@ -124,3 +124,12 @@ class PointCloud:
     def nbytes(self) -> int:
         """Bytes of its points."""
         return int(self.points.nbytes)
+
+
+@dataclass(frozen=True)
+class TimeReference:
+    """Another time, ``time_ns``, that goes with the stamp of the header; ``source`` names it."""
+
+    time_ns: int
+    source: str = ""
+    header: Header = Header()

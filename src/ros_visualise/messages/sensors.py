@@ -8,7 +8,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import FluidPressure, Imu, LaserScan, MagneticField, NavSatFix
-from ros_visualise.messages.build import Fields, header, read_header
+from ros_visualise.data.sensors import TimeReference
+from ros_visualise.messages.build import Fields, header, read_header, read_time, time
 from ros_visualise.messages.poses import named, xyz, xyzw
 
 _OF_SCAN = (
@@ -128,6 +129,21 @@ def read_scan(message: Any) -> LaserScan:
         header=read_header(message.header),
         **{name: float(getattr(message, name)) for name in _OF_SCAN},
     )
+
+
+def write_time_reference(reference: TimeReference) -> dict[str, Any]:
+    """The fields of a sensor_msgs/msg/TimeReference."""
+    return {
+        "header": header(reference.header),
+        "time_ref": time(reference.time_ns),
+        "source": reference.source,
+    }
+
+
+def read_time_reference(message: Any) -> TimeReference:
+    """The time in a sensor_msgs/msg/TimeReference."""
+    stamp_ns = read_time(message.time_ref)
+    return TimeReference(stamp_ns, str(message.source), read_header(message.header))
 
 
 def _square(covariance: Any) -> npt.NDArray[np.float64]:
