@@ -16,11 +16,11 @@ from tqdm import tqdm
 
 from ros_visualise.commands.conversion import Conversion, Part
 from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.errors import DamagedMessage, RosVisualiseError, UsageError
+from ros_visualise.errors import DamagedMessage, OpenError, RosVisualiseError, UsageError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
-from ros_visualise.sources.recordings import Recording, open_recording
+from ros_visualise.sources.recordings import Recording, is_recording, open_recording
 
 _SPIN_S = 0.05
 _NS = 1_000_000_000
@@ -34,7 +34,7 @@ def run(args: Namespace) -> int:
     if kind_of(target) == "mp4":
         raise UsageError(f"{target}: a video is made by ros-visualise bag SRC --record {target}")
     _refuse_source(Path(args.input), target)
-    recording = interruptible(lambda: open_recording(args.input))
+    recording = interruptible(lambda: _open(args.input))
     with closing(recording):
         part = _choose_part(recording, args)
         unwritable = _find_unwritable(recording, part, Encoder(encoding))
@@ -51,6 +51,21 @@ def run(args: Namespace) -> int:
         conversion = Conversion(recording, part, recorder)
         interrupted, error = _watch(conversion)
         return _finish(args, conversion, unwritable, interrupted, error)
+
+
+def _open(path: str) -> Recording:
+    """A recording or, where it is none, a video."""
+    try:
+        return open_recording(path)
+    except OpenError as error:
+        if is_recording(path) or not Path(path).is_file():
+            raise
+        from ros_visualise.sources.recordings.video import VideoRecording
+
+        try:
+            return VideoRecording(path)
+        except OpenError:
+            raise error from None
 
 
 def _refuse_source(source: Path, target: Path) -> None:

@@ -53,6 +53,9 @@ class Video:
         path: the file, whatever its name.
         size: (width, height) to scale every frame to while decoding.
 
+    Attributes:
+        faults: what was missing or damaged, known at the end.
+
     Raises:
         OpenError: it cannot be played; the message says why and what to do.
     """
@@ -60,6 +63,7 @@ class Video:
     def __init__(self, path: str | os.PathLike[str], size: Size | None = None) -> None:
         self._path = Path(path)
         self._converter = Converter(size)
+        self.faults: list[str] = []
         self._closed = self._warned = False
         self._open()
         first = _first_frame(self._container, self._stream, self._path)
@@ -147,6 +151,7 @@ class Video:
             )
         if faults and end_ns and not self._warned:
             self._warned = True
+            self.faults = faults
             log.warning("%s: %s", self._path, "; ".join(faults))
 
 
