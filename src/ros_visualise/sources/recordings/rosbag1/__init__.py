@@ -126,15 +126,22 @@ class RosBag:
         ]
         with self._open(_BUFFER) as file:
             reader = ChunkReader(file, self.size)
+            left: Counter[int] = Counter()
 
             def load(chunk: Chunk) -> NDArray[Any]:
                 entries = _between(self._readable_entries(reader, chunk), start_ns, stop_ns)
-                return entries[np.isin(entries["connection"], list(wanted))]
+                entries = entries[np.isin(entries["connection"], list(wanted))]
+                left[chunk.position] = len(entries)
+                return entries
 
             for stamp_ns, number, offset, place in in_time_order(chunks, load):
                 if self._closed:
                     return
-                data = self._data(reader, chunks[place], (stamp_ns, number, offset))
+                chunk = chunks[place]
+                data = self._data(reader, chunk, (stamp_ns, number, offset))
+                left[chunk.position] -= 1
+                if not left[chunk.position]:
+                    reader.release(chunk.position)
                 if data is not None:
                     known = self._types.of(wanted[number])
                     message = Recorded(known.type_name, data, known.definitions, stamp_ns)

@@ -18,7 +18,7 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 """A message of a chunk: where in its content the record begins."""
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
-_KEPT = 4  # chunks that overlap in time are read in turns: so many stay decompressed
+_KEPT_SIZE = 256 << 20  # chunks that overlap in time are read in turns: so much stays decompressed
 
 
 class Chunk(NamedTuple):
@@ -46,6 +46,7 @@ class Content(NamedTuple):
     file: BinaryIO
     start: int
     end: int
+    memory: int = 0
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,7 @@ class ChunkReader:
         self.file = file
         self.size = size
         self._opened: OrderedDict[int, Content] = OrderedDict()
+        self._kept_size = 0
 
     def header(self, position: int) -> records.Record:
         """The chunk's own record.
@@ -124,15 +126,22 @@ class ChunkReader:
         """
         if chunk.position in self._opened:
             self._opened.move_to_end(chunk.position)
-        else:
-            self._opened[chunk.position] = self._open(chunk)
-            if len(self._opened) > _KEPT:
-                self._opened.popitem(last=False)
-        return self._opened[chunk.position]
+            return self._opened[chunk.position]
+        content = self._opened[chunk.position] = self._open(chunk)
+        self._kept_size += content.memory
+        while self._kept_size > _KEPT_SIZE and len(self._opened) > 1:
+            self.release(next(iter(self._opened)))
+        return content
+
+    def release(self, position: int) -> None:
+        """Forget the content of the chunk there, if it is kept."""
+        content = self._opened.pop(position, None)
+        if content is not None:
+            self._kept_size -= content.memory
 
     def walk(self, content: Content) -> Walk:
         """Look at every record of a chunk, up to the first that cannot be one."""
-        file, position, end = content
+        file, position, end, _ = content
         entries: list[tuple[int, int, int]] = []
         connections: list[tuple[Fields, bytes]] = []
         while position < end:
@@ -160,7 +169,7 @@ class ChunkReader:
             Damaged: there is another one, or none.
         """
         stamp_ns, connection, offset = entry
-        file, start, end = content
+        file, start, end, _ = content
         file.seek(start + offset)
         header = file.read(records.MESSAGE_HEADER_SIZE)
         if records.is_message_header(header, connection, stamp_ns):  # nearly always, and quick
@@ -193,7 +202,7 @@ class ChunkReader:
         data = self.file.read(end - header.data_position)
         size = records.number(header.fields, b"size")
         found = records.decompress(compression, data, size, is_cut)
-        return Content(io.BytesIO(found), 0, len(found))
+        return Content(io.BytesIO(found), 0, len(found), len(found))
 
 
 def stamps_ns(indexed: NDArray[Any]) -> NDArray[np.int64]:

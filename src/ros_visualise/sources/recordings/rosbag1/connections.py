@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -11,9 +10,10 @@ from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
 from ros_visualise.sources.recordings.rosbag1.layout import Connection
+from ros_visualise.sources.recordings.schemas import Schemas
 
-_SEPARATOR = re.compile(r"^=+\s*\nMSG: *([\w/]+) *\n", re.MULTILINE)
 _EMPTY_MD5 = "d41d8cd98f00b204e9800998ecf8427e"  # of a type without fields
+_EMPTY_TEXT = "# it has no fields"
 
 
 class KnownType(NamedTuple):
@@ -21,36 +21,38 @@ class KnownType(NamedTuple):
 
     type_name: str
     definitions: Definitions
-    unreadable: str
+    unreadable: str = ""
 
 
 class Types:
-    """The types of all connections of a bag, each as the connection itself defines it.
-
-    Nearly always one set of definitions serves them all; where two connections define a type
-    differently, as after a change of the message, each has its own set.
-    """
+    """The types of all connections of a bag, each as the connection itself defines it."""
 
     def __init__(self) -> None:
-        self._sets: list[tuple[Definitions, dict[str, str]]] = []
+        self._schemas = Schemas()
         self._known: dict[tuple[str, str, str], KnownType] = {}
 
     def of(self, connection: Connection) -> KnownType:
         """How its messages are read."""
-        key = (connection.type_name, connection.digest, connection.definition)
+        key = connection[1:4]
         if key not in self._known:
-            definitions = self._fitting(_texts(connection.type_name, connection.definition))
-            unreadable = _define(definitions, connection)
-            self._known[key] = KnownType(connection.type_name, definitions, unreadable)
+            self._known[key] = self._find(*key)
         return self._known[key]
 
-    def _fitting(self, texts: Mapping[str, str]) -> Definitions:
-        for definitions, given in self._sets:
-            if all(given.get(name, text) == text for name, text in texts.items()):
-                given.update(texts)
-                return definitions
-        self._sets.append((Definitions("ros1"), dict(texts)))
-        return self._sets[-1][0]
+    def _find(self, type_name: str, digest: str, text: str) -> KnownType:
+        if not text.strip() and digest == _EMPTY_MD5:
+            text = _EMPTY_TEXT
+        try:
+            found = KnownType(type_name, self._schemas.define("ros1", type_name, text))
+            problem = f"{type_name}: the bag does not define it, and ROS has another one"
+        except DamagedMessage as error:
+            found = KnownType(type_name, Definitions("ros1"))
+            problem = str(error)
+        else:
+            if text.strip():
+                return found
+        if found.definitions.knows(type_name) and found.definitions.digest(type_name) == digest:
+            return found  # as ROS itself defines it
+        return found._replace(unreadable=problem)
 
 
 def topics_of(
@@ -81,28 +83,3 @@ def _topic(connections: list[Connection], messages: int, types: Types) -> TopicI
         connections=len(connections),
         unreadable=known.unreadable,
     )
-
-
-def _define(definitions: Definitions, connection: Connection) -> str:
-    """Add a connection's type; why its messages cannot be read, else nothing."""
-    name = connection.type_name
-    is_given = bool(connection.definition.strip()) or connection.digest == _EMPTY_MD5
-    problem = f"the bag does not define {name}"
-    if is_given:
-        try:
-            definitions.define(name, connection.definition)
-            return ""
-        except DamagedMessage as error:
-            problem = str(error)
-    if definitions.knows(name) and definitions.digest(name) == connection.digest:
-        return ""  # as ROS itself defines it
-    return problem
-
-
-def _texts(type_name: str, definition: str) -> dict[str, str]:
-    """The definition of each type in a definition, its own first."""
-    own, *others = _SEPARATOR.split(definition)
-    texts = {type_name: own.strip()}
-    for name, text in zip(others[::2], others[1::2], strict=True):
-        texts[name] = text.strip()
-    return texts

@@ -20,7 +20,7 @@ _SEARCHED = 1 << 20
 
 
 class Connection(NamedTuple):
-    """One publisher's topic; ``type_name`` as ``sensor_msgs/msg/Image``."""
+    """One publisher's topic; ``type_name`` as ``sensor_msgs/msg/Image``, ``digest`` its MD5."""
 
     topic: str
     type_name: str
