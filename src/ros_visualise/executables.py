@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
+from functools import partial
 
+from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
+from ros_visualise.nodes.player import player
 from ros_visualise.params import update
-from ros_visualise.pipelines import IMAGE_NODES, Graph, alone, chain, parse_node
+from ros_visualise.pipelines import IMAGE_NODES, Graph, Node, alone, chain, parse_node
+from ros_visualise.rate import WallClock
 from ros_visualise.runtime.ros1 import session
-from ros_visualise.runtime.ros1.clock import ros_clock
+from ros_visualise.runtime.ros1.clock import ClockPublisher, ros_clock
 from ros_visualise.runtime.ros1.playing import playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.recordings import open_recording
 from ros_visualise.ui import View, open_view
 from ros_visualise.ui.watching import watch
 
@@ -26,6 +33,8 @@ log = logging.getLogger(__name__)
 _SPIN_S = 0.1
 _OPTIONS = ("view", "host", "port", "window", "image_transport", "start", "duration")
 """Private parameters that every executable reads once, beside those that its node declares."""
+_NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
+_PATIENCE_S = 20.0
 
 
 def run_node(name: str) -> None:
@@ -46,6 +55,11 @@ def run_own() -> None:
 def run_pipeline() -> None:
     """Run several nodes in one process; between them images pass by reference."""
     _run("pipeline", _run_pipeline)
+
+
+def run_player() -> None:
+    """Play a recording onto the graph, with its time on /clock."""
+    _run("player", _run_player)
 
 
 def run_viewer() -> None:
@@ -97,7 +111,71 @@ def _run_viewer() -> int:
     return 0
 
 
-def _run_graph(graph: Graph, namespaces: Mapping[str, str], options: Iterable[str] = ()) -> int:
+def _run_player() -> int:
+    path = session.find_file(str(session.option("path", "")))
+    if not path:
+        raise OpenError("give the recording, _path:=FILE")
+    recording = open_recording(path)
+    topics = _named_topics("topics", "all")
+    declared = player(recording, topics or [t for t in recording.topics if t not in _NOT_PLAYED])
+    outputs = {topic: topic for topic in declared.outputs}
+    if image := _chosen_image(declared):
+        outputs[image] = "/image_raw"
+    graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
+    options = (*_OPTIONS, "path", "topics", "image", "clock", "wait_for")
+    return _run_graph(graph, {"player": ""}, options, partial(_conduct, recording.start_ns))
+
+
+def _named_topics(option: str, default: str) -> list[str]:
+    """Topics that are named in an option, separated by spaces; nothing where it has its default."""
+    named = str(session.option(option, default))
+    return [] if named == default else named.split()
+
+
+def _chosen_image(declared: SourceType) -> str | None:
+    """The recorded images that are played as those of a camera, on image_raw."""
+    wanted = str(session.option("image", "none"))
+    images = [topic for topic, kind in declared.outputs.items() if kind is Image]
+    if wanted in images:
+        return wanted
+    if wanted in ("none", "first"):
+        return images[0] if images and wanted == "first" else None
+    there = ", ".join(images) or "none in it"
+    raise UsageError(f"image={wanted}: no such topic of images; there is {there}")
+
+
+@contextmanager
+def _conduct(start_ns: int, process: Process) -> Iterator[None]:
+    """Publish the recording's time, and begin when those who are to see it all are there."""
+    playback = process.runtime.playback
+    if playback is None or not session.option("clock", True):
+        clock = None
+    else:
+        clock = ClockPublisher(lambda: start_ns + playback.time_ns())
+    try:
+        _wait_for_subscribers(process, _named_topics("wait_for", "none"))
+        yield
+    finally:
+        if clock is not None:
+            clock.close()
+
+
+def _wait_for_subscribers(process: Process, topics: Sequence[str]) -> None:
+    end_s = time.monotonic() + _PATIENCE_S
+    while not session.is_over() and not all(process.subscribers(topic) for topic in topics):
+        if time.monotonic() > end_s:
+            log.warning("nobody listens to %s: playing all the same", " and ".join(topics))
+            return
+        time.sleep(_SPIN_S)
+
+
+def _run_graph(
+    graph: Graph,
+    namespaces: Mapping[str, str],
+    options: Iterable[str] = (),
+    conduct: Callable[[Process], AbstractContextManager[None]] = lambda _: nullcontext(),
+) -> int:
+    """Run a graph until it ends; ``conduct`` surrounds its running."""
     view = _open_view()
     try:
         graph = _configured(graph, namespaces, options)
@@ -106,15 +184,20 @@ def _run_graph(graph: Graph, namespaces: Mapping[str, str], options: Iterable[st
         view.close()
         raise
     try:
-        process.start()
         view.open(process.runtime)
-        while not (session.is_over() or view.closed or process.runtime.wait(0)):
-            view.spin(_SPIN_S)
-            process.follow()
+        with conduct(process):
+            process.start()
+            _spin(process, view)
     finally:
         view.close()
         process.stop()
     return int(process.runtime.failed)
+
+
+def _spin(process: Process, view: View) -> None:
+    while not (session.is_over() or view.closed or process.runtime.wait(0)):
+        view.spin(_SPIN_S)
+        process.follow()
 
 
 def _named(name: str) -> NodeType:
@@ -146,6 +229,8 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
     """How the source is played; while somebody looks, it stays at its end."""
     if graph.source is None:
         return None
+    source = graph.source.type
+    is_recording = isinstance(source, SourceType) and bool(source.ros)  # which makes the time
     params, duration_s = graph.source.params, float(session.option("duration", 0.0))
     return Playback(
         rate=params.rate,
@@ -154,7 +239,7 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
         duration_s=duration_s or None,
         hold=stays and not duration_s,
         live_stamps=True,
-        clock=ros_clock(),
+        clock=WallClock() if is_recording else ros_clock(),
     )
 
 

@@ -19,7 +19,8 @@ PACKAGE = Path(__file__).parents[2]
 LAUNCH = PACKAGE / "launch"
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))
 MAIN_IMAGES = ("main_video", "main_usb_cam", "main_rosbag")
-NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own"}
+NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own", "recording": "/a.bag"}
+PLAYER_OPTIONS = {"path", "topics", "image", "wait_for"}
 OPTIONS = {"view", "host", "port", "window", "image_transport", "start", "duration"}
 PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
 
@@ -68,7 +69,8 @@ class Launched:
         if "pipeline" in self.ours:
             given = self.params("pipeline")
             return list(chain([find(n) for n in given["nodes"].split()], given.get("source")).nodes)
-        return [n for process in self.ours for n in alone(find(process)).nodes]
+        nodes = [process for process in self.ours if process != "player"]
+        return [n for process in nodes for n in alone(find(process)).nodes]
 
 
 def joined(graph: Graph) -> dict[str, dict[str, str]]:
@@ -85,7 +87,6 @@ def joined(graph: Graph) -> dict[str, dict[str, str]]:
         ("main_video", {}, "streamer"),
         ("main_usb_cam", {}, "camera"),
         ("main_usb_cam", {"camera_driver": "usb_cam"}, None),
-        ("main_rosbag", {}, None),
     ],
 )
 def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
@@ -102,17 +103,20 @@ def test_usb_cam_publishes_what_the_nodes_take():
     assert launched.resolve("usb_cam", "/usb_cam/camera_info") == "/camera_info"
 
 
-def test_bag_plays_what_the_nodes_take():
-    launched = Launched("main_rosbag", image="/cam00/image_rect")
-    assert launched.resolve("player", "/cam00/image_rect") == "/image_raw"
-    assert launched.resolve("player", "/cam00/image_rect/compressed") == "/image_raw/compressed"
-    assert launched.resolve("player", "/cam00/camera_info") == "/camera_info"
+@pytest.mark.parametrize("pipeline", ["false", "true"])
+def test_recording_plays_what_the_nodes_take(pipeline):
+    launched = Launched("main_rosbag", pipeline=pipeline, image="/cam00/image_rect")
+    assert launched.graph() == joined(chain([find(node) for node in IMAGE_NODES]))
+    given = launched.params("player")
+    assert (given["path"], given["image"]) == ("/flight.bag", "/cam00/image_rect")
+    assert given["wait_for"] == "image_raw"
     assert launched.config.params["/use_sim_time"].value is True
 
 
 def test_path_follows_the_odometry_that_is_named():
     launched = Launched("main_path", odom="/wheels")
-    assert launched.graph() == {"path": {"odom": "/wheels", "path out": "/path"}}
+    assert launched.graph()["path"]["odom"] == "/wheels"
+    assert launched.graph()["path"]["path out"] == "/path"
     assert launched.resolve("rviz", "/odom") == "/wheels"
 
 
@@ -137,6 +141,9 @@ def test_parameters_are_declared_and_change_no_default(file):
                     check_declared(inner_node, {param: inner[path]})
             elif node.type in ("node", "viewer"):
                 assert set(given) <= OPTIONS
+            elif node.type == "player":
+                of_node = {n: v for n, v in given.items() if n not in OPTIONS | PLAYER_OPTIONS}
+                check_declared(name, of_node)
             else:
                 check_declared(name, {n: v for n, v in given.items() if n not in OPTIONS})
 
@@ -182,8 +189,9 @@ def test_main_files_pass_on_every_argument_of_the_nodes():
 @pytest.mark.parametrize("name", MAIN_IMAGES)
 def test_view(name):
     windows = Launched(name)
-    places = [windows.params(node)["window"] for node in windows.ours]
-    assert {windows.params(node)["view"] for node in windows.ours} == {"windows"}
+    looked_at = [node for node in windows.ours if node != "player"]
+    places = [windows.params(node)["window"] for node in looked_at]
+    assert {windows.params(node)["view"] for node in looked_at} == {"windows"}
     assert len(set(places)) == len(places)
     web = Launched(name, view="web", port=8099)
     assert {web.params(node).get("view", "none") for node in web.ours} == {"none"}
@@ -191,7 +199,7 @@ def test_view(name):
     in_one = Launched(name, view="web", port=8099, pipeline="true")
     assert in_one.params("pipeline")["view"] == "web"
     assert in_one.params("pipeline")["port"] == 8099
-    assert list(in_one.ours) == ["pipeline"]
+    assert set(in_one.ours) <= {"pipeline", "player"}
 
 
 @pytest.mark.parametrize("name", MAIN_IMAGES)
@@ -227,9 +235,9 @@ def test_every_named_file_exists(file):
 @pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path"])
 def test_optional_tools_are_optional(name):
     started = {node.package for node in Launched(name).config.nodes}
-    assert started <= {"ros_visualise", "rviz", "tf2_ros", "rosbag"}
+    assert started <= {"ros_visualise", "rviz", "tf2_ros"}
     bare = Launched(name, rviz="false", view="none")
-    assert {node.package for node in bare.config.nodes} <= {"ros_visualise", "rosbag"}
+    assert {node.package for node in bare.config.nodes} == {"ros_visualise"}
     assert "rqt_gui" in {node.package for node in Launched(name, rqt="true").config.nodes}
 
 

@@ -90,6 +90,9 @@ class Playback:
         self._period_ns = 0
         self._cycle_ns = 0  # where the present loop starts on the line of all loops
         self._line_ns = 0  # where the last message was on that line
+        self._awaited_ns: int | None = (
+            None  # where on that line the next message is, if it is known
+        )
         self._base_ns: int | None = None  # the stamp of that line's start
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._fresh = True  # the next message is shown at once, and time goes on from it
@@ -115,6 +118,14 @@ class Playback:
             return PlaybackState(
                 position_ns / 1e9, duration_s, playing, self._ended, self._time.rate, self._loop
             )
+
+    def time_ns(self) -> int:
+        """Time since the source's start, which goes on between its messages as it plays."""
+        with self._changed:
+            reached_ns = self._time.place_ns() if self._time.rate else self._line_ns
+            limit_ns = self._line_ns if self._awaited_ns is None else self._awaited_ns
+            line_ns = max(self._line_ns, min(reached_ns, limit_ns))
+            return self._position_ns + line_ns - self._line_ns
 
     def play(self) -> None:
         """Go on; at the end, start over."""
@@ -279,6 +290,13 @@ class Playback:
         return self._limit_ns is not None and played_ns >= self._limit_ns - _ROUNDING_NS
 
     def _wait_due(self, line_ns: int) -> bool:
+        self._awaited_ns = None if self._fresh else line_ns
+        try:
+            return self._wait_until_due(line_ns)
+        finally:
+            self._awaited_ns = None
+
+    def _wait_until_due(self, line_ns: int) -> bool:
         while not (self._closed or self._moves()):
             now_ns = self._clock.monotonic_ns()
             due_ns = self._due_ns(line_ns, now_ns)

@@ -23,11 +23,15 @@ class Timeline:
         """That place is reached now."""
         self._anchor = (self._clock.monotonic_ns(), line_ns)
 
-    def change(self, rate: float, running: bool) -> None:
-        """Go on from the place reached by now, otherwise."""
+    def place_ns(self) -> int:
+        """The place that is reached now."""
         then_ns, line_ns = self._anchor
         speed = self.rate if self.running else 0
-        self.put(line_ns + round((self._clock.monotonic_ns() - then_ns) * speed))
+        return line_ns + round((self._clock.monotonic_ns() - then_ns) * speed)
+
+    def change(self, rate: float, running: bool) -> None:
+        """Go on from the place reached by now, otherwise."""
+        self.put(self.place_ns())
         self.rate, self.running = rate, running
 
     def due_ns(self, line_ns: int) -> int:

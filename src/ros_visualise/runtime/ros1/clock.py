@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
+import genpy
 import rospy
+from rosgraph_msgs.msg import Clock as ClockMessage
 
 from ros_visualise.rate import Clock, WallClock
 
 _STEP_S = 0.005
+_PERIOD_S = 0.01
 
 
 class SimClock:
@@ -25,6 +29,30 @@ class SimClock:
     def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
         """Wait for a notification, or look at the clock again."""
         condition.wait(None if until_ns is None else _STEP_S)
+
+
+class ClockPublisher:
+    """Publishes /clock, a hundred times a second.
+
+    Args:
+        now_ns: gives the time.
+    """
+
+    def __init__(self, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._publisher = rospy.Publisher("/clock", ClockMessage, queue_size=1)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Time stands still."""
+        self._closed.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._closed.wait(_PERIOD_S):
+            self._publisher.publish(ClockMessage(genpy.Time(*divmod(self._now_ns(), 10**9))))
 
 
 def ros_clock() -> Clock:

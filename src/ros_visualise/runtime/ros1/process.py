@@ -10,13 +10,15 @@ from typing import Any
 
 from ros_visualise.data import Image
 from ros_visualise.errors import UsageError
-from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.pipelines import Graph
+from ros_visualise.nodes import SourceType
+from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.diagnostics import Diagnostics
 from ros_visualise.runtime.ros1.playing import PlaybackFollower
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
+from ros_visualise.runtime.ros1.recorded import RecordedOutput
+from ros_visualise.runtime.ros1.services import ActionServices
 from ros_visualise.runtime.ros1.topics import ImageInput, ImageOutput, Input, Output
 from ros_visualise.sources.playback import Playback
 
@@ -27,7 +29,7 @@ _STALL_S = 0.1  # for so long all subscribers together may hold up a node
 
 
 class Process:
-    """Runs a graph and joins it to ROS: topics, dynamic_reconfigure, diagnostics.
+    """Runs a graph and joins it to ROS: topics, dynamic_reconfigure, services, diagnostics.
 
     Between its nodes messages pass by reference; on the ROS graph a topic costs nothing until
     somebody subscribes.
@@ -74,6 +76,7 @@ class Process:
             ReconfigureServer(parameters, self._namespaces[name])
             for name, parameters in self.runtime.parameters.items()
         ]
+        self._services = ActionServices(self.runtime, self._namespaces)
 
     def follow(self) -> None:
         """Do what has to be done now and then: some ten times a second."""
@@ -87,6 +90,17 @@ class Process:
             self._diagnosed_s = time.monotonic()
             self._diagnostics.publish(self._report())
 
+    def subscribers(self, name: str) -> int:
+        """How many there are of a topic of this process, called as a node calls it.
+
+        Raises:
+            UsageError: there is no such topic.
+        """
+        for topic, output in self._outputs.items():
+            if self._declared[topic] == name.removeprefix("/"):
+                return output.connections
+        raise UsageError(f"no topic {name} here; there is {', '.join(self._declared.values())}")
+
     def stop(self) -> None:
         """End now; what was published last still goes out."""
         for one in self._inputs:
@@ -98,17 +112,21 @@ class Process:
     def _open_output(self, name: str) -> Output:
         topic = self._graph.topics[name]
         publisher = self._graph.node(topic.publisher)
-        if topic.type is Image:
+        if isinstance(publisher.type, SourceType) and self._is_as_recorded(publisher, name):
+            output: Output = RecordedOutput(self._declared[name], topic.ros)
+        elif topic.type is Image:
             is_camera = isinstance(publisher.type, SourceType)
             waits = partial(self._is_in_haste, is_camera)
-            output: Output = ImageOutput(self._declared[name], name, is_camera, waits)
+            output = ImageOutput(self._declared[name], name, is_camera, waits)
         else:
-            latched = isinstance(publisher.type, NodeType) and any(
-                publisher.outputs[port] == name for port in publisher.type.latched
-            )
-            output = Output(self._declared[name], topic.type, latched)
+            output = Output(self._declared[name], topic.type, topic.ros.latched)
         self.runtime.topic(name).connect(output)
         return output
+
+    def _is_as_recorded(self, player: Node, name: str) -> bool:
+        """Whether a topic is played under its own name; else it takes the place of a camera's."""
+        assert isinstance(player.type, SourceType)
+        return f"/{self._declared[name]}" in player.type.ros
 
     def _is_in_haste(self, is_camera: bool) -> bool:
         """A source that plays as fast as it goes goes as fast as it is listened to."""

@@ -13,7 +13,9 @@ from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import CameraInfo, CompressedImage, Image
+from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import from_message, to_message
+from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
 from ros_visualise.runtime.ros1.types import TYPES, message_class
@@ -55,6 +57,11 @@ class Output:
     def name(self) -> str:
         """Its name on the graph."""
         return self._publisher.name
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are."""
+        return self._publisher.connections
 
     @property
     def dropped(self) -> int:
@@ -108,9 +115,14 @@ class ImageOutput(Output):
 
     def put(self, packet: Packet) -> None:
         """Publish an image."""
-        image = packet.message
-        if image is None:
+        if packet.message is None:
             return
+        try:
+            image = content(packet.message)
+        except DamagedMessage as error:
+            log.warning("%s: %s", self.name, error)
+            return
+        packet = packet._replace(message=image)
         if self._info.connections:
             self._publish_info(image)
         super().put(packet)

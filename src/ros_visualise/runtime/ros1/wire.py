@@ -45,7 +45,7 @@ class BrokenStream(Exception):
 
 def is_large(message_class: Any) -> bool:
     """Whether messages of that class have a large field ``data``."""
-    return message_class._type in _AFTER_DATA
+    return message_class._type in _AFTER_DATA and "data" in message_class.__slots__
 
 
 def as_bytes(data: Any) -> memoryview:

@@ -16,7 +16,7 @@ import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
-from ros_visualise.messages import type_name
+from ros_visualise.messages import to_message, type_name
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
 from ros_visualise.pipelines import Graph
@@ -28,6 +28,9 @@ from ros_visualise.runtime.ros1.remote.figures import Figures
 from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros1.remote.places import Place, places, to_graph
 from ros_visualise.runtime.ros1.remote.relay import Arrivals, Relay
+from ros_visualise.runtime.ros1.services import call
+from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.types import TYPES, message_class
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.sinks import open_recorder, parse_target
 
@@ -63,6 +66,7 @@ class RemoteRuntime:
         self._seen_s: dict[str, float] = {}
         self._relays: dict[str, Relay] = {}
         self._recordings: dict[RecorderThread, Arrivals] = {}
+        self._publishers: dict[str, Publisher] = {}
         self._lock = threading.Lock()
         self._closed = threading.Event()
         our_own()  # is needed at once, and by threads that must not wait for it
@@ -76,6 +80,20 @@ class RemoteRuntime:
         relay = self._relay(topic)
         relay.connect(inbox, self._comes_compressed(topic), latched=True)
         return Subscription(inbox, partial(relay.disconnect, inbox))
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish to whoever listens on the graph."""
+        if topic not in self._publishers:
+            self._publishers[topic] = Publisher(topic, message_class(type(message)))
+        self._publishers[topic].publish(to_message(message, TYPES))
+
+    def act(self, node: str, action: str) -> None:
+        """Run an action of a node, by its service.
+
+        Raises:
+            RosVisualiseError: it cannot be asked, or did not do it.
+        """
+        call(f"/{node}", action)
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
         """The run report: our nodes' own figures, and the rates of what is received here."""

@@ -1,0 +1,143 @@
+"""Recordings played onto a real graph, as stock ROS hears them."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rospy
+from geometry_msgs.msg import PoseStamped
+from ros_graph import Master, end, wait_for
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import CameraInfo, Image
+from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
+
+from ros_visualise import data
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+S = 10**9
+START = 1_600_000_000 * S
+COUNT = 20
+
+
+class Heard:
+    """Everything that a stock subscriber gets."""
+
+    def __init__(self, topic: str, message_class: Any) -> None:
+        self.messages: list[Any] = []
+        self.subscriber = rospy.Subscriber(topic, message_class, self.messages.append)
+
+    def wait(self, count: int = 1) -> list[Any]:
+        wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
+        return self.messages
+
+
+@pytest.fixture
+def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
+    heard: list[Heard] = []
+
+    def hear(topic: str, message_class: Any) -> Heard:
+        heard.append(Heard(topic, message_class))
+        return heard[-1]
+
+    yield hear
+    for one in heard:
+        one.subscriber.unregister()
+
+
+def recorded():
+    """(Topic, time, message) of a camera, a pose and two static transforms."""
+    K = np.array([[50.0, 0, 8], [0, 50, 6], [0, 0, 1]])
+    rotation = [0.0, 0, 0, 1]
+    for child in ("camera", "imu"):
+        one = data.TransformStamped(child, [0, 0, 1.0], rotation, data.Header(START, "base_link"))
+        yield "/tf_static", START, data.Transforms((one,))
+    for i in range(COUNT):
+        stamp = START + i * S // 20
+        header = data.Header(stamp, "camera")
+        yield "/cam/camera_info", stamp, data.CameraInfo(12, 16, K, header=header)
+        pixels = np.full((12, 16, 3), i, np.uint8)
+        yield "/cam/image_raw", stamp, data.Image(pixels, "bgr8", header)
+        pose = data.PoseStamped([float(i), 0, 0], rotation, data.Header(stamp, "map"))
+        yield "/pose", stamp, pose
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("player") / "made.bag"
+    messages = list(recorded())
+    topics = {topic: TopicType(type_name(type(message))) for topic, _, message in messages}
+    with open_recorder(str(path), topics) as recorder:
+        for topic, stamp_ns, message in messages:
+            recorder.write(topic, message, stamp_ns)
+    return path
+
+
+def test_every_message_comes_as_it_was_recorded(bag, start, hear):
+    poses, static = hear("/pose", PoseStamped), hear("/tf_static", TFMessage)
+    clock = hear("/clock", Clock)
+    player = start("player", f"_path:={bag}", "_rate:=4", "_wait_for:=/pose /tf_static", wait=False)
+    heard = poses.wait(COUNT)
+    assert [pose.pose.position.x for pose in heard] == list(range(COUNT))
+    stamps = [pose.header.stamp.to_nsec() for pose in heard]
+    assert stamps == [START + i * S // 20 for i in range(COUNT)]
+    assert player.wait(20) == 0
+    children = {one.child_frame_id for message in static.wait(1) for one in message.transforms}
+    assert children == {"camera", "imu"}
+    times = [message.clock.to_nsec() for message in clock.messages]
+    assert times == sorted(times)
+    assert START <= times[0] <= times[-1] <= START + S
+
+
+def test_images_take_the_place_of_a_camera(bag, start, hear):
+    images, infos = hear("/image_raw", Image), hear("/camera_info", CameraInfo)
+    compressed = hear("/cam/image_raw", Image)
+    start("player", f"_path:={bag}", "_image:=first", "_loop:=true", wait=False)
+    image = images.wait()[-1]
+    value = round((image.header.stamp.to_nsec() - START) / (S // 20))
+    assert (image.encoding, image.width, image.data) == ("bgr8", 16, bytes([value]) * 12 * 16 * 3)
+    assert infos.wait()[-1].K[0] == 50
+    assert not compressed.messages
+
+
+def test_who_comes_late_gets_all_that_holds(bag, start, hear):
+    start("player", f"_path:={bag}", "_loop:=true", "_rate:=0.2")
+    message = hear("/tf_static", TFMessage).wait()[0]
+    assert {one.child_frame_id for one in message.transforms} == {"camera", "imu"}
+
+
+def test_what_is_not_there_is_said(bag, start):
+    cases = {
+        "_path:=/no/such.bag": "no such",
+        "_image:=/front": "image=/front: no such topic of images; there is /cam/image_raw",
+        "_topics:=/scan": "no topic /scan; there is /cam/camera_info",
+        "_wait_for:=/scan": "no topic /scan here",
+    }
+    for number, (argument, words) in enumerate(cases.items()):
+        given = [argument] if argument.startswith("_path") else [f"_path:={bag}", argument]
+        player = start("player", *given, f"__name:=player_{number}", wait=False)
+        assert player.wait(20) == 2
+        assert words in end(player)
+
+
+def test_an_action_is_a_service(start, hear, ros_master):
+    start("path")
+    publisher = rospy.Publisher("/pose", PoseStamped, queue_size=10)
+    from nav_msgs.msg import Path as PathMessage
+
+    paths = hear("/path", PathMessage)
+    wait_for(lambda: publisher.get_num_connections(), "path to listen")
+    for i in range(3):
+        pose = PoseStamped()
+        pose.header.frame_id, pose.header.stamp = "map", rospy.Time(100 + i)
+        pose.pose.position.x, pose.pose.orientation.w = float(i), 1.0
+        publisher.publish(pose)
+    wait_for(lambda: paths.messages and len(paths.messages[-1].poses) == 3, "three poses")
+    answer = rospy.ServiceProxy("/path/clear", Trigger)()
+    assert answer.success
+    wait_for(lambda: not paths.messages[-1].poses, "an empty path")
+    publisher.unregister()
