@@ -20,6 +20,7 @@ from ros_visualise.data import Header, Image
 from ros_visualise.errors import RecordingError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Recorder, open_recorder
+from ros_visualise.sources.recordings import open_recording
 
 Usage = namedtuple("Usage", "total used free")
 IMAGE = TopicType("sensor_msgs/msg/Image")
@@ -51,6 +52,13 @@ def count_in_cut_mcap(path: Path) -> int:
         except EndOfFile:
             return count
     raise AssertionError("the file is not cut")
+
+
+def count_in_cut_bag(path: Path) -> int:
+    recording = open_recording(path)
+    count = sum(1 for _ in recording.read())
+    recording.close()
+    return count
 
 
 def count_in_mp4(path: Path) -> int:
@@ -123,10 +131,10 @@ print(json.dumps(errors))
 
 @pytest.fixture(scope="module")
 def limited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """A folder with r.mcap and r.mp4, whose writes failed at LIMIT bytes, and what was raised."""
+    """A folder of files whose writes failed at LIMIT bytes, and what was raised."""
     pytest.importorskip("resource", reason="only POSIX systems can limit the size of a file")
     folder = tmp_path_factory.mktemp("limited")
-    paths = [str(folder / name) for name in ("r.mcap", "r.mp4")]
+    paths = [str(folder / name) for name in ("r.mcap", "r.bag", "r.mp4")]
     run = subprocess.run(
         [sys.executable, "-c", PROGRAM, *paths], stdout=subprocess.PIPE, check=True, timeout=60
     )
@@ -134,7 +142,8 @@ def limited(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
 
 
 @pytest.mark.parametrize(
-    ("name", "count"), [("r.mcap", count_in_cut_mcap), ("r.mp4", count_in_mp4)]
+    ("name", "count"),
+    [("r.mcap", count_in_cut_mcap), ("r.bag", count_in_cut_bag), ("r.mp4", count_in_mp4)],
 )
 def test_a_write_that_fails_leaves_whole_messages(
     limited: tuple[Path, list[str]], name: str, count

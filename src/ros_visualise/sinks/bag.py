@@ -90,6 +90,7 @@ class BagRecorder(ChunkedRecorder):
 
     def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
         chunk = self._chunk
+        stamp_ns = max(stamp_ns, 1)  # ROS leaves a message of time 0 out when it plays
         self._shown_from = len(chunk.parts)
         if topic not in self._seen:  # who reads an unfinished file finds it before its messages
             self._seen.add(topic)
