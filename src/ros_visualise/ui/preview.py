@@ -5,9 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ros_visualise.data import Image, Pixels
+from ros_visualise.data import MEASUREMENTS, Image, Pixels
 from ros_visualise.vision.color import order_of, to_bgr
 from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.measurements import to_picture
 
 _BRIGHTEN = np.rint(255 * np.sqrt(np.arange(256) / 255)).astype(np.uint8)
 
@@ -16,10 +17,13 @@ def preview(image: Image, size: int) -> Pixels:
     """The image as a person looks at it: (height, width) gray or (height, width, 3) BGR, 8 bits.
 
     Args:
-        image: of any encoding; a Bayer mosaic is shown as it is, in gray.
+        image: of any encoding; a Bayer mosaic is shown as it is, in gray, and depth in colours,
+            as `to_picture` has it.
         size: of the longer side in pixels; a smaller image keeps its own.
     """
     pixels = image.pixels
+    if image.encoding in MEASUREMENTS:
+        return to_picture(_pick(pixels, size))
     small = _shrink(pixels, size)
     if small is not pixels and _is_two_valued(pixels):
         small = cv2.LUT(small, _BRIGHTEN)  # or lines of one pixel would all but disappear
@@ -38,6 +42,16 @@ def _shrink(pixels: Pixels, size: int) -> Pixels:
     factor = max(height, width) / size
     shape = max(1, round(width / factor)), max(1, round(height / factor))
     return cv2.resize(pixels, shape, interpolation=cv2.INTER_LINEAR)
+
+
+def _pick(values: Pixels, size: int) -> Pixels:
+    """Some of the values: a mean of two depths is that of a place where nothing is."""
+    height, width = values.shape[:2]
+    factor = max(height, width) / size
+    if factor <= 1:
+        return values
+    shape = max(1, round(width / factor)), max(1, round(height / factor))
+    return cv2.resize(values, shape, interpolation=cv2.INTER_NEAREST)
 
 
 def _is_two_valued(pixels: Pixels) -> bool:

@@ -17,11 +17,15 @@ from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
-from ros_visualise.ui.page.style import STYLE
+from ros_visualise.ui.page.space import Space
+from ros_visualise.ui.page.style import IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import topic_table
 from ros_visualise.ui.page.transport import Transport
+from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Choice, Window, arrange, has_window
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.ui.scene.thread import SceneThread, topics_of
 
 _PERIOD_S = 0.2
 _WINDOW_S = 2.0
@@ -56,12 +60,16 @@ class Desk:
         self._windows: list[Window] = []
         self._windows = self._make_windows()
         self._images = ImageThread(self._pictures(), self._is_watched, self._in_haste)
+        self._scene = Scene(server)
+        self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._in_haste)
         self._add_main_panel(gui)
-        arrange(gui, self._windows)
+        self._follow_scene()
+        arrange(gui, self._windows, self._choice.chosen, self._has_scene)
         self._log = _MessageLine(self._say_soon)
         logging.getLogger("ros_visualise").addHandler(self._log)
         self._worker.start()
         self._images.start()
+        self._drawing.start()
 
     def say(self, message: str) -> None:
         """Show one line, for a while."""
@@ -76,24 +84,30 @@ class Desk:
         for window in self._windows:
             window.close()
         self._images.close(_CLOSE_S)
+        self._drawing.close(_CLOSE_S)
 
     def _say_soon(self, message: str) -> None:
         self._worker.post("say", partial(self.say, message))
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE)
+        self._images_alone = gui.add_html(IMAGES_ALONE)
         self._message = gui.add_html("", visible=False)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
+        self._space_folder = gui.add_folder("3D")
+        self._space = Space(gui, self._space_folder, self._scene, self._worker)
+        self._frames_folder = gui.add_folder("frames", expand_by_default=False)
+        with self._frames_folder:
+            self._frames = gui.add_html("")
         self._table = gui.add_html("")
         folder = gui.add_folder("windows")
         with folder:
             self._add_size(gui)
         self._choice = Choice(gui, folder, self._worker)
-        self._choice.follow(self._windows)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker)
         with gui.add_folder("graph"):
@@ -129,6 +143,16 @@ class Desk:
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]
 
+    def _follow_scene(self) -> None:
+        """Draw the graph as it is now; with images only, the scene stays out of the way."""
+        topics = topics_of(self._graph)
+        self._drawing.follow(self._graph)
+        self._space.follow(topics)
+        self._has_scene = bool(topics)
+        self._images_alone.visible = not self._has_scene
+        self._space_folder.visible = self._frames_folder.visible = self._has_scene
+        self._choice.follow(self._windows, self._has_scene)
+
     def _follow(self) -> None:
         """Show the graph as it is now."""
         self._graph, before = self._runtime.graph, self._windows
@@ -141,8 +165,9 @@ class Desk:
         self._plots.remove()
         with self._plots_folder:
             self._plots = Plots(self._server.gui, self._graph)
-        self._choice.follow(self._windows)
-        if before != self._windows:
+        had_scene = self._has_scene
+        self._follow_scene()
+        if before != self._windows or had_scene != self._has_scene:
             self._choice.show()
 
     def _refresh(self) -> None:
@@ -157,12 +182,19 @@ class Desk:
             self._transport.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
+            self._show_frames()
             self._show_report(self._runtime.report(_WINDOW_S))
 
     def _show_report(self, report: dict[str, Any]) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
             self._table.content = topic_table(self._graph, report)
             self._plots.add(report)
+
+    def _show_frames(self) -> None:
+        if self._has_scene:
+            self._space.refresh()
+            picture = tree_picture(self._scene.frames.links.all())
+            self._frames.content = f'<div class="rv-frames">{picture}</div>'
 
     def _is_watched(self) -> bool:
         return bool(self._server.get_clients())

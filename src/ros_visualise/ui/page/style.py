@@ -21,13 +21,6 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
     animation-timeline: scroll(nearest block); animation-range: 0 150px; }}
   @keyframes rv-shrink {{ to {{ transform: scale(.5); }} }}
 }}
-/* Docked windows meet: viser keeps 120 pixels of the 3D scene free between them. */
-@media (min-width: 37em) {{
-  [data-dock-root] {{ width: calc(100% + 116px) !important; }}
-  [data-dock-region="right"] {{ right: 116px !important; }}
-}}
-/* With images only, it does not matter how the 3D scene is drawn. */
-#webgl-software-rendering {{ display: none; }}
 .rv-caption {{ display: flex; justify-content: space-between; gap: 1em; padding: 0 .8em .5em;
   font-size: .75rem; opacity: .65; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
@@ -42,6 +35,18 @@ table.rv-topics :is(th, td) {{ text-align: right; padding: .15em 0 .15em .6em;
 table.rv-topics td {{ border-top: 1px solid #8883; }}
 table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0; }}
 table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
+.rv-frames {{ overflow-x: auto; padding: 0 .8em .5em; }}
 svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;
   margin: 0 auto .4em; }}
 </style>"""
+
+IMAGES_ALONE = """<style>
+/* Docked windows meet: viser keeps 120 pixels of the 3D scene free between them. */
+@media (min-width: 37em) {
+  [data-dock-root] { width: calc(100% + 116px) !important; }
+  [data-dock-region="right"] { right: 116px !important; }
+}
+/* With images only, it does not matter how the 3D scene is drawn. */
+#webgl-software-rendering { display: none; }
+</style>"""
+"""Beside `STYLE`, where nothing is drawn in 3D."""

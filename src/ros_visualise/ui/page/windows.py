@@ -20,8 +20,8 @@ from ros_visualise.ui.page.worker import Worker
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
 """Pixels on a very wide screen; narrower ones share what they have in this proportion."""
-
-
+_MAIN_BESIDE_SCENE, _WINDOWS_BESIDE_SCENE = 350, 380
+_STACKED = 5
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
 
@@ -104,7 +104,9 @@ def _looks_of(node: Node) -> object:
     return node.name, type(node.params), _images_of(node)
 
 
-def rearrange(windows: Sequence[Window], chosen: Sequence[Window]) -> None:
+def rearrange(
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+) -> None:
     """Show these windows alone.
 
     All are taken away first: browsers place a window that comes back as they do on loading.
@@ -112,57 +114,92 @@ def rearrange(windows: Sequence[Window], chosen: Sequence[Window]) -> None:
     for window in windows:
         window.visible = False
     time.sleep(_TAKEN_AWAY_S)
-    _place([window.panel for window in chosen])
-    for window in chosen:
-        window.visible = True
+    arrange(gui, windows, chosen, scene)
 
 
-def arrange(gui: viser.GuiApi, windows: Sequence[Window]) -> None:
-    """Place the windows in two rows beside the main panel, however wide the browser is.
+def arrange(
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+) -> None:
+    """Place the windows beside the main panel, however wide the browser is.
 
     Docked windows share the browser's width and height; a person may drag them anywhere.
+
+    Args:
+        gui: the page.
+        windows: all.
+        chosen: those that are shown.
+        scene: the middle belongs to the scene; else they fill the page in two rows.
     """
     gui.main_panel.dock_left()
-    gui.main_panel.set_width(MAIN_WIDTH)
-    _place([window.panel for window in windows])
+    panels = [window.panel for window in chosen]
+    if scene:
+        gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
+        _place(panels, -(-len(panels) // _STACKED), _WINDOWS_BESIDE_SCENE)
+    else:
+        gui.main_panel.set_width(MAIN_WIDTH)
+        _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
+    for window in windows:
+        window.visible = window in chosen
 
 
-def _place(panels: Sequence[viser.PanelHandle]) -> None:
-    columns = (len(panels) + 1) // 2
-    for number, panel in enumerate(panels):
-        if number < columns:
-            panel.dock_right()
-        else:
-            panel.dock_below(panels[number - columns])
+def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> None:
+    for number in range(columns):
+        column = panels[number::columns]
+        column[0].dock_right()
+        _stack(column)
     if panels:
         panels[0].set_width(_COLUMN_WIDTH)  # what every other column begins with
-        panels[-1].set_width(WINDOWS_WIDTH)  # of all columns together, when they are placed
+        panels[-1].set_width(width)  # of all columns together, when they are placed
+
+
+def _stack(column: Sequence[viser.PanelHandle]) -> None:
+    """Place panels below the first one: whatever is docked below another takes half its height."""
+    half = (len(column) + 1) // 2
+    if len(column) > 1:
+        column[half].dock_below(column[0])
+        _stack(column[:half])
+        _stack(column[half:])
 
 
 class Choice:
-    """A switch for each window, in a folder; those added later are on."""
+    """A switch for each window, in a folder.
+
+    Those added are on; beside a scene, where there is less room, those with images are.
+    """
 
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
         self._gui, self._folder, self._worker = gui, folder, worker
         self._windows: Sequence[Window] = ()
+        self._scene = False
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
 
-    def follow(self, windows: Sequence[Window]) -> None:
-        """These are the windows from now on."""
+    def follow(self, windows: Sequence[Window], scene: bool) -> None:
+        """These are the windows from now on.
+
+        Args:
+            windows: all.
+            scene: whether the middle of the page belongs to the scene.
+        """
+        self._windows, self._scene = windows, scene
         names = [window.name for window in windows]
         for name in self._switches.keys() - set(names):
             self._switches.pop(name).remove()
         with self._folder:
-            for name in names:
-                if name not in self._switches:
-                    self._switches[name] = self._gui.add_checkbox(name, True)
-                    self._switches[name].on_update(self._switched)
-        self._windows = windows
+            for window in windows:
+                if window.name not in self._switches:
+                    is_on = window.picture is not None or not scene
+                    switch = self._gui.add_checkbox(window.name, is_on)
+                    switch.on_update(self._switched)
+                    self._switches[window.name] = switch
+
+    @property
+    def chosen(self) -> list[Window]:
+        """The windows that are shown."""
+        return [window for window in self._windows if self._switches[window.name].value]
 
     def show(self) -> None:
         """Show the chosen windows alone."""
-        chosen = [window for window in self._windows if self._switches[window.name].value]
-        rearrange(self._windows, chosen)
+        rearrange(self._gui, self._windows, self.chosen, self._scene)
 
     async def _switched(self, _: viser.GuiEvent[Any]) -> None:
         self._worker.post("windows", self.show)

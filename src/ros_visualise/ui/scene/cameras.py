@@ -1,0 +1,70 @@
+"""Cameras: their fields of view, and what they see."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import CameraInfo, Image, Pixels
+from ros_visualise.ui.preview import preview
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+
+_IMAGE_SIZE = 320
+_JPEG_QUALITY = 75
+_LENGTH = 0.6
+
+
+class Camera(Drawing):
+    """An `Image` or a `CameraInfo`: a frustum in the camera's optical frame.
+
+    Of an image whose camera is not calibrated nothing is drawn: nobody knows what it sees.
+    """
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._frustum: viser.CameraFrustumHandle | None = None
+
+    def draw(self, message: Any, look: Look) -> None:
+        info = message if isinstance(message, CameraInfo) else message.camera_info
+        view = None if info is None else view_of(info)
+        if view is None:
+            return
+        fov, aspect = view
+        if self._frustum is None:
+            self._frustum = self._scene.add_camera_frustum(
+                f"{self._name}/camera",
+                fov,
+                aspect,
+                color=self._color,
+                thickness=1.5,
+                thickness_units="screen",
+                format="jpeg",
+                jpeg_quality=_JPEG_QUALITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        self._frustum.fov, self._frustum.aspect = fov, aspect
+        self._frustum.scale = _LENGTH * look.axes_size
+        if isinstance(message, Image):
+            self._frustum.image = _to_rgb(preview(message, _IMAGE_SIZE))
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return np.zeros((0, 3))
+
+
+def view_of(info: CameraInfo) -> tuple[float, float] | None:
+    """A camera's vertical field of view in radians, and its width over height; None if unknown."""
+    fx, fy = info.K[0, 0], info.K[1, 1]
+    if fx <= 0 or fy <= 0 or not info.width or not info.height:
+        return None
+    fov = 2 * math.atan(info.height / 2 / fy)
+    return fov, (info.width / fx) / (info.height / fy)
+
+
+def _to_rgb(pixels: Pixels) -> Pixels:
+    return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)

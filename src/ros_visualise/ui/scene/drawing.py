@@ -1,0 +1,106 @@
+"""What stands for one topic in the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry import transforms
+
+Color = tuple[int, int, int]
+PALETTE: tuple[Color, ...] = (
+    (77, 171, 247),
+    (255, 169, 77),
+    (105, 219, 124),
+    (218, 119, 242),
+    (255, 212, 59),
+    (255, 135, 135),
+)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How things are drawn: what a person can choose for all of them at once.
+
+    ``point_size`` and ``axes_size`` are in metres; ``max_points`` are those of one cloud.
+    """
+
+    point_size: float = 0.06
+    max_points: int = 120_000
+    axes_size: float = 1.0
+    names: bool = False
+    covariances: bool = False
+
+
+class Drawing:
+    """The nodes of one topic, below a node of their own that stands where the frame is.
+
+    Args:
+        scene: where to draw.
+        name: of its node.
+        color: its own, where it has one.
+    """
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        self._scene, self._name, self._color = scene, name, color
+        self._root = scene.add_frame(name, show_axes=False)
+        self.T_fixed_frame: Floats = np.eye(4)
+
+    def draw(self, message: Any, look: Look) -> None:
+        """Show a message, in its own frame.
+
+        Raises:
+            DamagedMessage: it contradicts itself.
+        """
+        raise NotImplementedError
+
+    def frame_of(self, message: Any, known: Container[str]) -> str:
+        """The frame in which a message is drawn, of those known; none is the fixed frame."""
+        return str(message.header.frame_id)
+
+    def place(self, T_fixed_frame: Floats) -> None:
+        """Put its frame there."""
+        self.T_fixed_frame = T_fixed_frame
+        move(self._root, T_fixed_frame)
+
+    def reset(self) -> None:
+        """Time jumped: forget what was before."""
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        """Some points (N, 3) of it, in its own frame, that tell how large it is."""
+        return np.zeros((1, 3))
+
+    @property
+    def visible(self) -> bool:
+        """Whether it can be seen."""
+        return self._root.visible
+
+    @visible.setter
+    def visible(self, visible: bool) -> None:
+        self._root.visible = visible
+
+    def remove(self) -> None:
+        """Take it off the scene for good."""
+        self._root.remove()
+
+
+def move(node: viser.SceneNodeHandle, T: Floats) -> None:
+    """Put a node of the scene there, in its parent's frame."""
+    translation, quat_xyzw = transforms.to_pose(T)
+    node.position, node.wxyz = translation, to_wxyz(quat_xyzw)
+
+
+def to_wxyz(quat_xyzw: npt.ArrayLike) -> Floats:
+    """Quaternions (..., 4) in the order of the page's scene."""
+    return np.roll(np.asarray(quat_xyzw, np.float64), 1, axis=-1)
+
+
+def node_name(*names: str) -> str:
+    """What to call a node of the scene: a slash in a name would hang it below another's node."""
+    return "/".join(["/world", *(name.strip("/").replace("/", ".") for name in names)])

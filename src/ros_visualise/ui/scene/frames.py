@@ -1,0 +1,112 @@
+"""In which frame everything is drawn, and where the other frames are in it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+
+from ros_visualise.data import Floats, Transforms, TransformStamped
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.ui.scene.links import Links
+
+_REP_105 = ("map", "odom")
+_ROBOTS = ("base_link", "base_footprint")
+
+
+class Frames:
+    """The frames that are known, by transforms or by messages, and the one that stays put.
+
+    ``chosen`` is the fixed frame that a person asked for, or None: then it is the outermost one
+    that REP 105 names, the root of the tree, or the frame of the first message.
+    """
+
+    def __init__(self) -> None:
+        self.tree = FrameTree()
+        self.links = Links()
+        self.chosen: str | None = None
+        self._seen: list[str] = []
+
+    def add(self, message: TransformStamped | Transforms, static: bool) -> None:
+        """Learn transforms; those that are none are left out."""
+        several = message.transforms if isinstance(message, Transforms) else (message,)
+        for one in several:
+            try:
+                self.tree.add(one, static)
+            except ValueError:
+                continue
+            self.links.add(one, static)
+
+    def see(self, frame: str) -> None:
+        """Learn that there is such a frame."""
+        if _name(frame) not in self._seen:
+            self._seen.append(_name(frame))
+
+    @property
+    def names(self) -> list[str]:
+        """All frames, sorted."""
+        return sorted({*self.tree.frames(), *self._seen})
+
+    @property
+    def fixed(self) -> str:
+        """The frame in which everything is drawn; empty as long as none is known."""
+        in_tree = self.tree.frames()
+        if self.chosen is not None and self.chosen in {*in_tree, *self._seen}:
+            return self.chosen
+        for known in (in_tree, self._seen):
+            for name in _REP_105:
+                if name in known:
+                    return name
+            if known:
+                return self._largest_root() if known is in_tree else known[0]
+        return ""
+
+    @property
+    def robot(self) -> str | None:
+        """The frame of the robot's body, if there is one by the names of REP 105 and 120."""
+        known = self.tree.frames()
+        return next((name for name in _ROBOTS if name in known), None)
+
+    def locate(self, frame: str, stamp_ns: int, patient: bool = False) -> Floats:
+        """T_fixed_frame, 4x4, at a time; no name is the fixed frame itself.
+
+        Args:
+            frame: its name.
+            stamp_ns: when; 0 is the newest that is known.
+            patient: do not fall back on the newest that is known.
+
+        Raises:
+            NoTransform: it cannot be said.
+        """
+        fixed, frame = self.fixed, _name(frame)
+        if frame in ("", fixed):
+            return np.eye(4)
+        try:
+            return self.tree.lookup(fixed, frame, stamp_ns or None)
+        except NoTransform:
+            if patient:
+                raise
+            return self.tree.lookup(fixed, frame)
+
+    def is_connected(self, frame: str) -> bool:
+        """Whether it can ever be said where a frame is."""
+        try:
+            self.locate(frame, 0)
+        except NoTransform:
+            return False
+        return True
+
+    def _largest_root(self) -> str:
+        """The root that most frames hang below."""
+        tops: Counter[str] = Counter()
+        for name in self.tree.frames():
+            top, above = name, self.tree.parent(name)
+            while above is not None:
+                top, above = above, self.tree.parent(above)
+            tops[top] += 1
+        return max(tops, key=lambda top: (tops[top], top))
+
+
+def _name(frame: str) -> str:
+    return frame.lstrip("/")

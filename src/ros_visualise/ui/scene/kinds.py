@@ -1,0 +1,59 @@
+"""Which messages are drawn, and as what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ros_visualise.data import (
+    CameraInfo,
+    Image,
+    Imu,
+    LaserScan,
+    NavSatFix,
+    Odometry,
+    Path,
+    PointCloud,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.ui.scene.cameras import Camera
+from ros_visualise.ui.scene.drawing import Drawing
+from ros_visualise.ui.scene.lines import Way
+from ros_visualise.ui.scene.points import Cloud, Scan
+from ros_visualise.ui.scene.poses import Pose
+from ros_visualise.ui.scene.sensors import Fix, Inertia
+
+DRAWINGS: dict[type, type[Drawing]] = {
+    PointCloud: Cloud,
+    LaserScan: Scan,
+    Path: Way,
+    Odometry: Pose,
+    PoseStamped: Pose,
+    PoseWithCovarianceStamped: Pose,
+    TransformStamped: Pose,
+    NavSatFix: Fix,
+    Imu: Inertia,
+    Image: Camera,
+    CameraInfo: Camera,
+}
+CAMERAS = (Image, CameraInfo)
+
+
+def is_spatial(kind: type) -> bool:
+    """Whether such messages need a view in 3D: images and their calibrations alone do not."""
+    return (kind in DRAWINGS and kind not in CAMERAS) or kind is Transforms
+
+
+def is_static(topic: str) -> bool:
+    """Whether the transforms on a topic hold at all times, as tf2 names it."""
+    return topic.rstrip("/").endswith("tf_static")
+
+
+def is_beside_image(topic: str, kinds: Mapping[str, type]) -> bool:
+    """Whether a topic is the calibration of images beside it, as image_transport places it."""
+    return kinds[topic] is CameraInfo and any(
+        kind is Image and name.rpartition("/")[0] == topic.rpartition("/")[0]
+        for name, kind in kinds.items()
+    )

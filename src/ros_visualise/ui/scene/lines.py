@@ -1,0 +1,106 @@
+"""Ways that were passed, as lines: paths, and the trails of what moves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import Floats, Path
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+
+_MAX_VERTICES = 5000
+_WIDTH_PX = 2.5
+_SPACING_M = 0.05
+_NS = 1_000_000_000
+_MAX_SPEED_MPS = 400.0  # faster is a jump
+
+
+class Line:
+    """One line through some points, changed in place."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        self._handle = scene.add_line_segments(
+            name, np.zeros((0, 2, 3)), color, thickness=_WIDTH_PX, thickness_units="screen"
+        )
+
+    def show(self, vertices: npt.NDArray[np.floating]) -> None:
+        """Go through these points (N, 3), evenly thinned where there are many."""
+        kept = thinned(vertices)
+        self._handle.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
+
+
+class Way(Drawing):
+    """A `Path`."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._line = Line(scene, f"{name}/line", color)
+        self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, Path)
+        positions = message.positions_xyz
+        self._vertices = positions[np.isfinite(positions).all(axis=1)]
+        self._line.show(self._vertices)
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return thinned(self._vertices)
+
+    def reset(self) -> None:
+        self._line.show(np.zeros((0, 3)))
+
+
+class Trail:
+    """Where something was, from its positions as they come: the whole way, in bounded room.
+
+    Positions nearer to one another than a spacing are left out; when there are too many, every
+    second goes and the spacing doubles.
+    """
+
+    def __init__(self) -> None:
+        self._vertices: list[Floats] = []
+        self._spacing_m = _SPACING_M
+        self._last: tuple[int, Floats] | None = None
+
+    def add(self, stamp_ns: int, position_xyz: Floats) -> None:
+        """Go on to a position (3,); after a jump through time or space, begin anew there."""
+        if not np.isfinite(position_xyz).all():
+            return
+        if self._last is not None and self._is_jump(stamp_ns, position_xyz):
+            self.clear()
+        self._last = stamp_ns, position_xyz
+        way = self._vertices
+        if way and np.linalg.norm(position_xyz - way[-1]) < self._spacing_m:
+            return
+        way.append(position_xyz)
+        if len(way) > _MAX_VERTICES:
+            self._vertices, self._spacing_m = way[::2], 2 * self._spacing_m
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._vertices, self._spacing_m, self._last = [], _SPACING_M, None
+
+    @property
+    def vertices(self) -> Floats:
+        """(N, 3): the positions kept, and the last one."""
+        last = [] if self._last is None else [self._last[1]]
+        return np.array([*self._vertices, *last]).reshape(-1, 3)
+
+    def _is_jump(self, stamp_ns: int, position_xyz: Floats) -> bool:
+        assert self._last is not None
+        passed_s = (stamp_ns - self._last[0]) / _NS
+        moved_m = float(np.linalg.norm(position_xyz - self._last[1]))
+        return passed_s < 0 or (passed_s > 0 and moved_m > _MAX_SPEED_MPS * passed_s)
+
+
+def thinned(vertices: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
+    """Some of many points (N, 3), evenly, with the first and the last."""
+    if len(vertices) <= _MAX_VERTICES:
+        return vertices
+    kept: npt.NDArray[np.floating] = vertices[
+        np.linspace(0, len(vertices) - 1, _MAX_VERTICES).astype(np.intp)
+    ]
+    return kept

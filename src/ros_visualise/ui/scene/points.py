@@ -1,0 +1,105 @@
+"""Point clouds and laser scans, as points."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import LaserScan, Pixels, PointCloud
+from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo, usual_range
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+
+Precision = Literal["float16", "float32"]
+Points = npt.NDArray[np.float32]
+_HALF_RANGE_M = 128.0
+"""Up to here a float of 16 bits is within 3 cm, and half the size of one of 32."""
+_EXTENT_POINTS = 500
+
+
+class _Dots(Drawing):
+    """Points whose number, places and colours change from one message to the next."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self.coloring = Coloring.AUTO
+        self._points: Points = np.zeros((0, 3), np.float32)
+        self._handle: viser.PointCloudHandle | None = None
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return self._points[:: max(len(self._points) // _EXTENT_POINTS, 1)]
+
+    def reset(self) -> None:
+        self._show(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8))
+
+    def _show(self, points: Points, colors: Pixels, size: float = 0.0) -> None:
+        self._points = points
+        precision: Precision = "float16" if _fits_half(points) else "float32"
+        if colors.ndim == 1:
+            colors = np.broadcast_to(colors, points.shape)
+        if self._handle is None:
+            self._handle = self._scene.add_point_cloud(
+                f"{self._name}/points",
+                points,
+                colors,
+                point_size=size,
+                precision="float32",
+                point_shading="flat",
+                point_shape="rounded",
+            )
+        if self._handle.precision != precision:
+            self._handle.precision = precision
+        self._handle.points, self._handle.colors = points.astype(precision), colors
+        if size:
+            self._handle.point_size = size
+
+
+class Cloud(_Dots):
+    """A `PointCloud`: without the points that are none, evenly thinned where there are many."""
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, PointCloud)
+        points, xyz = choose(message, look.max_points)
+        heights = heights_of(xyz, self.T_fixed_frame)
+        colors = colors_of(message, points, heights, self.coloring, self._color)
+        self._show(xyz, colors, look.point_size)
+
+
+class Scan(_Dots):
+    """A `LaserScan`: its rays' ends, those that are measurements."""
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, LaserScan)
+        points, valid = ends_of(message)
+        colors = np.array(self._color, np.uint8)
+        if len(message.intensities) == len(message.ranges) and self.coloring is not Coloring.PLAIN:
+            values = message.intensities[valid]
+            colors = turbo(values, *usual_range(values))
+        self._show(points, colors, 1.5 * look.point_size)
+
+
+def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Points]:
+    """The points of a cloud that are drawn, in its layout (N,), and as (N, 3) metres."""
+    points, xyz = cloud.points.ravel(), cloud.xyz
+    finite = np.isfinite(xyz).all(axis=1)
+    if not finite.all():
+        points, xyz = points[finite], xyz[finite]
+    if len(xyz) > max_points:
+        chosen = np.linspace(0, len(xyz) - 1, max_points).astype(np.intp)
+        points, xyz = points[chosen], xyz[chosen]
+    return points, xyz
+
+
+def ends_of(scan: LaserScan) -> tuple[Points, npt.NDArray[np.bool_]]:
+    """Where the rays of a scan ended, (N, 3) metres in its frame, and which rays did (REP 117)."""
+    ranges = scan.ranges
+    valid = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+    angles = scan.angle_min + np.flatnonzero(valid) * scan.angle_increment
+    x, y = ranges[valid] * np.cos(angles), ranges[valid] * np.sin(angles)
+    return np.stack([x, y, np.zeros_like(x)], axis=1).astype(np.float32), valid
+
+
+def _fits_half(points: Points) -> bool:
+    return not len(points) or float(np.abs(points).max()) < _HALF_RANGE_M

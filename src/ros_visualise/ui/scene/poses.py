@@ -1,0 +1,92 @@
+"""Where something is: axes, the way that it came, and how sure it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import (
+    Floats,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+)
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.geometry import rotations, transforms
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move, to_wxyz
+from ros_visualise.ui.scene.lines import Line, Trail, thinned
+
+Posed = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped
+_SIGMAS = 2.0
+_MIN_SIGMA_M = 1e-3
+
+
+class Pose(Drawing):
+    """A message with one pose: axes, a trail, and an ellipsoid of two standard deviations."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self.T_frame_body: Floats = np.eye(4)
+        self._axes = scene.add_frame(f"{name}/axes", axes_length=0.8, axes_radius=0.02)
+        self._axes.origin_color = color
+        self._line = Line(scene, f"{name}/trail", color)
+        self._trail = Trail()
+        self._ellipsoid = scene.add_icosphere(
+            f"{name}/covariance", 1.0, color=color, subdivisions=2, opacity=0.3, visible=False
+        )
+
+    def draw(self, message: Any, look: Look) -> None:
+        self.T_frame_body = pose_of(message)
+        self._axes.scale = look.axes_size
+        move(self._axes, self.T_frame_body)
+        self._trail.add(message.header.stamp_ns, self.T_frame_body[:3, 3])
+        self._line.show(self._trail.vertices)
+        covariance = covariance_of(message) if look.covariances else None
+        self._ellipsoid.visible = covariance is not None
+        if covariance is not None:
+            self._ellipsoid.scale, self._ellipsoid.wxyz = ellipsoid(covariance)
+            self._ellipsoid.position = self.T_frame_body[:3, 3]
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return thinned(self._trail.vertices)
+
+    def reset(self) -> None:
+        self._trail.clear()
+        self._line.show(np.zeros((0, 3)))
+
+
+def pose_of(message: Posed) -> Floats:
+    """T_frame_body, 4x4, in the frame of the message's header.
+
+    Raises:
+        DamagedMessage: its quaternion is none.
+    """
+    is_transform = isinstance(message, TransformStamped)
+    position = message.translation_xyz if is_transform else message.position_xyz  # type: ignore[union-attr]
+    try:
+        return transforms.from_pose(position, message.quat_xyzw)
+    except ValueError as error:
+        raise DamagedMessage(f"{type(message).__name__}: {error}") from None
+
+
+def covariance_of(message: Posed) -> Floats | None:
+    """Of its position, 3x3 in m^2; None where it does not say."""
+    if isinstance(message, Odometry):
+        found = message.pose_covariance[:3, :3]
+    elif isinstance(message, PoseWithCovarianceStamped):
+        found = message.covariance[:3, :3]
+    else:
+        return None
+    return found if found.any() and np.isfinite(found).all() else None
+
+
+def ellipsoid(covariance: Floats) -> tuple[tuple[float, float, float], Floats]:
+    """Half axes in metres of two standard deviations, and the ellipsoid's attitude (w, x, y, z)."""
+    variances, axes = np.linalg.eigh(covariance)
+    axes[:, 2] *= np.sign(np.linalg.det(axes))  # a rotation, no mirror
+    a, b, c = _SIGMAS * np.sqrt(np.maximum(variances, _MIN_SIGMA_M**2))
+    return (float(a), float(b), float(c)), to_wxyz(rotations.from_matrix(axes))

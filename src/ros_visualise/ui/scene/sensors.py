@@ -1,0 +1,88 @@
+"""What tells of the robot itself: satellite fixes and inertial measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import Imu, NavSatFix
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.geodesy import LocalPlane
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look, to_wxyz
+from ros_visualise.ui.scene.lines import Line, Trail, thinned
+
+_GRAVITY_MPS2 = 9.81
+_LENGTH = 0.6
+
+
+class Fix(Drawing):
+    """A `NavSatFix`: a trail on the plane through the first one, x east, y north, z up."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._plane: LocalPlane | None = None
+        self._trail = Trail()
+        self._line = Line(scene, f"{name}/trail", color)
+        self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, NavSatFix)
+        place = np.array([message.latitude, message.longitude, message.altitude])
+        place[2] = np.nan_to_num(place[2])  # a fix may lack its height
+        if message.status < 0 or not np.isfinite(place).all():
+            return
+        if self._plane is None:
+            self._plane = LocalPlane(*place)
+        position = self._plane.to_enu(place)
+        self._trail.add(message.header.stamp_ns, position)
+        self._line.show(self._trail.vertices)
+        self._dot.position, self._dot.scale, self._dot.visible = position, look.axes_size, True
+
+    def frame_of(self, message: Any, known: Container[str]) -> str:
+        return "map" if "map" in known else ""
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return thinned(self._trail.vertices)
+
+    def reset(self) -> None:
+        self._trail.clear()
+        self._line.show(np.zeros((0, 3)))
+
+
+class Inertia(Drawing):
+    """An `Imu`: an arrow for the acceleration, as long as the axes at 1 g, and the attitude.
+
+    The attitude is drawn as axes where the sensor is, turned as it says against the fixed frame.
+    """
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._axes = scene.add_frame(f"{name}/attitude", axes_length=_LENGTH, axes_radius=0.015)
+        self._axes.origin_color = color
+        self._arrow = scene.add_arrows(f"{name}/acceleration", np.zeros((1, 2, 3)), color)
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, Imu)
+        self._axes.visible = message.orientation_covariance[0, 0] != -1
+        self._axes.scale = look.axes_size
+        if self._axes.visible:
+            self._axes.wxyz = to_wxyz(self._attitude(message))
+        self._arrow.visible = bool(
+            message.linear_covariance[0, 0] != -1 and np.isfinite(message.linear_xyz).all()
+        )
+        if self._arrow.visible:
+            tip = message.linear_xyz / _GRAVITY_MPS2 * _LENGTH * look.axes_size
+            self._arrow.points = np.stack([np.zeros(3), tip])[None].astype(np.float32)
+
+    def _attitude(self, message: Imu) -> npt.NDArray[np.float64]:
+        """Of the sensor in its own frame's place: the frame may be turned already."""
+        try:
+            R_fixed_sensor = rotations.to_matrix(message.quat_xyzw)
+        except ValueError as error:
+            raise DamagedMessage(f"Imu: {error}") from None
+        return rotations.from_matrix(self.T_fixed_frame[:3, :3].T @ R_fixed_sensor)

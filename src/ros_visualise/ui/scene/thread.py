@@ -1,0 +1,131 @@
+"""The thread that draws the scene: of each topic the newest message, while somebody looks."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Container, Mapping
+
+from ros_visualise.data import Image, Transforms
+from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.ui.scene.kinds import is_spatial
+from ros_visualise.ui.scene.scene import Scene
+
+_PERIOD_S = 1 / 15
+_IMAGE_PERIOD_S = 1 / 5
+_REST, _REST_IN_HASTE = 2.0, 8.0
+_TRANSFORMS = 1000  # that wait at most: none must be lost in between
+
+
+def topics_of(graph: Graph) -> dict[str, type]:
+    """What of a graph belongs to the scene: nothing, where it has images alone.
+
+    What is made on demand is left out, too.
+    """
+    kinds = {name: topic.type for name, topic in graph.topics.items() if not topic.on_demand}
+    kinds |= graph.inputs
+    return kinds if any(is_spatial(kind) for kind in kinds.values()) else {}
+
+
+class SceneThread:
+    """Takes messages from a runtime and has a scene draw them, 15 times a second at most.
+
+    Transforms are taken at all times, so that whoever comes while nothing moves sees all at its
+    place; nothing else is done while nobody looks.
+
+    Args:
+        runtime: what runs.
+        scene: what draws.
+        is_watched: whether anybody looks at the page.
+        in_haste: whether the graph runs as fast as it goes, and time taken here slows it.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        scene: Scene,
+        is_watched: Callable[[], bool],
+        in_haste: Callable[[], bool],
+    ) -> None:
+        self._runtime, self._scene = runtime, scene
+        self._is_watched, self._in_haste = is_watched, in_haste
+        self._transforms: dict[str, Subscription] = {}
+        self._messages: dict[str, Subscription] = {}
+        self._taken_s: dict[str, float] = {}
+        self._kinds: Mapping[str, type] = {}
+        self._at_work = threading.Lock()
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def follow(self, graph: Graph) -> None:
+        """Draw the topics of this graph from now on."""
+        with self._at_work:
+            self._kinds = topics_of(graph)
+            self._scene.follow(self._kinds)
+            wanted = {topic for topic, kind in self._kinds.items() if kind is Transforms}
+            for topic in self._transforms.keys() - wanted:
+                self._transforms.pop(topic).close()
+            for topic in wanted - self._transforms.keys():
+                self._transforms[topic] = self._runtime.subscribe(topic, _TRANSFORMS)
+            self._rest_but(self._kinds)
+
+    def close(self, timeout_s: float) -> None:
+        """End after the round that is under way."""
+        self._closed.set()
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        pause_s = 0.0
+        while not self._closed.wait(pause_s):
+            start_s, cpu_s = time.perf_counter(), time.thread_time()
+            with self._at_work:
+                self._do_round()
+            spent_s = time.perf_counter() - start_s
+            rest = _REST_IN_HASTE if self._in_haste() else _REST
+            pause_s = max(_PERIOD_S - spent_s, rest * (time.thread_time() - cpu_s))
+        self._rest_but(())
+        for subscription in self._transforms.values():
+            subscription.close()
+
+    def _do_round(self) -> None:
+        for topic, subscription in self._transforms.items():
+            while (message := subscription.take(0)) is not None:
+                self._scene.show(topic, message)
+        if not self._is_watched():
+            self._rest_but(())
+            return
+        for topic, kind in self._kinds.items():
+            if kind is not Transforms:
+                self._take(topic, kind)
+        self._scene.refresh()
+
+    def _take(self, topic: str, kind: type) -> None:
+        now_s = time.monotonic()
+        if not self._scene.wants(topic):
+            self._rest(topic)
+            return
+        if self._scene.is_waiting(topic):
+            return  # what comes meanwhile waits in its queue
+        if kind is Image and now_s - self._taken_s.get(topic, 0.0) < _IMAGE_PERIOD_S:
+            return
+        if topic not in self._messages:
+            self._messages[topic] = self._runtime.subscribe(topic)
+        message = self._messages[topic].take(0)
+        if message is not None:
+            self._taken_s[topic] = now_s
+            self._scene.show(topic, message)
+
+    def _rest(self, topic: str) -> None:
+        """Ask for nothing on a topic until it is wanted again."""
+        if topic in self._messages:
+            self._messages.pop(topic).close()
+
+    def _rest_but(self, kept: Container[str]) -> None:
+        for topic in [topic for topic in self._messages if topic not in kept]:
+            self._rest(topic)

@@ -1,0 +1,125 @@
+"""From where the scene is seen: behind and above the robot at first, and along with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import Floats
+
+_NEAREST_M, _FARTHEST_M = 2.0, 28.0
+_MOST = 70  # percent of what is drawn decides how far away the camera stands
+_BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
+_SETTLED_S = 1.5
+_GROWN = 1.3
+_FOV = np.radians(50)
+
+_GRID = {"cell_size": 1.0, "section_size": 10.0, "cell_thickness": 0.6, "section_thickness": 1.0}
+
+
+class View:
+    """The world's node and the grid in it; the cameras of all browsers.
+
+    To follow the robot, the world moves under the cameras: however people move these, it does not
+    jerk, and coordinates stay small.
+    """
+
+    def __init__(self, server: viser.ViserServer, clock: Callable[[], float]) -> None:
+        self.follows = True
+        self._server, self._clock = server, clock
+        self._started_s: float | None = None
+        self._settled = False
+        self._far = 0.0
+        self._offset = np.zeros(3)
+        self._robot: Floats | None = None
+        self._held: Floats | None = None
+        self._world = server.scene.add_frame("/world", show_axes=False)
+        self._extent: Callable[[], npt.NDArray[np.floating]] = lambda: np.zeros((0, 3))
+        self._grid = server.scene.add_grid(
+            "/world/grid",
+            visible=False,
+            infinite_grid=True,
+            cell_color=(70, 74, 80),
+            section_color=(100, 106, 114),
+            fade_distance=90.0,
+            fade_strength=1.5,
+            **_GRID,  # type: ignore[arg-type]
+        )
+
+    @property
+    def shown(self) -> bool:
+        """Whether there is a scene to look at; without one there is no grid."""
+        return self._grid.visible
+
+    @shown.setter
+    def shown(self, shown: bool) -> None:
+        self._grid.visible = shown
+
+    def restart(self) -> None:
+        """Look anew at what is drawn next: it is in another frame."""
+        self._started_s, self._settled, self._robot, self._held = None, False, None, None
+
+    def update(
+        self, T_fixed_robot: Floats | None, extent: Callable[[], npt.NDArray[np.floating]]
+    ) -> None:
+        """Go on with the robot to where it is now.
+
+        Args:
+            T_fixed_robot: 4x4; None as long as it is not known.
+            extent: gives points (N, 3) in the fixed frame that tell how large everything is.
+        """
+        self._robot, self._extent = T_fixed_robot, extent
+        robot = None if T_fixed_robot is None else T_fixed_robot[:3, 3]
+        if self.follows and robot is not None:
+            if self._held is not None:
+                self._offset = self._offset + self._held - robot
+                self._world.position = self._offset
+            self._held = robot
+        else:
+            self._held = None
+        if not self._settled:
+            self._settle()
+
+    def reset(self) -> None:
+        """Have everybody look at the robot, or at everything, from behind and above."""
+        position, look_at = self._pose()
+        initial = self._server.initial_camera
+        initial.position, initial.look_at, initial.fov = position, look_at, float(_FOV)
+        for client in self._server.get_clients().values():
+            with client.atomic():
+                client.camera.position, client.camera.look_at = position, look_at
+                client.camera.fov = float(_FOV)
+
+    def _settle(self) -> None:
+        """Look as soon as there is something, and once more when it turned out to be larger."""
+        if not len(self._extent()):
+            return
+        now_s = self._clock()
+        if self._started_s is None:
+            self._started_s = now_s
+            self.reset()
+        elif now_s - self._started_s > _SETTLED_S:
+            self._settled = True
+            before = self._far
+            self._pose()
+            if self._far > _GROWN * before:
+                self.reset()
+
+    def _pose(self) -> tuple[Floats, Floats]:
+        """Where the camera stands and what it looks at, as the cameras see the moved world."""
+        points, T = self._extent(), self._robot
+        if T is None:
+            centre = np.median(points, axis=0) if len(points) else np.zeros(3)
+            forward, farthest = np.array([0.8, 0.6, 0.0]), np.inf
+        else:
+            centre, forward, farthest = T[:3, 3], T[:3, 0] * [1, 1, 0], _FARTHEST_M
+            forward = forward / max(float(np.linalg.norm(forward)), 1e-6)
+        away = np.linalg.norm((points - centre)[:, :2], axis=1)
+        far = float(np.percentile(away, _MOST)) if len(points) else 0.0
+        far = self._far = min(max(far, _NEAREST_M), farthest)
+        up = np.array([0.0, 0.0, 1.0])
+        position = centre + self._offset - forward * _BEHIND * far + up * _ABOVE * far
+        return position, centre + self._offset + forward * _AHEAD * far
