@@ -22,6 +22,7 @@ from ros_visualise.data.sensors import (
     MagneticField,
     NavSatFix,
     PointCloud,
+    TimeReference,
 )
 from ros_visualise.data.text import Text
 
@@ -40,6 +41,7 @@ MESSAGES: tuple[type, ...] = (
     PoseStamped,
     PoseWithCovarianceStamped,
     Text,
+    TimeReference,
     TransformStamped,
     Transforms,
     Twist,
@@ -69,6 +71,7 @@ __all__ = [
     "PoseStamped",
     "PoseWithCovarianceStamped",
     "Text",
+    "TimeReference",
     "TransformStamped",
     "Transforms",
     "Twist",

@@ -30,6 +30,7 @@ from ros_visualise.data import (
     PoseStamped,
     PoseWithCovarianceStamped,
     Text,
+    TimeReference,
     Transforms,
     TransformStamped,
     Twist,
@@ -81,6 +82,11 @@ _TABLE: dict[type, _Row] = {
         poses.read_uncertain_pose,
     ),
     Text: _Row("std_msgs/msg/String", text.write_text, text.read_text),
+    TimeReference: _Row(
+        "sensor_msgs/msg/TimeReference",
+        sensors.write_time_reference,
+        sensors.read_time_reference,
+    ),
     Transforms: _Row("tf2_msgs/msg/TFMessage", frames.write_transforms, frames.read_transforms),
     TransformStamped: _Row(
         "geometry_msgs/msg/TransformStamped", frames.write_transform, frames.read_transform

@@ -7,8 +7,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import FluidPressure, Imu, LaserScan, MagneticField, NavSatFix
-from ros_visualise.data.sensors import TimeReference
+from ros_visualise.data import (
+    FluidPressure,
+    Imu,
+    LaserScan,
+    MagneticField,
+    NavSatFix,
+    TimeReference,
+)
 from ros_visualise.messages.build import Fields, header, read_header, read_time, time
 from ros_visualise.messages.poses import named, xyz, xyzw
 

@@ -4,9 +4,12 @@
 - the sequences of the odometry benchmark: `ros_visualise.sources.kitti.odometry`
 
 Topics are ``/cam00/image_rect`` (of unsynced drives ``image_raw``) and ``/cam00/camera_info`` to
-``/cam03``, ``/velodyne_points``, ``/imu/data``, ``/gps/fix``, ``/gps/vel``, ``/odom``, ``/path``,
-``/tf`` and ``/tf_static``; frames are map -> odom -> base_link -> imu_link -> velodyne, and
-``cam00_optical`` to ``cam03_optical`` in velodyne. Stamps are in UTC, to the nanosecond.
+``/cam03``, ``/velodyne_points``, ``/velodyne_points/scan_start`` and ``/velodyne_points/scan_end``
+(when a turn of the scanner began and ended, stamped as its cloud), ``/imu/data``, ``/gps/fix``,
+``/gps/vel``, ``/odom``, ``/path`` (the whole way, at the start), ``/tf`` and ``/tf_static``.
+
+Frames are map -> odom -> base_link -> imu_link -> velodyne, and ``cam00_optical`` to
+``cam03_optical`` in velodyne. Stamps are in UTC, to the nanosecond.
 """
 
 from __future__ import annotations

@@ -11,12 +11,13 @@ from ros_visualise.errors import DamagedMessage
 
 
 class DamagedFile(DamagedMessage):
-    """A file of a frame cannot be read; ``size`` are its bytes."""
+    """A file, or a part of it, cannot be read; ``size`` are the bytes of what cannot."""
 
-    def __init__(self, path: Path, why: str) -> None:
+    def __init__(self, path: Path, why: str, size: int | None = None) -> None:
         super().__init__(f"{path}: {why}")
         self.path = path
-        self.size = path.stat().st_size if path.is_file() else 0
+        whole = path.stat().st_size if path.is_file() else 0
+        self.size = whole if size is None else size
 
 
 @dataclass(frozen=True)

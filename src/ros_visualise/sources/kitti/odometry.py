@@ -23,7 +23,7 @@ from ros_visualise.data import Floats, Header, Odometry, PointCloud
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, cameras, stamps
-from ros_visualise.sources.kitti.files import Files, list_files
+from ros_visualise.sources.kitti.files import DamagedFile, Files, list_files
 from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
 from ros_visualise.sources.kitti.raw import Places, camera_series
 from ros_visualise.sources.kitti.recording import KittiRecording
@@ -42,6 +42,7 @@ from ros_visualise.sources.kitti.series import (
 
 _NS = 1_000_000_000
 _PERIOD_NS = _NS // 10
+_POSE_TOPICS = 2  # messages of one pose: odom, tf
 T_BASE_VELODYNE = transforms.from_parts(np.eye(3), [0, 0, 1.73])
 T_BASE_CAM0 = transforms.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 1.65])
 """Looking straight ahead, where no calibration tells more."""
@@ -58,7 +59,7 @@ def open_sequence(folder: Path) -> KittiRecording:
     scans = list_files(folder / "velodyne", "bin")
     if scans:
         parts = {"velodyne": scans, **parts}
-    truth = read_poses(poses_file(folder))
+    truth, no_poses = read_poses(poses_file(folder))
     if truth:
         parts["poses"] = Files(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
     if not parts:
@@ -76,24 +77,41 @@ def open_sequence(folder: Path) -> KittiRecording:
         places = [(MAP, ODOM, np.eye(4)), *places]
     series = [static_series(start_ns, places), *series]
     size = sum(files.size for files in parts.values())
-    return KittiRecording(folder, "KITTI odometry", size, series, notes)
+    return KittiRecording(folder, "KITTI odometry", size, series, notes, _lost(folder, no_poses))
 
 
-def read_poses(path: Path) -> dict[int, Floats]:
-    """T_first_camera0, 4x4, by the number of the frame; lines that are no poses are left out."""
+def _lost(folder: Path, no_poses: list[str]) -> list[tuple[DamagedFile, int]]:
+    if not no_poses:
+        return []
+    why = f"{len(no_poses)} lines are no poses"
+    error = DamagedFile(poses_file(folder), why, sum(map(len, no_poses)))
+    return [(error, len(no_poses) * _POSE_TOPICS)]
+
+
+def read_poses(path: Path) -> tuple[dict[int, Floats], list[str]]:
+    """T_first_camera0, 4x4, by the number of the frame; and the lines that are no poses."""
     try:
         lines = path.read_text("utf-8", "replace").splitlines()
     except OSError:
-        return {}
-    found = {}
+        return {}, []
+    found, damaged = {}, []
     for number, line in enumerate(lines):
-        try:
-            T = calibration.rigid_3x4(np.array(line.split(), np.float64))
-        except ValueError:
-            continue
-        if T is not None and np.isfinite(T).all() and abs(np.linalg.det(T) - 1) < 0.01:
+        T = _parse_pose(line)
+        if T is not None:
             found[number] = T
-    return found
+        elif line.strip():
+            damaged.append(line)
+    return found, damaged
+
+
+def _parse_pose(line: str) -> Floats | None:
+    try:
+        T = calibration.rigid_3x4(np.array(line.split(), np.float64))
+    except ValueError:
+        return None
+    if T is None or not np.isfinite(T).all() or abs(np.linalg.det(T) - 1) > 0.01:
+        return None
+    return T
 
 
 def _stamp(
@@ -114,7 +132,7 @@ def _stamp(
     notes += [
         f"{name}: {len(lines) - len(files)} of {len(lines)} frames are missing"
         for name, files in parts.items()
-        if len(files) < len(lines)
+        if len(files) < len(lines) and name != "poses"
     ]
     found = {one.name: [one.times[number] for number in one.numbers] for one in sensors}
     return {name: np.array(times, np.int64) for name, times in found.items()}, notes

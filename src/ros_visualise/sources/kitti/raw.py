@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import CameraInfo, Floats, Image, PointCloud
+from ros_visualise.data import CameraInfo, Floats, Header, Image, PointCloud, TimeReference
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
@@ -140,6 +140,7 @@ def _sensors(
         stamps_ns = times["velodyne_points"]
         scanner = Scanner(drive.scans, stamps_ns, VELODYNE)
         series.append(Series("/velodyne_points", PointCloud, stamps_ns, scanner.cloud, slow=True))
+        series += [_turn(drive, stamps_ns, what) for what in ("start", "end")]
     for number, files in drive.images.items():
         found = calibration.raw_camera(number, cam_to_cam, T_cam0_velodyne, not unsynced)
         _check(drive, number, found)
@@ -149,6 +150,21 @@ def _sensors(
         if found.T_velodyne_camera is not None:
             places.append((VELODYNE, optical_frame(number), found.T_velodyne_camera))
     return series, places
+
+
+def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
+    """When each turn of the scanner began, or ended; of those of which it is told."""
+    path = drive.folder / "velodyne_points" / f"timestamps_{what}.txt"
+    numbers = drive.scans.numbers
+    times = stamps.read_stamps("velodyne_points", path, numbers).times
+    known = [(index, times[number]) for index, number in enumerate(numbers) if number in times]
+    of_scans = np.array([stamps_ns[index] for index, _ in known], np.int64)
+
+    def make(index: int) -> TimeReference:
+        header = Header(int(of_scans[index]), VELODYNE)
+        return TimeReference(known[index][1], f"{what} of the scan", header)
+
+    return Series(f"/velodyne_points/scan_{what}", TimeReference, of_scans, make)
 
 
 def camera_series(

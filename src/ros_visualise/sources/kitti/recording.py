@@ -51,6 +51,7 @@ class KittiRecording:
         damaged: Sequence[tuple[DamagedFile, int]] = (),
     ) -> None:
         self.path, self.format, self.size = path, format, size
+        series = [one for one in series if len(one.stamps_ns)]
         self.notes = list(notes)
         self.loss = Loss()
         self.topics: Mapping[str, TopicInfo] = {
@@ -59,8 +60,8 @@ class KittiRecording:
             )
             for one in sorted(series, key=lambda one: one.topic)
         }
-        self._series = [one for one in series if len(one.stamps_ns)]
-        self._index = _Index(self._series)
+        self._series = series
+        self._index = _Index(series)
         self.start_ns, self.end_ns = self._index.span_ns
         self._lost: set[Path] = set()
         self._lost_in: Counter[str] = Counter()
