@@ -18,6 +18,7 @@ from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss, Recording
 from ros_visualise.sources.recordings.mcap_index import (
     UNKNOWN,
+    Index,
     index_bytes,
     indexed_stamps,
     read_index,
@@ -72,7 +73,7 @@ class McapFile:
         self._file = _open(path)
         try:
             self.size = path.stat().st_size
-            index = read_index(self._file, self.size) or scan(self._file, self.size, loss)
+            index = read_index(self._file, self.size) or self._scan()
         except OSError as error:
             self._file.close()
             raise OpenError(f"{path}: {error.strerror}; copy it again") from None
@@ -128,6 +129,15 @@ class McapFile:
         """As `Storage.close`."""
         with self._lock:
             self._file.close()
+
+    def _scan(self) -> Index:
+        found = Loss()
+        index = scan(self._file, self.size, found)
+        self._loss.messages += found.messages
+        self._loss.bytes += found.bytes
+        for note in found.notes:
+            add_note(self._loss, f"{self.path.name}: {note}")
+        return index
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
         row = self._rows[piece]

@@ -1,0 +1,63 @@
+"""Files whose messages are compressed one by one, as rosbag2 does it when told to."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+import numpy.typing as npt
+import zstandard
+
+from ros_visualise.sources.recordings import Entry, Loss
+from ros_visualise.sources.recordings.storage import Query, Storage, add_note
+
+_ZSTD = b"\x28\xb5\x2f\xfd"
+
+
+class CompressedMessages:
+    """A `Storage` that decompresses those messages of another that are compressed with zstd.
+
+    Args:
+        storage: where they are.
+        loss: where to say what cannot be decompressed.
+        is_known: whether the bag says that it compresses its messages.
+    """
+
+    def __init__(self, storage: Storage, loss: Loss, is_known: bool) -> None:
+        self._storage, self._loss = storage, loss
+        self._lost: set[tuple[str, int]] = set()
+        self.size, self.channels, self.counts = storage.size, storage.channels, storage.counts
+        self.starts_ns, self.ends_ns = storage.starts_ns, storage.ends_ns
+        self.compressions: Collection[str] = ("zstd",) if is_known else storage.compressions
+
+    def select(self, query: Query) -> npt.NDArray[np.intp]:
+        """As `Storage.select`."""
+        return self._storage.select(query)
+
+    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
+        """As `Storage.read_piece`."""
+        for entry in self._storage.read_piece(piece, query):
+            message = entry.message
+            if message.data[:4] == _ZSTD:  # no CDR begins like that
+                try:
+                    message.data = (
+                        zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
+                    )
+                except (zstandard.ZstdError, MemoryError):
+                    self._lose(entry)
+                    continue
+            yield entry
+
+    def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """As `Storage.stamps_ns`."""
+        return self._storage.stamps_ns()
+
+    def close(self) -> None:
+        """As `Storage.close`."""
+        self._storage.close()
+
+    def _lose(self, entry: Entry) -> None:
+        if (entry.topic, entry.stamp_ns) not in self._lost:
+            self._lost.add((entry.topic, entry.stamp_ns))
+            self._loss.messages += 1
+            add_note(self._loss, "messages whose zstd data is damaged")

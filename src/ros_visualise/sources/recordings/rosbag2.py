@@ -1,0 +1,166 @@
+"""ROS 2 bags: folders of SQLite or MCAP files with a ``metadata.yaml``, or without it."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import zstandard
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.recordings import Loss, Recording
+from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
+from ros_visualise.sources.recordings.mcap import McapFile
+from ros_visualise.sources.recordings.merging import MergedRecording
+from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.sqlite3 import SqliteFile
+from ros_visualise.sources.recordings.storage import Storage, add_note
+
+_PACKED = ".zstd"
+_FILES: dict[str, Callable[[Path, Schemas, Loss], Storage]] = {
+    ".db3": SqliteFile,
+    ".mcap": McapFile,
+}
+_BLOCK_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    """What a ``metadata.yaml`` says, as far as it can be read; None: nothing.
+
+    ``compression_mode`` is empty, ``file`` or ``message``.
+    """
+
+    files: tuple[str, ...] = ()
+    messages: int | None = None
+    compression_mode: str | None = None
+
+
+def open_rosbag2(path: Path) -> Recording:
+    """Open a ROS 2 bag: its folder, or one of its SQLite files alone.
+
+    What ``metadata.yaml`` names and what is there may differ: what is there counts.
+
+    Raises:
+        OpenError: nothing of it can be read.
+    """
+    loss = Loss()
+    if path.is_dir():
+        metadata = _read_metadata(path / "metadata.yaml", loss)
+        files = _files(path, metadata, loss)
+    else:
+        metadata, files = _Metadata(), [path]
+    with ExitStack() as stack:
+        storages = _open_files(path, files, loss, stack)
+        packed = metadata.compression_mode == "message"
+        if packed or metadata.compression_mode is None:
+            storages = [CompressedMessages(storage, loss, packed) for storage in storages]
+        _compare(metadata, storages, loss)
+        release = stack.pop_all().close
+    recording = MergedRecording(path, "rosbag2", storages, loss, release)
+    recording.size = sum(file.stat().st_size for file in files)
+    if any(file.suffix == _PACKED for file in files):
+        recording.compression = "zstd"
+    return recording
+
+
+def _read_metadata(path: Path, loss: Loss) -> _Metadata:
+    try:
+        content = YAML(typ="safe").load(path.read_text(errors="replace"))
+        about = content["rosbag2_bagfile_information"]
+        names = tuple(map(str, about.get("relative_file_paths") or ()))
+        mode = str(about.get("compression_mode") or "").lower().replace("none", "")
+        messages = about.get("message_count")
+    except FileNotFoundError:
+        add_note(loss, "metadata.yaml is missing")
+    except (OSError, YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        add_note(loss, "metadata.yaml cannot be read")
+    else:
+        return _Metadata(names, messages if isinstance(messages, int) else None, mode)
+    return _Metadata()
+
+
+def _files(folder: Path, metadata: _Metadata, loss: Loss) -> list[Path]:
+    """Those that are named and there; where one lacks or none is named, also the others."""
+    names = dict.fromkeys(re.split(r"[/\\]", name)[-1] for name in metadata.files)
+    found = [folder / name for name in names if (folder / name).is_file()]
+    for name in names:
+        if folder / name not in found:
+            add_note(loss, f"{name} is missing")
+    if len(found) < len(names) or not names:
+        found += _others(folder, found)
+    if not found:
+        raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
+    return found
+
+
+def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
+    kinds = {_kind(file) for file in named} or _FILES.keys()
+    there = {item for item in folder.iterdir() if item.is_file() and _kind(item) in kinds}
+    packed_twins = {f for f in there if f.suffix == _PACKED and f.with_suffix("") in there}
+    return sorted(there - packed_twins - set(named), key=_natural)
+
+
+def _kind(file: Path) -> str:
+    """``.db3`` or ``.mcap``, be it packed or not."""
+    return (file.with_suffix("") if file.suffix == _PACKED else file).suffix
+
+
+def _natural(file: Path) -> list[Any]:
+    """Orders ``bag_10`` after ``bag_9``."""
+    return [
+        (int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)
+    ]
+
+
+def _open_files(
+    path: Path, files: Sequence[Path], loss: Loss, stack: ExitStack
+) -> Sequence[Storage]:
+    schemas = Schemas()
+    storages: list[Storage] = []
+    failures: list[str] = []
+    for file in files:
+        try:
+            unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
+            storage = _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss)
+        except OpenError as error:
+            failures.append(str(error))
+            add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))
+            loss.bytes += file.stat().st_size
+        else:
+            stack.callback(storage.close)
+            storages.append(storage)
+    if not storages:
+        raise OpenError(failures[0])
+    return storages
+
+
+def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
+    """A packed file as it was, in a folder that goes when the recording is closed."""
+    try:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="ros_visualise_"))
+        target = Path(folder, file.stem)
+        with file.open("rb") as packed, target.open("wb") as unpacked:
+            reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
+            while block := reader.read(_BLOCK_BYTES):
+                unpacked.write(block)
+    except zstandard.ZstdError:
+        add_note(loss, f"{file.name}: its zstd data is damaged")
+    except OSError as error:
+        raise OpenError(f"{file}: {error.strerror}; make room for it unpacked") from None
+    return target
+
+
+def _compare(metadata: _Metadata, storages: Iterable[Storage], loss: Loss) -> None:
+    found = sum(sum(storage.counts.values()) for storage in storages)
+    missing = (metadata.messages or 0) - found
+    if missing > 0:
+        loss.messages = max(loss.messages, missing)
+        add_note(loss, f"metadata.yaml counts {metadata.messages} messages, {found} are there")
