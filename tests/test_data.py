@@ -3,12 +3,12 @@ import threading
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, Deferred, Image, Odometry, Path, PoseStamped
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, Deferred, Image, Odometry, Path, PoseStamped
 
 
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("encoding", ENCODINGS | MEASUREMENTS)
 def test_an_image_of_every_encoding_keeps_its_pixels(encoding):
-    dtype, channels = ENCODINGS[encoding]
+    dtype, channels = (ENCODINGS | MEASUREMENTS)[encoding]
     shape = (3, 5) if channels == 1 else (3, 5, channels)
     pixels = np.arange(np.prod(shape)).reshape(shape).astype(dtype)
     image = Image(pixels, encoding)

@@ -8,26 +8,37 @@ import numpy as np
 import pytest
 from through import HEADER, ROS1, ROS2, assert_survives, through_ros1, through_ros2
 
-from ros_visualise.data import ENCODINGS, CameraInfo, CompressedImage, Header, Image
+from ros_visualise.data import (
+    ENCODINGS,
+    MEASUREMENTS,
+    CameraInfo,
+    CompressedImage,
+    Header,
+    Image,
+)
 from ros_visualise.messages import from_message, to_message
+
+EVERY = ENCODINGS | MEASUREMENTS
 
 
 def random_image(encoding: str, height: int = 3, width: int = 5) -> Image:
-    dtype, channels = ENCODINGS[encoding]
+    """Random bytes: of floats, some are no numbers."""
+    dtype, channels = EVERY[encoding]
     shape = (height, width) if channels == 1 else (height, width, channels)
-    pixels = np.random.default_rng(7).integers(0, np.iinfo(dtype).max, shape, dtype, endpoint=True)
-    return Image(pixels, encoding, HEADER)
+    size = height * width * channels * np.dtype(dtype).itemsize
+    raw = np.random.default_rng(7).integers(0, 256, size, np.uint8)
+    return Image(raw.view(dtype).reshape(shape), encoding, HEADER)
 
 
 @pytest.mark.parametrize("size", [(3, 5), (1, 1), (8, 2)])
-@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("encoding", EVERY)
 @pytest.mark.parametrize("through", [through_ros1, through_ros2])
 def test_images_survive(through: Callable[..., Any], encoding: str, size: tuple[int, int]) -> None:
     image = random_image(encoding, *size)
     found = from_message(through(image), Image)
     assert (found.encoding, found.header) == (encoding, HEADER)
-    assert found.pixels.dtype == image.pixels.dtype
-    np.testing.assert_array_equal(found.pixels, image.pixels)
+    assert (found.pixels.dtype, found.pixels.shape) == (image.pixels.dtype, image.pixels.shape)
+    assert found.pixels.tobytes() == image.pixels.tobytes()
 
 
 def test_pixels_are_not_copied_on_the_way_out() -> None:
@@ -87,19 +98,40 @@ def test_sizes_that_contradict_are_refused(step: int, size: int, expected: str) 
         from_message(message("bgr8", 2, 2, step, bytes(size)), Image)
 
 
-def test_an_unknown_encoding_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"'nv21'; known are mono8, mono16"):
-        from_message(message("nv21", 1, 2, 4, bytes(4)), Image)
+@pytest.mark.parametrize("name", ["", "theora", "mono32", "8UC5", "16FC1", "32UC1", "16UC", "nv16"])
+def test_an_unknown_encoding_is_refused_by_name(name: str) -> None:
+    with pytest.raises(ValueError, match=rf"'{name}'; known are mono8, mono16, .*32FC1.*nv12"):
+        from_message(message(name, 1, 2, 4, bytes(4)), Image)
 
 
-def test_depth_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"'32FC1' holds measurements \(depth\)"):
-        from_message(message("32FC1", 1, 2, 8, bytes(8)), Image)
+def test_depth_keeps_its_values_and_its_name() -> None:
+    metres = np.array([[0.5, np.nan], [np.inf, 0]], np.float32)
+    found = from_message(message("32FC1", 2, 2, 8, metres.tobytes()), Image)
+    assert found.encoding == "32FC1"
+    np.testing.assert_array_equal(found.pixels, metres)
+    millimetres = np.array([[500, 0]], ">u2")
+    found = from_message(message("16UC1", 1, 2, 4, millimetres.tobytes(), big=1), Image)
+    assert found.encoding == "16UC1"
+    np.testing.assert_array_equal(found.pixels, [[500, 0]])
+    assert through_ros2(found).encoding == "16UC1"
+
+
+def test_depth_of_another_size_is_refused() -> None:
+    with pytest.raises(
+        ValueError, match=r"32FC1 of 2x2 .* needs 16 bytes, but the message holds 15"
+    ):
+        from_message(message("32FC1", 2, 2, 8, bytes(15)), Image)
 
 
 @pytest.mark.parametrize(
     ("name", "encoding"),
-    [("8UC1", "mono8"), ("8UC3", "bgr8"), ("8UC4", "bgra8"), ("16UC1", "mono16")],
+    [
+        ("8UC1", "mono8"),
+        ("8UC3", "bgr8"),
+        ("8UC4", "bgra8"),
+        ("16UC3", "bgr16"),
+        ("16UC4", "bgra16"),
+    ],
 )
 def test_the_names_of_opencv_are_read_as_cv_bridge_reads_them(name: str, encoding: str) -> None:
     image = random_image(encoding)
@@ -129,9 +161,46 @@ def test_what_usb_cameras_send_is_read_as_bgr8(encoding: str, order: str) -> Non
     np.testing.assert_allclose(found.pixels, expected, atol=3)
 
 
-def test_pairs_of_pixels_make_even_widths() -> None:
-    with pytest.raises(ValueError, match="yuv422 of an odd width, 3 pixels"):
-        from_message(message("yuv422", 1, 3, 6, bytes(6)), Image)
+@pytest.mark.parametrize("padding", [0, 2])
+@pytest.mark.parametrize(("encoding", "order"), [("nv12", "UV"), ("nv21", "VU")])
+def test_pairs_of_colours_for_four_pixels_are_read_as_bgr8(
+    encoding: str, order: str, padding: int
+) -> None:
+    colors = (RED, BLUE, WHITE)
+    gray = [value for y, _, _ in colors for value in (y, y)]
+    pairs = [{"U": u, "V": v}[one] for _, u, v in colors for one in order]
+    rows = [bytes(row) + b"\xff" * padding for row in (gray, gray, pairs)]
+    found = from_message(message(encoding, 2, 6, 6 + padding, b"".join(rows)), Image)
+    assert (found.encoding, found.height, found.width) == ("bgr8", 2, 6)
+    expected = np.repeat([[[0, 0, 255], [255, 0, 0], [255, 255, 255]]] * 2, 2, axis=1)
+    np.testing.assert_allclose(found.pixels, expected, atol=3)
+
+
+def test_a_pair_of_colours_for_each_pixel_is_read_as_bgr8() -> None:
+    gray = bytes([RED[0], BLUE[0], WHITE[0]])
+    pairs = bytes([*RED[1:], *BLUE[1:], *WHITE[1:]])
+    found = from_message(message("nv24", 1, 3, 3, gray + pairs), Image)
+    assert (found.encoding, found.pixels.shape) == ("bgr8", (1, 3, 3))
+    np.testing.assert_allclose(found.pixels[0], [[0, 0, 255], [255, 0, 0], [255, 255, 255]], atol=3)
+
+
+@pytest.mark.parametrize(
+    ("encoding", "height", "width", "step", "size", "why"),
+    [
+        ("yuv422", 1, 3, 6, 6, "yuv422 of an odd size, 3x1 pixels"),
+        ("nv12", 3, 2, 2, 9, "nv12 of an odd size, 2x3 pixels"),
+        ("nv21", 2, 3, 3, 9, "nv21 of an odd size, 3x2 pixels"),
+        ("nv12", 2, 2, 2, 8, "nv12 of 2x2 .* needs 6 bytes, but the message holds 8"),
+        ("nv21", 2, 2, 1, 3, "needs 6 bytes, but the message holds 3"),
+        ("nv24", 2, 2, 2, 8, "needs 12 bytes, but the message holds 8"),
+        ("nv24", 2, 2, 4, 24, "nv24 of 2 pixels with a step of 4 bytes is not read"),
+    ],
+)
+def test_colours_that_do_not_fit_are_refused(
+    encoding: str, height: int, width: int, step: int, size: int, why: str
+) -> None:
+    with pytest.raises(ValueError, match=why):
+        from_message(message(encoding, height, width, step, bytes(size)), Image)
 
 
 def test_pixels_are_not_copied_on_the_way_in_and_cannot_be_written() -> None:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, Deferred, Header, Image
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, Deferred, Header, Image
 from ros_visualise.errors import ParameterError, UnsupportedImage
 from ros_visualise.nodes import edge_detector as module
 from ros_visualise.nodes import find
@@ -153,3 +153,11 @@ def test_the_declaration():
     assert known["aperture"].choices == ("3", "5", "7")
     with pytest.raises(ParameterError, match="from 0 to 800"):
         update(EdgeParams(), {"low": 801})
+
+
+@pytest.mark.parametrize("encoding", MEASUREMENTS)
+def test_measurements_are_refused_by_name(encoding):
+    dtype, channels = MEASUREMENTS[encoding]
+    pixels = np.ones((3, 5) if channels == 1 else (3, 5, channels), dtype)
+    with pytest.raises(UnsupportedImage, match=f"{encoding} holds measurements"):
+        run(Image(pixels, encoding))

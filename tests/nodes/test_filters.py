@@ -3,7 +3,7 @@ from enum import Enum
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, CameraInfo, Header, Image
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, CameraInfo, Header, Image
 from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import find
 from ros_visualise.nodes.filters import FiltersParams, filters
@@ -203,3 +203,12 @@ def test_the_declaration():
     defaults = {spec.name: spec.default for spec in specs(FiltersParams)}
     assert (defaults["gray"], defaults["threshold"]) == (True, 128)
     assert defaults["threshold_mode"].value == "truncate"
+
+
+@pytest.mark.parametrize("encoding", MEASUREMENTS)
+def test_measurements_are_refused_by_name(encoding):
+    dtype, channels = MEASUREMENTS[encoding]
+    pixels = np.ones((3, 5) if channels == 1 else (3, 5, channels), dtype)
+    for params in (FiltersParams(), OFF):
+        with pytest.raises(UnsupportedImage, match=f"{encoding} holds measurements"):
+            filters(Image(pixels, encoding), params)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, Image
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, Image
 from ros_visualise.ui.preview import preview
 
 
@@ -47,3 +47,23 @@ def test_a_line_of_one_pixel_stays_visible_in_edges():
     assert shown.max() >= 80  # of a mean, 48
     assert (shown > 0).any(axis=1).all()
     assert (shown > 0).sum(axis=1).max() <= 3
+
+
+@pytest.mark.parametrize("size", [3, 720])
+@pytest.mark.parametrize("encoding", MEASUREMENTS)
+def test_measurements_of_every_type_are_shown_in_colours(encoding, size):
+    dtype, channels = MEASUREMENTS[encoding]
+    values = np.arange(2, 2 + 6 * 10 * channels).reshape(6, 10, channels) % 120
+    pixels = values.astype(dtype)
+    shown = preview(Image(pixels[..., 0] if channels == 1 else pixels, encoding), size)
+    assert (shown.dtype, shown.shape) == (np.uint8, (2, 3, 3) if size == 3 else (6, 10, 3))
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 2
+
+
+def test_depth_is_picked_and_not_mixed_when_it_shrinks():
+    """Between what is near and what is far away there is nothing, and no depth stays none."""
+    depth = np.zeros((400, 400), np.uint16)
+    depth[:, 100:250], depth[:, 250:] = 500, 9000
+    shown = preview(Image(depth, "16UC1"), 37)
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) == 3
+    assert not shown[:, :9].any()

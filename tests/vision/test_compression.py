@@ -1,10 +1,12 @@
 """JPEG and PNG, as compressed_image_transport and many others write them."""
 
+import struct
+
 import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, CompressedImage, Header, Image
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, CompressedImage, Header, Image
 from ros_visualise.vision.compression import compress, decompress
 
 HEADER = Header(1_700_000_000_987_654_321, "camera_optical")
@@ -81,7 +83,7 @@ GRAY_16 = smooth("mono16").pixels
         ("png", GRAY, "mono8", GRAY),
         ("png", GRAY_16, "mono16", GRAY_16),
         ("png", smooth("bgra8").pixels, "bgra8", smooth("bgra8").pixels),
-        ("png", np.dstack([smooth("bgr16").pixels, GRAY_16]), "bgr16", smooth("bgr16").pixels),
+        ("png", smooth("bgra16").pixels, "bgra16", smooth("bgra16").pixels),
         ("rgb8; png compressed bgr8", BGR, "rgb8", BGR[..., ::-1]),
         ("rgb8;png compressed bgr8", BGR, "rgb8", BGR[..., ::-1]),
         ("bgra8; png compressed bgr8", BGR, "bgra8", smooth("bgra8").pixels),
@@ -89,7 +91,8 @@ GRAY_16 = smooth("mono16").pixels
         ("rgb8; png compressed ", BGR, "rgb8", BGR),
         ("8UC1; png compressed ", GRAY, "mono8", GRAY),
         ("8UC3; png compressed ", BGR, "bgr8", BGR),
-        ("16UC1; png compressed ", GRAY_16, "mono16", GRAY_16),
+        ("16UC1; png compressed ", GRAY_16, "16UC1", GRAY_16),
+        ("16UC1; png compressed ", GRAY, "mono8", GRAY),
         ("yuv422; png compressed bgr8", BGR, "bgr8", BGR),
         ("bayer_rggb8; png compressed bgr8", BGR, "bgr8", BGR),
         ("mono16; png compressed ", GRAY, "mono8", GRAY),
@@ -118,13 +121,70 @@ def test_what_is_no_picture_is_refused(data):
         decompress(CompressedImage(np.frombuffer(data, np.uint8), "bgr8; jpeg compressed bgr8"))
 
 
-def test_depth_is_refused_by_name():
-    depth = CompressedImage(np.zeros(40, np.uint8), "32FC1; compressedDepth png")
-    with pytest.raises(ValueError, match="'32FC1; compressedDepth png' holds depth"):
-        decompress(depth)
-    floats = CompressedImage(file_of(".tiff", np.zeros((4, 4), np.float32)), "tiff")
-    with pytest.raises(ValueError, match="'tiff' holds float32 values"):
-        decompress(floats)
+def test_depth_in_millimetres_survives_bit_by_bit():
+    image = Image(GRAY_16, "16UC1", HEADER)
+    compressed = compress(image)
+    assert compressed.format == "16UC1; png compressed "
+    found = decompress(compressed)
+    assert (found.encoding, found.header) == ("16UC1", HEADER)
+    np.testing.assert_array_equal(found.pixels, GRAY_16)
+
+
+@pytest.mark.parametrize("encoding", [name for name in MEASUREMENTS if name != "16UC1"])
+def test_other_measurements_are_not_compressed(encoding):
+    dtype, channels = MEASUREMENTS[encoding]
+    shape = (4, 5) if channels == 1 else (4, 5, channels)
+    with pytest.raises(ValueError, match=f"{encoding} holds measurements"):
+        compress(Image(np.ones(shape, dtype), encoding))
+
+
+def depth_file(png, a=0.0, b=0.0):
+    """As compressed_depth_image_transport writes it: a header of 12 bytes, and a PNG."""
+    return np.frombuffer(struct.pack("<iff", 0, a, b) + png.tobytes(), np.uint8)
+
+
+@pytest.mark.parametrize("how", ["compressedDepth png", "compressedDepth"])
+def test_compressed_depth_in_millimetres_is_read(how):
+    compressed = CompressedImage(depth_file(file_of(".png", GRAY_16)), f"16UC1; {how}", HEADER)
+    found = decompress(compressed)
+    assert (found.encoding, found.header) == ("16UC1", HEADER)
+    np.testing.assert_array_equal(found.pixels, GRAY_16)
+
+
+def test_compressed_depth_in_metres_is_read():
+    """Written by the transport's formulas: a tenth of a metre to ten, and places without depth."""
+    depth_max, quantization = 10.0, 100.0
+    metres = np.linspace(0.5, 9.9, 200, dtype=np.float32).reshape(10, 20)
+    a = quantization * (quantization + 1)
+    b = 1 - a / depth_max
+    stored = (a / metres + b).astype(np.uint16)
+    stored[3, 4] = 0
+    found = decompress(
+        CompressedImage(depth_file(file_of(".png", stored), a, b), "32FC1; compressedDepth png")
+    )
+    assert (found.encoding, found.pixels.dtype) == ("32FC1", np.float32)
+    assert np.isnan(found.pixels[3, 4])
+    known = stored > 0
+    resolution = metres**2 / a  # of one step at this distance
+    assert (np.abs(found.pixels - metres) <= 1.01 * resolution)[known].all()
+
+
+@pytest.mark.parametrize(
+    ("data", "format", "why"),
+    [
+        (depth_file(file_of(".png", GRAY_16)), "16UC1; compressedDepth rvl", "is not read; known"),
+        (depth_file(file_of(".png", GRAY_16)), "bgr8; compressedDepth png", "is not read; known"),
+        (depth_file(file_of(".png", GRAY)), "16UC1; compressedDepth png", "no 16-bit gray picture"),
+        (depth_file(file_of(".png", BGR)), "32FC1; compressedDepth png", "no 16-bit gray picture"),
+        (np.zeros(12, np.uint8), "16UC1; compressedDepth png", "its 12 bytes are broken"),
+        (np.zeros(0, np.uint8), "16UC1; compressedDepth png", "its 0 bytes are broken"),
+        (np.zeros(40, np.uint8), "32FC1; compressedDepth png", "bytes are broken"),
+        (file_of(".tiff", np.zeros((4, 4), np.float32)), "tiff", "'tiff' holds float32 values"),
+    ],
+)
+def test_other_depth_is_refused_by_name(data, format, why):
+    with pytest.raises(ValueError, match=why):
+        decompress(CompressedImage(data, format))
 
 
 @pytest.mark.parametrize("shape", [(0, 0), (0, 5), (1, 65501)])

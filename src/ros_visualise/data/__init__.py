@@ -5,7 +5,14 @@ A message is never changed after it was made, so it passes between threads by re
 
 from ros_visualise.data.frames import Transforms, TransformStamped
 from ros_visualise.data.header import Floats, Header, Pixels
-from ros_visualise.data.images import ENCODINGS, CameraInfo, CompressedImage, Deferred, Image
+from ros_visualise.data.images import (
+    ENCODINGS,
+    MEASUREMENTS,
+    CameraInfo,
+    CompressedImage,
+    Deferred,
+    Image,
+)
 from ros_visualise.data.parameters import ParameterEvent
 from ros_visualise.data.poses import (
     Odometry,
@@ -51,6 +58,7 @@ MESSAGES: tuple[type, ...] = (
 
 __all__ = [
     "ENCODINGS",
+    "MEASUREMENTS",
     "MESSAGES",
     "CameraInfo",
     "CompressedImage",

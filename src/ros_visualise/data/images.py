@@ -22,10 +22,28 @@ ENCODINGS: dict[str, tuple[str, int]] = {
     "rgba8": ("uint8", 4),
     "bgr16": ("uint16", 3),
     "rgb16": ("uint16", 3),
+    "bgra16": ("uint16", 4),
+    "rgba16": ("uint16", 4),
     **{f"bayer_{pattern}8": ("uint8", 1) for pattern in _BAYER},
     **{f"bayer_{pattern}16": ("uint16", 1) for pattern in _BAYER},
 }
-"""Encoding name of sensor_msgs/image_encodings -> (numpy dtype, channels)."""
+"""Gray and colours: name in sensor_msgs/image_encodings -> (numpy dtype, channels)."""
+
+_COLORLESS = ("8UC2", "16UC1", "16UC2")  # OpenCV's other unsigned types are gray or colours
+_TYPES = {"8S": "int8", "16S": "int16", "32S": "int32", "32F": "float32", "64F": "float64"}
+MEASUREMENTS: dict[str, tuple[str, int]] = {
+    **{name: (f"uint{name.partition('U')[0]}", int(name[-1])) for name in _COLORLESS},
+    **{
+        f"{name}C{channels}": (dtype, channels)
+        for name, dtype in _TYPES.items()
+        for channels in (1, 2, 3, 4)
+    },
+}
+"""Numbers that are neither gray nor colours, as `ENCODINGS`.
+
+Depth is ``32FC1`` in metres, NaN where there is none, or ``16UC1`` in millimetres, there 0 (REP
+118); ``mono16`` has the same bytes and is gray.
+"""
 
 
 class Deferred:
@@ -87,7 +105,7 @@ class Image:
 
     ``data`` is an array of shape (height, width) for one channel or (height, width, channels), or
     a `Deferred` that makes one; take the array from ``pixels``, which is read-only. ``encoding``
-    is one of `ENCODINGS`.
+    is one of `ENCODINGS` or `MEASUREMENTS`.
 
     Raises:
         ValueError: shape or type do not fit the encoding.
@@ -99,9 +117,10 @@ class Image:
     camera_info: CameraInfo | None = None
 
     def __post_init__(self) -> None:
-        if self.encoding not in ENCODINGS:
+        known = ENCODINGS if self.encoding in ENCODINGS else MEASUREMENTS
+        if self.encoding not in known:
             raise ValueError(f"unknown encoding {self.encoding!r}")
-        dtype, channels = ENCODINGS[self.encoding]
+        dtype, channels = known[self.encoding]
         depth = self.data.shape[2:] or (1,)
         if self.data.dtype != dtype or depth != (channels,) or len(self.data.shape) > 3:
             raise ValueError(f"{self.encoding} is not {self.data.dtype} of {self.data.shape}")

@@ -10,6 +10,7 @@ import numpy as np
 
 from ros_visualise.data import (
     ENCODINGS,
+    MEASUREMENTS,
     CameraInfo,
     CompressedImage,
     Deferred,
@@ -17,19 +18,22 @@ from ros_visualise.data import (
     Pixels,
 )
 from ros_visualise.messages.build import Fields, field, header, read_header
-from ros_visualise.vision.color import yuv422_to_bgr
+from ros_visualise.vision.color import planes_to_bgr, yuv422_to_bgr
 
 _ALSO_CALLED = {
     "8UC1": "mono8",
     "8UC3": "bgr8",
     "8UC4": "bgra8",
-    "16UC1": "mono16",
     "16UC3": "bgr16",
+    "16UC4": "bgra16",
 }
-"""OpenCV's own names, which say nothing of colours -> what cv_bridge takes them for."""
+"""OpenCV's own names, which say nothing of colours -> what is taken for them; 16UC1 is depth."""
 
 _YUV422 = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUYV"}
 """What many cameras send -> the order of its bytes. They are read as bgr8."""
+
+_PLANES = {"nv12": 1, "nv21": 1, "nv24": 4}
+"""All gray, then all colours -> bytes of colours for two of gray. They are read as bgr8 too."""
 
 
 def write_image(image: Image) -> dict[str, Any]:
@@ -47,46 +51,67 @@ def write_image(image: Image) -> dict[str, Any]:
 
 
 def read_image(message: Any) -> Image:
-    """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be."""
+    """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be.
+
+    Raises:
+        ValueError: its sizes contradict one another, or nobody knows its encoding.
+    """
     name = str(message.encoding)
-    encoding = _ALSO_CALLED.get(name, name)
     found = read_header(message.header)
     if name in _YUV422:
         return Image(_yuv422(message, _YUV422[name]), "bgr8", found)
-    if encoding not in ENCODINGS:
-        raise ValueError(_unknown(name))
-    return Image(_pixels(message, *ENCODINGS[encoding]), encoding, found)
-
-
-def _unknown(encoding: str) -> str:
-    if encoding.startswith(("32F", "64F")):
-        return f"image encoding {encoding!r} holds measurements (depth), not gray or colours"
-    known = ", ".join((*ENCODINGS, *_ALSO_CALLED, *_YUV422))
-    return f"unknown image encoding {encoding!r}; known are {known}"
+    if name in _PLANES:
+        return Image(_planes(message, name), "bgr8", found)
+    encoding = _ALSO_CALLED.get(name, name)
+    known = ENCODINGS if encoding in ENCODINGS else MEASUREMENTS
+    if encoding not in known:
+        names = ", ".join((*ENCODINGS, *_ALSO_CALLED, *MEASUREMENTS, *_YUV422, *_PLANES))
+        raise ValueError(f"unknown image encoding {name!r}; known are {names}")
+    return Image(_pixels(message, *known[encoding]), encoding, found)
 
 
 def _pixels(message: Any, dtype: str, channels: int) -> Pixels:
-    height, width, step = int(message.height), int(message.width), int(message.step)
+    height, width = int(message.height), int(message.width)
     stored = np.dtype(dtype).newbyteorder(">" if message.is_bigendian else "<")
-    row = width * channels * stored.itemsize
-    flat = np.frombuffer(message.data, np.uint8)
-    if step < row or flat.size != step * height:
-        raise ValueError(
-            f"{message.encoding} of {width}x{height} with a step of {step} bytes needs"
-            f" {max(step, row) * height} bytes, but the message holds {flat.size}"
-        )
-    rows = np.ascontiguousarray(flat.reshape(height, step)[:, :row])
+    rows = _rows(message, height, width * channels * stored.itemsize)
     shape = (height, width) if channels == 1 else (height, width, channels)
     pixels: Pixels = rows.view(stored).reshape(shape).astype(dtype, copy=False)
     return pixels if pixels.flags.aligned else pixels.copy()
 
 
+def _rows(message: Any, count: int, row: int) -> Pixels:
+    """The bytes of ``count`` rows (count, row), without what is beyond ``row`` bytes in each."""
+    step = int(message.step)
+    flat = np.frombuffer(message.data, np.uint8)
+    if step < row or flat.size != step * count:
+        raise ValueError(
+            f"{message.encoding} of {message.width}x{message.height} with a step of {step} bytes"
+            f" needs {max(step, row) * count} bytes, but the message holds {flat.size}"
+        )
+    return np.ascontiguousarray(flat.reshape(count, step)[:, :row])
+
+
 def _yuv422(message: Any, order: str) -> Deferred:
-    if message.width % 2:
-        raise ValueError(f"{message.encoding} of an odd width, {message.width} pixels")
+    _need_even(message, message.width)
     packed = _pixels(message, "uint8", 2)
     shape = (*packed.shape[:2], 3)
     return Deferred(shape, np.uint8, partial(yuv422_to_bgr, packed, order))
+
+
+def _planes(message: Any, name: str) -> Deferred:
+    height, width = int(message.height), int(message.width)
+    if name == "nv24" and message.step != width:
+        raise ValueError(f"nv24 of {width} pixels with a step of {message.step} bytes is not read")
+    if name != "nv24":
+        _need_even(message, width, height)
+    rows = _rows(message, height + height * _PLANES[name] // 2, width)
+    return Deferred((height, width, 3), np.uint8, partial(planes_to_bgr, rows, name))
+
+
+def _need_even(message: Any, *sides: int) -> None:
+    if any(side % 2 for side in sides):
+        size = f"{message.width}x{message.height}"
+        raise ValueError(f"{message.encoding} of an odd size, {size} pixels")
 
 
 def write_compressed(image: CompressedImage) -> dict[str, Any]:

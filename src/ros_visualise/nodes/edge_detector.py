@@ -81,6 +81,7 @@ class EdgeParams:
 )
 def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
     """Edges of an image (mono8) and, made when it is read, the image with them drawn over it."""
+    color.refuse_measurements(image.encoding)
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(
             f"{image.encoding} has no edges of its own: set filters.demosaic=true"

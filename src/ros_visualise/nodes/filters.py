@@ -166,6 +166,7 @@ class FiltersParams:
 @node("filters", params=FiltersParams, inputs={"image": Image}, outputs={"image": Image})
 def filters(image: Image, params: FiltersParams) -> Image:
     """Image filters that switch on and off, applied in the order of their parameters."""
+    color.refuse_measurements(image.encoding)
     image = _demosaic(image, params)
     order = color.order_of(image.encoding)
     pixels = _reshape(image.pixels, params)

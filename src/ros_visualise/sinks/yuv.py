@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import Image
+from ros_visualise.data import MEASUREMENTS, Image
+from ros_visualise.vision.measurements import to_picture
 
 Bytes = npt.NDArray[Any]  # of uint8; OpenCV's own stubs are wider than that
 
@@ -41,6 +42,8 @@ def to_i420(image: Image, size: tuple[int, int]) -> Bytes:
 def _to_8_bit(image: Image) -> tuple[Bytes, str]:
     """Pixels, and the order of their channels as OpenCV names it; a mosaic becomes colour."""
     pixels: Bytes = image.pixels
+    if image.encoding in MEASUREMENTS:
+        return to_picture(pixels), "BGR"
     if pixels.dtype == np.uint16:
         pixels = cv2.convertScaleAbs(pixels, alpha=255 / 65535)
     kind = image.encoding.rstrip("0123456789")

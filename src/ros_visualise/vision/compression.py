@@ -2,21 +2,25 @@
 
 ``format`` says how the image was encoded before, and how the channels were put into the file:
 ``rgb8; jpeg compressed bgr8``, ``mono16; png compressed``. Many programs write ``jpeg`` alone.
+Depth comes as compressed_depth_image_transport has it, too: ``32FC1; compressedDepth png``.
 """
 
 from __future__ import annotations
 
 import contextlib
+import struct
 from typing import Any
 
 import cv2
 import numpy as np
 
-from ros_visualise.data import ENCODINGS, CompressedImage, Image, Pixels
+from ros_visualise.data import ENCODINGS, MEASUREMENTS, CompressedImage, Image, Pixels
 from ros_visualise.vision.color import encoding_of, is_bayer, order_of, to_bgr
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _LARGEST_JPEG = 65500  # pixels along a side
+_DEPTH = "16UC1"
+_DEPTH_HEADER = struct.Struct("<iff")  # an unused number, and the quantisation's A and B
 
 
 def compress(image: Image, quality: int = 80) -> CompressedImage:
@@ -25,12 +29,14 @@ def compress(image: Image, quality: int = 80) -> CompressedImage:
     Alpha is left out.
 
     Args:
-        image: of any encoding.
+        image: gray, colours, or depth in millimetres.
         quality: of a JPEG, 1 to 100.
 
     Raises:
-        ValueError: the image has no pixels, or too many.
+        ValueError: the image has no pixels, or too many, or other measurements.
     """
+    if image.encoding in MEASUREMENTS and image.encoding != _DEPTH:
+        raise ValueError(f"{image.encoding} holds measurements, which no JPEG and no PNG can")
     pixels, stored = image.pixels, ""
     if image.is_color:
         pixels = to_bgr(pixels, order_of(image.encoding))
@@ -50,12 +56,14 @@ def decompress(compressed: CompressedImage) -> Image:
     """The image, in the encoding that its format names; where it names none, in that of the file.
 
     Raises:
-        ValueError: the data is broken, or no picture in gray or colours.
+        ValueError: the data is broken, or neither a picture in gray or colours nor depth.
     """
     encoding, named, how = (part.strip() for part in compressed.format.partition(";"))
     if "compressedDepth" in how:
-        raise ValueError(f"compressed image {compressed.format!r} holds depth, not gray or colours")
-    pixels, order = _decode(compressed), "BGR"
+        return _decompress_depth(compressed, encoding, how)
+    pixels, order = _decode(compressed.data, compressed.format), "BGR"
+    if encoding == _DEPTH and _is_gray_16(pixels):
+        return Image(pixels, _DEPTH, compressed.header)
     if not named or encoding not in ENCODINGS:
         encoding = encoding_of(pixels, order)
     elif encoding.startswith(("bgr", "rgb")) and "compressed bgr" not in how:
@@ -64,29 +72,55 @@ def decompress(compressed: CompressedImage) -> Image:
     return Image(pixels, encoding, compressed.header)
 
 
+def _decompress_depth(compressed: CompressedImage, encoding: str, how: str) -> Image:
+    """Depth: millimetres as they are, metres by the inverse depth that the file holds.
+
+    Source: the transport's own decoder, which has A / (value - B), and 0 for no depth.
+    """
+    if encoding not in (_DEPTH, "32FC1") or "rvl" in how:
+        raise ValueError(
+            f"compressed depth {compressed.format!r} is not read; known are 16UC1 and 32FC1 as png"
+        )
+    if compressed.data.size <= _DEPTH_HEADER.size:
+        raise ValueError(_broken(compressed.format, compressed.data.size))
+    values = _decode(compressed.data[_DEPTH_HEADER.size :], compressed.format)
+    if not _is_gray_16(values):
+        raise ValueError(f"compressed depth {compressed.format!r} holds no 16-bit gray picture")
+    if encoding == _DEPTH:
+        return Image(values, _DEPTH, compressed.header)
+    _, a, b = _DEPTH_HEADER.unpack_from(compressed.data.tobytes()[: _DEPTH_HEADER.size])
+    inverse = np.where(values == 0, np.float32(np.nan), values.astype(np.float32))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Image(np.float32(a) / (inverse - np.float32(b)), "32FC1", compressed.header)
+
+
+def _is_gray_16(pixels: Pixels) -> bool:
+    return pixels.dtype == np.uint16 and pixels.ndim == 2
+
+
 def _encode(suffix: str, pixels: Pixels, options: list[int]) -> Pixels:
     _, data = cv2.imencode(suffix, pixels, options)
     encoded: Pixels = data.reshape(-1)
     return encoded
 
 
-def _decode(compressed: CompressedImage) -> Pixels:
-    """The picture in the file: gray, or colour in the order B, G, R, perhaps with alpha."""
-    data = np.ascontiguousarray(compressed.data, np.uint8)
+def _decode(file: Pixels, format_name: str) -> Pixels:
+    """The picture in a file: gray, or colour in the order B, G, R, perhaps with alpha."""
+    data = np.ascontiguousarray(file, np.uint8)
     pixels: Any = None
     if _is_whole(data):
         with contextlib.suppress(cv2.error):
             pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError(
-            f"compressed image {compressed.format!r}: its {data.size} bytes are broken"
-        )
+        raise ValueError(_broken(format_name, data.size))
     if pixels.dtype not in (np.uint8, np.uint16):
-        raise ValueError(f"compressed image {compressed.format!r} holds {pixels.dtype} values")
-    if pixels.shape[2:] == (4,) and pixels.dtype == np.uint16:
-        return to_bgr(pixels, "BGR")  # there is no encoding for it
+        raise ValueError(f"compressed image {format_name!r} holds {pixels.dtype} values")
     found: Pixels = pixels
     return found
+
+
+def _broken(format_name: str, size: int) -> str:
+    return f"compressed image {format_name!r}: its {size} bytes are broken"
 
 
 def _is_whole(data: Pixels) -> bool:
