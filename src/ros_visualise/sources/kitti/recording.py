@@ -8,6 +8,7 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -80,15 +81,15 @@ class KittiRecording:
         topics: Collection[str] | None = None,
     ) -> Generator[Entry, None, None]:
         """The messages in order of their stamps; damaged files are left out and counted."""
-        for series, number, message in self._read_ahead(
-            self._index.rows(start_ns, stop_ns, topics)
-        ):
-            try:
-                yield Entry(series.topic, int(series.stamps_ns[number]), message())
-            except DamagedFile as error:
-                self._lose(error)
-            except CancelledError:
-                return
+        rows = self._index.rows(start_ns, stop_ns, topics)
+        with closing(self._read_ahead(rows)) as items:
+            for series, number, message in items:
+                try:
+                    yield Entry(series.topic, int(series.stamps_ns[number]), message())
+                except DamagedFile as error:
+                    self._lose(error)
+                except CancelledError:
+                    return
 
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """The stamps of each topic's messages in their order."""
@@ -102,7 +103,7 @@ class KittiRecording:
 
     def _read_ahead(
         self, rows: Iterator[tuple[Series, int]]
-    ) -> Iterator[tuple[Series, int, Callable[[], Any]]]:
+    ) -> Generator[tuple[Series, int, Callable[[], Any]], None, None]:
         waiting: deque[_Item] = deque()
         slow = 0
         try:
