@@ -1,0 +1,226 @@
+"""PX4's flight logs as recordings: where the vehicle was, its attitude, its fixes.
+
+Topics: ``/odom`` (pose in ``map``, velocities in ``base_link``), ``/path``, ``/tf``, ``/imu/data``,
+``/gps/fix``. ``map`` has its origin where the estimator was started, x east, y north, z up;
+``base_link`` has x forward, y left, z up.
+
+Source: PX4 User Guide, uORB message reference: VehicleAttitude (w, x, y, z; FRD in NED),
+VehicleLocalPosition (NED, with flags of what is valid), SensorCombined and VehicleAngularVelocity
+(FRD), SensorGps; file format: PX4 Developer Guide, ULog File Format.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import (
+    Floats,
+    Header,
+    Imu,
+    NavSatFix,
+    Odometry,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.data import Path as Way
+from ros_visualise.errors import OpenError
+from ros_visualise.geometry import rotations
+from ros_visualise.sources.kitti.recording import KittiRecording
+from ros_visualise.sources.kitti.series import BASE, MAP, Series
+from ros_visualise.sources.logs.attitude import Attitude
+from ros_visualise.sources.logs.ned import to_enu, to_flu
+from ros_visualise.sources.logs.ulog import Table, read_ulog
+
+_TOPICS = (
+    "vehicle_attitude",
+    "vehicle_local_position",
+    "vehicle_angular_velocity",
+    "vehicle_gps_position",
+    "sensor_gps",
+    "sensor_combined",
+)
+_GPS = "gps"  # the frame of the antenna
+_NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
+_UNKNOWN = np.zeros((3, 3))
+_NO_FIX, _FIX, _SBAS, _GBAS = -1, 0, 1, 2
+_STATUS = {0: _NO_FIX, 1: _NO_FIX, 4: _SBAS, 5: _GBAS, 6: _GBAS}
+"""PX4's fix_type, where it is no plain fix -> status of sensor_msgs/NavSatFix."""
+_NO_COVARIANCE, _APPROXIMATED = 0, 1
+
+
+def open_ulog(path: str | Path) -> KittiRecording:
+    """Open a ``.ulg`` file; stamps are in UTC where the log has GPS time, else since the start.
+
+    Raises:
+        OpenError: it is no such file, or holds nothing of where the vehicle was.
+    """
+    path = Path(path)
+    tables, lost = read_ulog(path, _TOPICS)
+    gps = tables.get("vehicle_gps_position") or tables.get("sensor_gps")
+    utc_us = _utc_offset_us(gps)
+    clock = "time since start" if utc_us is None else "UTC"
+    made = _Series(tables, gps, utc_us or 0)
+    if not made.series:
+        raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
+    size = path.stat().st_size
+    recording = KittiRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes)
+    recording.loss.notes += lost
+    return recording
+
+
+def _utc_offset_us(gps: Table | None) -> int | None:
+    """UTC minus the vehicle's clock; the median, as the latency of the receiver varies."""
+    if gps is None or not gps.has("time_utc_usec"):
+        return None
+    utc_us = gps.column("time_utc_usec").astype(np.int64)
+    known = utc_us > 0
+    if not known.any():
+        return None
+    return int(np.median(utc_us[known] - gps.times_us[known]))
+
+
+class _Series:
+    """Makes the topics of what tables there are.
+
+    Attributes:
+        series: the topics.
+        notes: what was left out, and why.
+    """
+
+    def __init__(self, tables: dict[str, Table], gps: Table | None, utc_us: int) -> None:
+        self.notes: list[str] = []
+        self.series: list[Series] = []
+        self._utc_us = utc_us
+        self._attitude = Attitude(tables.get("vehicle_attitude"))
+        self._rates = tables.get("vehicle_angular_velocity")
+        position = tables.get("vehicle_local_position")
+        if position is not None:
+            self._add_positions(position)
+        self._add_imu(tables.get("sensor_combined"))
+        if gps is not None:
+            self._add_fixes(gps)
+
+    def _stamps_ns(self, times_us: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
+        return (times_us + self._utc_us) * 1000
+
+    def _add_positions(self, all_of_them: Table) -> None:
+        flags = all_of_them.column("xy_valid", 1) * all_of_them.column("z_valid", 1)
+        finite = np.isfinite(all_of_them.columns("x", "y", "z")).all(axis=1)
+        valid = (flags != 0) & finite
+        self._note(int((~valid).sum()), len(valid), "positions are not valid (xy_valid, z_valid)")
+        known = valid & self._attitude.is_known(all_of_them.times_us)
+        self._note(int((valid & ~known).sum()), len(valid), "positions have no attitude")
+        if known.any():
+            self._add_odometry(all_of_them.where(known))
+
+    def _add_odometry(self, local: Table) -> None:
+        stamps_ns = self._stamps_ns(local.times_us)
+        positions = to_enu(local.columns("x", "y", "z"))
+        quats = self._attitude.at(local.times_us)
+        moving = (local.column("v_xy_valid", 1) * local.column("v_z_valid", 1)) != 0
+        along = to_enu(local.columns("vx", "vy", "vz"))
+        linear = (np.swapaxes(rotations.to_matrix(quats), -1, -2) @ along[..., None])[..., 0]
+        linear = np.where(moving[:, None] & np.isfinite(linear), linear, 0)
+        angular = self._angular(local.times_us)
+        errors = local.columns("eph", "eph", "epv") ** 2
+
+        def odometry(index: int) -> Odometry:
+            covariance = np.zeros((6, 6))
+            if np.isfinite(errors[index]).all():
+                covariance[[0, 1, 2], [0, 1, 2]] = errors[index]
+            return Odometry(
+                positions[index],
+                quats[index],
+                linear[index],
+                angular[index],
+                covariance,
+                child_frame_id=BASE,
+                header=Header(int(stamps_ns[index]), MAP),
+            )
+
+        def transform(index: int) -> Transforms:
+            header = Header(int(stamps_ns[index]), MAP)
+            return Transforms((TransformStamped(BASE, positions[index], quats[index], header),))
+
+        start_ns = int(stamps_ns.min())
+        way = Way(stamps_ns, positions, quats, Header(start_ns, MAP))
+        at_start = np.array([start_ns], np.int64)
+        self.series += [
+            Series("/odom", Odometry, stamps_ns, odometry),
+            Series("/tf", Transforms, stamps_ns, transform),
+            Series("/path", Way, at_start, lambda _: way, latched=True),
+        ]
+
+    def _add_imu(self, sensors: Table | None) -> None:
+        """At the stamps of accelerometer and gyroscope, else of the attitude."""
+        times_us = self._attitude.times_us if sensors is None else sensors.times_us
+        if not len(times_us):
+            return
+        known, quats = self._attitude.is_known(times_us), self._attitude.at(times_us)
+        accelerations = np.zeros((len(times_us), 3))
+        angular = self._angular(times_us)
+        if sensors is not None:
+            accelerations = to_flu(sensors.vector("accelerometer_m_s2", 3))
+            angular = to_flu(sensors.vector("gyro_rad", 3))
+        stamps_ns = self._stamps_ns(times_us)
+        has_rates = sensors is not None or self._rates is not None
+
+        def imu(index: int) -> Imu:
+            return Imu(
+                quats[index],
+                angular[index],
+                accelerations[index],
+                orientation_covariance=_UNKNOWN if known[index] else _NONE,
+                angular_covariance=_UNKNOWN if has_rates else _NONE,
+                linear_covariance=_UNKNOWN if sensors is not None else _NONE,
+                header=Header(int(stamps_ns[index]), BASE),
+            )
+
+        self.series.append(Series("/imu/data", Imu, stamps_ns, imu))
+
+    def _add_fixes(self, gps: Table) -> None:
+        stamps_ns = self._stamps_ns(gps.times_us)
+        places = _places(gps)
+        types = gps.column("fix_type").astype(int)
+        errors = gps.columns("eph", "eph", "epv") ** 2
+        known = np.logical_and(np.isfinite(errors).all(axis=1), gps.has("eph", "epv"))
+
+        def fix(index: int) -> NavSatFix:
+            latitude, longitude, altitude = places[index].tolist()
+            return NavSatFix(
+                latitude,
+                longitude,
+                altitude,
+                covariance=np.diag(errors[index]) if known[index] else _UNKNOWN,
+                covariance_type=_APPROXIMATED if known[index] else _NO_COVARIANCE,
+                status=_STATUS.get(int(types[index]), _FIX),
+                header=Header(int(stamps_ns[index]), _GPS),
+            )
+
+        self.series.append(Series("/gps/fix", NavSatFix, stamps_ns, fix))
+
+    def _angular(self, times_us: npt.NDArray[np.int64]) -> Floats:
+        if self._rates is None:
+            return np.zeros((len(times_us), 3))
+        rates = to_flu(self._rates.vector("xyz", 3))
+        columns = [np.interp(times_us, self._rates.times_us, column) for column in rates.T]
+        return np.stack(columns, axis=1)
+
+    def _note(self, count: int, of: int, what: str) -> None:
+        if count:
+            self.notes.append(f"{count} of {of} {what} and are left out")
+
+
+def _places(gps: Table) -> Floats:
+    """Latitude, longitude and altitude above the ellipsoid (N, 3), in the units of any version.
+
+    A log without the altitude above the ellipsoid gives the one above the sea.
+    """
+    if gps.has("latitude_deg"):
+        high = "altitude_ellipsoid_m" if gps.has("altitude_ellipsoid_m") else "altitude_msl_m"
+        return gps.columns("latitude_deg", "longitude_deg", high)
+    high = "alt_ellipsoid" if gps.has("alt_ellipsoid") else "alt"
+    return gps.columns("lat", "lon", high) * [1e-7, 1e-7, 1e-3]

@@ -1,0 +1,103 @@
+"""The subtitles in which DJI's cameras write where they were."""
+
+from __future__ import annotations
+
+import datetime
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import zip_longest
+
+_NS = 1_000_000_000
+_NUMBER = r"([-+]?\d+(?:\.\d+)?)"
+_SUBTITLE = re.compile(
+    r"^\s*(\d+)\s*\n\s*(\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*-->[^\n]*\n?", re.MULTILINE
+)
+_DATE = re.compile(
+    r"(\d{4})[.-](\d\d)[.-](\d\d)[ T](\d\d):(\d\d):(\d\d)(?:[.,:](\d{3}))?(?:[.,:](\d{3}))?"
+)
+_GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[,)]")
+_LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
+_LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]")
+_ABSOLUTE = re.compile(rf"\babs_alt\s*:?\s*{_NUMBER}\s*[\]\s]")
+_RELATIVE = re.compile(
+    rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,m]|\bH\s+{_NUMBER}\s*m"
+)
+
+
+@dataclass(frozen=True)
+class Subtitle:
+    """What one says; numbers that it does not say are no numbers (nan).
+
+    ``begin_ns`` is its time in the film; ``date_ns`` the camera's clock as if it showed UTC, or
+    None, and ``date_is_fine`` whether that has parts of seconds. ``altitude`` is in metres above
+    the sea, ``height`` above where the drone took off.
+    """
+
+    number: int
+    begin_ns: int
+    date_ns: int | None
+    date_is_fine: bool
+    latitude: float
+    longitude: float
+    altitude: float
+    height: float
+
+    @property
+    def has_fix(self) -> bool:
+        """Whether it says a place; where there was no fix, cameras write zeros."""
+        place = abs(self.latitude) <= 90 and abs(self.longitude) <= 180
+        return place and (self.latitude, self.longitude) != (0, 0)
+
+
+def parse_srt(text: str) -> Iterator[Subtitle]:
+    """The subtitles of a file, whichever of DJI's styles it is in."""
+    found = list(_SUBTITLE.finditer(text))
+    for one, following in zip_longest(found, found[1:]):
+        number, hours, minutes, seconds = map(int, one.groups()[:4])
+        begin_s = 60 * (60 * hours + minutes) + seconds
+        begin_ns = begin_s * _NS + int(one[5].ljust(3, "0")) * 1_000_000
+        yield _parse(number, begin_ns, text[one.end() : following.start() if following else None])
+
+
+def _parse(number: int, begin_ns: int, text: str) -> Subtitle:
+    latitude, longitude = _place(text)
+    date_ns, is_fine = _date(text)
+    return Subtitle(
+        number,
+        begin_ns,
+        date_ns,
+        is_fine,
+        latitude,
+        longitude,
+        _number(_ABSOLUTE, text),
+        _number(_RELATIVE, text),
+    )
+
+
+def _place(text: str) -> tuple[float, float]:
+    """Latitude and longitude; ``GPS(...)`` has the longitude first, but not in all models."""
+    pair = _GPS.search(text)
+    if pair is None:
+        return _number(_LATITUDE, text), _number(_LONGITUDE, text)
+    longitude, latitude = float(pair[1]), float(pair[2])
+    return (longitude, latitude) if abs(latitude) > 90 else (latitude, longitude)
+
+
+def _number(pattern: re.Pattern[str], text: str) -> float:
+    found = pattern.search(text)
+    return float(next(filter(None, found.groups()))) if found else math.nan
+
+
+def _date(text: str) -> tuple[int | None, bool]:
+    found = _DATE.search(text)
+    if found is None:
+        return None, False
+    try:
+        date = datetime.datetime(*map(int, found.groups()[:6]), tzinfo=datetime.timezone.utc)  # type: ignore[misc,arg-type]
+    except ValueError:
+        return None, False
+    milliseconds, microseconds = int(found[7] or 0), int(found[8] or 0)
+    ns = int(date.timestamp()) * _NS + milliseconds * 1_000_000 + microseconds * 1000
+    return ns, found[7] is not None

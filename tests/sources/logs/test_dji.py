@@ -1,0 +1,141 @@
+"""DJI's subtitles, in the styles of several models."""
+
+import datetime
+import math
+
+import pytest
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.logs.dji import open_srt
+from ros_visualise.sources.recordings import open_recording
+
+S = 10**9
+
+
+def read(recording):
+    return [entry.message for entry in recording.read()]
+
+
+@pytest.fixture
+def opened(tmp_path):
+    """Opens subtitles of one second each, of these texts."""
+
+    def opened(*texts, step_s=1, ending="\n"):
+        blocks = []
+        for number, text in enumerate(texts):
+            begin = str(datetime.timedelta(hours=1, seconds=number * step_s))
+            begin = (begin if "." in begin else begin + ".000")[:11].replace(".", ",")
+            blocks.append(f"{number + 1}\n0{begin} --> 09:00:00,000\n{text}\n")
+        path = tmp_path / "DJI_0001.SRT"
+        path.write_bytes("\n".join(blocks).replace("\n", ending).encode())
+        return open_recording(path)
+
+    return opened
+
+
+def test_a_mavic_pro(recordings):
+    recording = open_recording(recordings / "trajectory" / "dji_srt" / "mavic_pro.SRT")
+    fixes = read(recording)
+    assert len(fixes) == recording.topics["/gps/fix"].messages == 468
+    assert not recording.loss
+    assert recording.format == "DJI SRT (camera's clock)"
+    assert recording.notes == ["altitudes are above where it took off: it says no others"]
+    first, last = fixes[0], fixes[-1]
+    assert (first.latitude, first.longitude, first.altitude) == (-20.2533, 149.0251, 1.9)
+    assert (last.latitude, last.longitude, last.altitude) == (-20.2532, 149.0251, 0.0)
+    utc = datetime.timezone.utc
+    for fix, time in ((first, (14, 11, 51)), (last, (14, 19, 38))):
+        date = datetime.datetime(2017, 8, 5, *time, tzinfo=utc)
+        assert fix.header.stamp_ns == date.timestamp() * S
+
+
+def test_a_mavic_mini(recordings):
+    recording = open_recording(recordings / "trajectory" / "dji_srt" / "mavic_mini.SRT")
+    fixes = read(recording)
+    assert len(fixes) == 117
+    assert (recording.start_ns, recording.end_ns) == (0, 116 * S)
+    assert (fixes[0].latitude, fixes[0].longitude, fixes[0].altitude) == (48.0771, -121.7458, 200.7)
+    assert recording.format == "DJI SRT (time in the film)"
+
+
+STYLES = {
+    "brackets": "[iso: 100] [latitude: 36.27423] [longitude: -41.36214] "
+    "[rel_alt: 46.000 abs_alt: 19.621] [ct: 5895]",
+    "spaces": "[iso : 100] [latitude : 36.27423] [longtitude : -41.36214] "
+    "[rel_alt : 46.000 abs_alt : 19.621]",
+    "font": '<font size="36">FrameCnt : 1, DiffTime : 33ms\n2019-09-25 01:22:35,118,697\n'
+    "[latitude: 36.27423] [longitude: -41.36214] [rel_alt: 46.000 abs_alt: 19.621] </font>",
+    "altitude": "[latitude : 36.27423] [longtitude : -41.36214] [altitude: 19.621000]",
+    "gps": "F/2.8, SS 640, GPS (-41.36214, 36.27423, 15), D 24.2m, H 19.621m, H.S 0.0m/s",
+    "barometer": "HOME(-41.3,36.2) 2017.08.05 14:11:51\n"
+    "GPS(-41.36214,36.27423,16) BAROMETER:19.621",
+}
+
+
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_styles(opened, style, ending):
+    [fix] = read(opened(STYLES[style], ending=ending))
+    assert (fix.latitude, fix.longitude, fix.altitude) == (36.27423, -41.36214, 19.621)
+    assert (fix.status, fix.header.frame_id) == (0, "gps")
+
+
+def test_a_longitude_that_can_be_no_latitude_tells_the_order(opened):
+    [fix] = read(opened("GPS(36.5,-121.75,16)"))
+    assert (fix.latitude, fix.longitude) == (36.5, -121.75)
+
+
+def test_dates_with_parts_of_seconds_are_the_stamps(opened):
+    dates = ["2023-08-28 17:26:58.889", "2023-08-28 17:26:58.905", "2023-08-28 17:26:59,001,5"]
+    texts = [f"{date}\n[latitude: 1.5] [longitude: 2.5]" for date in dates]
+    begin = datetime.datetime(2023, 8, 28, 17, 26, 58, tzinfo=datetime.timezone.utc).timestamp()
+    stamps = [fix.header.stamp_ns - int(begin) * S for fix in read(opened(*texts))]
+    assert stamps == [889_000_000, 905_000_000, 1_001_000_000]
+
+
+def test_dates_of_whole_seconds_say_when_the_film_began(opened):
+    texts = [f"2017.08.05 14:11:5{n // 2}\nGPS(2.5,1.5,16)" for n in range(1, 6)]
+    stamps = [fix.header.stamp_ns for fix in read(opened(*texts, step_s=0.5))]
+    assert [stamp - stamps[0] for stamp in stamps] == [n * S // 2 for n in range(5)]
+
+
+def test_what_is_missing_is_no_fix(opened):
+    whole = "GPS(2.5,1.5,16) BAROMETER:1.0"
+    texts = [whole, "GPS(n/a,n/a,0)", "GPS(0.0000,0.0000,0)", "GPS(2.5,1.5,16)", whole]
+    fixes = read(opened(*texts))
+    assert [fix.status for fix in fixes] == [0, -1, -1, 0, 0]
+    assert math.isnan(fixes[1].latitude)
+    assert math.isnan(fixes[3].altitude)
+
+
+def test_a_file_that_is_cut_is_read_to_there(recordings, tmp_path):
+    data = (recordings / "trajectory" / "dji_srt" / "mavic_pro.SRT").read_bytes()
+    cut = tmp_path / "cut.SRT"
+    end = data.index(b"GPS", 30_000) + 8
+    cut.write_bytes(data[:end])
+    recording = open_recording(cut)
+    fixes = read(recording)
+    assert len(fixes) == data[:end].count(b"-->")
+    assert [fix.status for fix in fixes[-2:]] == [0, -1]
+    assert recording.loss.notes == ["cut off within the last subtitle"]
+
+
+def test_subtitles_that_are_missing_are_counted(recordings, tmp_path):
+    data = (recordings / "trajectory" / "dji_srt" / "mavic_pro.SRT").read_bytes()
+    damaged = tmp_path / "damaged.SRT"
+    damaged.write_bytes(data[:5000] + b"\xff\x00\xfe" * 50 + data[6000:])
+    recording = open_recording(damaged)
+    assert recording.loss.messages == 468 - len(read(recording))
+    assert 3 < recording.loss.messages < 12
+    assert recording.loss.notes == [f"{recording.loss.messages} subtitles are missing or damaged"]
+
+
+def test_a_films_ordinary_subtitles_are_refused(opened):
+    with pytest.raises(OpenError, match="no places in these subtitles"):
+        opened("Good evening.", "Is that a drone?")
+
+
+def test_an_empty_file_is_refused(tmp_path):
+    (tmp_path / "a.SRT").touch()
+    with pytest.raises(OpenError, match="no places"):
+        open_srt(tmp_path / "a.SRT")
