@@ -115,15 +115,17 @@ def _passes(kind: TopicType, encoder: Encoder) -> bool:
 def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
     """Run it, and show how far it is; whether it was interrupted, and what ended it early."""
     errors: list[Exception] = []
+    done = threading.Event()  # Python takes a thread for ended whose join() Ctrl-C interrupted
 
     def work() -> None:
         try:
             conversion.run()
         except Exception as error:
             errors.append(error)
+        finally:
+            done.set()
 
-    thread = threading.Thread(target=work, name="writer")
-    thread.start()
+    threading.Thread(target=work, name="writer").start()
     interrupted = False
     with tqdm(
         total=_expected(conversion),
@@ -134,15 +136,14 @@ def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
         leave=False,
     ) as bar:
         try:
-            while thread.is_alive():
-                thread.join(_SPIN_S)
+            while not done.wait(_SPIN_S):
                 bar.update(conversion.messages - bar.n)
         except KeyboardInterrupt:
             interrupted = True
             for number in (signal.SIGINT, signal.SIGTERM):
                 signal.signal(number, signal.SIG_IGN)
             conversion.stop()
-        thread.join()
+        done.wait()
     if errors and not isinstance(errors[0], RosVisualiseError):
         raise errors[0]
     return interrupted, errors[0] if errors else None
