@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from through import HEADER, assert_survives, through_ros1, through_ros2
 
-from ros_visualise.data import FluidPressure, Imu, LaserScan, MagneticField, NavSatFix
+from ros_visualise.data import (
+    FluidPressure,
+    Imu,
+    LaserScan,
+    MagneticField,
+    NavSatFix,
+    TimeReference,
+)
 from ros_visualise.messages import from_message
 
 RNG = np.random.default_rng(9)
@@ -47,6 +54,7 @@ SCAN = LaserScan(
         MagneticField(RNG.normal(size=3) * 1e-5, NOT_MEASURED, HEADER),
         FluidPressure(101325.25, 0.0, HEADER),
         FluidPressure(np.nan, -1.0, HEADER),
+        TimeReference(1_700_000_000_123_456_789, "gps", HEADER),
         SCAN,
         replace(SCAN, intensities=np.zeros(0, np.float32)),
         replace(SCAN, ranges=np.zeros(0, np.float32), intensities=np.zeros(0, np.float32)),

@@ -30,6 +30,7 @@ _CLASSES = (
     sensor_msgs.PointCloud2,
     sensor_msgs.PointField,
     sensor_msgs.RegionOfInterest,
+    sensor_msgs.TimeReference,
     geometry_msgs.Point,
     geometry_msgs.Vector3,
     geometry_msgs.Quaternion,
