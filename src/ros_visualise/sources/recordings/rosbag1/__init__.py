@@ -132,6 +132,8 @@ class RosBag:
                 entries = _between(self._readable_entries(reader, chunk), start_ns, stop_ns)
                 entries = entries[np.isin(entries["connection"], list(wanted))]
                 left[chunk.position] = len(entries)
+                if not len(entries):
+                    reader.release(chunk.position)
                 return entries
 
             for stamp_ns, number, offset, place in in_time_order(chunks, load):
@@ -196,15 +198,14 @@ class RosBag:
 def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
     magic = file.read(len(records.MAGIC))
     if magic != records.MAGIC:
-        if magic.startswith(b"#ROSBAG V"):
+        if magic.startswith(b"#ROSBAG V") and len(magic) == len(records.MAGIC):
             raise OpenError(
                 f"{path}: of another version than 2.0; with ROS: rosbag filter {path} NEW.bag True"
             )
-        raise OpenError(f"{path}: no ROS 1 bag; give one")
-    try:
-        layout = read_layout(file, size)
-    except Damaged as error:
-        raise OpenError(f"{path}: {error}; copy or record it again") from None
+        raise OpenError(f"{path}: no ROS 1 bag, or cut off; copy or record it again")
+    layout = read_layout(file, size)
+    if layout.encryptor:
+        raise OpenError(f"{path}: encrypted; decrypt it first, with ROS: rosbag decrypt {path}")
     if not layout.chunks and layout.loss:
         raise OpenError(f"{path}: nothing of it can be read; copy or record it again")
     return layout

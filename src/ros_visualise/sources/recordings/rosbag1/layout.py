@@ -36,22 +36,25 @@ class Layout:
     connections: dict[int, Connection] = field(default_factory=dict)
     chunks: list[Chunk] = field(default_factory=list)
     indexed: bool = True
+    encryptor: str = ""
     loss: Loss = field(default_factory=Loss)
 
 
 def read_layout(file: BinaryIO, size: int) -> Layout:
-    """Look into the index at the bag's end or, where there is none, through the bag.
-
-    Raises:
-        Damaged: not even the beginning can be read.
-    """
-    header = records.read_record(file, len(records.MAGIC), size)
-    if header.op != Op.BAG_HEADER:
-        raise Damaged("it does not begin as a bag does")
+    """Look into the index at the bag's end or, where it has none, through the bag."""
+    try:
+        header = _expect(Op.BAG_HEADER, file, len(records.MAGIC), size)
+        index_position = records.number(header.fields, b"index_pos")
+    except Damaged:
+        layout = _Scan(file, size, 0).run(len(records.MAGIC))
+        layout.loss.notes.append("its beginning is damaged")
+        return layout
+    if b"encryptor" in header.fields:
+        return Layout(encryptor=records.text(header.fields, b"encryptor"))
     try:
         return _read_index(file, size, header.fields)
     except Damaged:
-        return _Scan(file, size, records.number(header.fields, b"index_pos")).run(header.end)
+        return _Scan(file, size, index_position).run(header.end)
 
 
 def parse_connection(fields: Fields, data: bytes) -> tuple[int, Connection]:
@@ -164,6 +167,8 @@ class _Scan:
                 self._bare = position
             return record.end
         self._end_bare(position)
+        if record.op == Op.CHUNK_INFO:  # these come last of all: nothing is missing
+            self._needed = 0
         if record.op != Op.CHUNK:
             return record.end
         return self._take_chunk(record, position)
@@ -173,8 +178,11 @@ class _Scan:
         if is_unfinished and records.text(record.fields, b"compression") == "none":
             return record.data_position  # its messages follow as records of the file
         chunk, end = self._indexed_chunk(record, position)
+        if is_unfinished:
+            end = self._size
+            self._note(position, "a chunk that was never finished")
         if not chunk.counts or not chunk.counts.keys() <= self._layout.connections.keys():
-            chunk, end = self._look_into(chunk, self._size if is_unfinished else end)
+            chunk, end = self._look_into(chunk, end)
         if chunk.counts:
             self._layout.chunks.append(chunk)
         self._needed = max(self._needed, record.end)
@@ -191,16 +199,17 @@ class _Scan:
             if len(stamps):
                 counts[connection] = counts.get(connection, 0) + len(stamps)
                 times += [int(stamps.min()), int(stamps.max())]
-        if not counts or not self._is_record(end):
+        if not counts or not self._goes_on(end):
             return Chunk(position, 0, 0, {}), end
         return Chunk(position, min(times), max(times), counts), end
 
-    def _is_record(self, position: int) -> bool:
+    def _goes_on(self, position: int) -> bool:
+        """Whether something other than one more index record follows, and is whole."""
         try:
-            records.read_record(self._file, position, self._size)
+            record = records.read_record(self._file, position, self._size)
         except Damaged:
             return False
-        return True
+        return record.op == Op.CHUNK or (record.op != Op.INDEX and record.end <= self._size)
 
     def _look_into(self, chunk: Chunk, end: int) -> tuple[Chunk, int]:
         """Walk through a chunk for its connections and, where it has no index, for its messages."""
