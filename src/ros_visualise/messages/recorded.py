@@ -7,7 +7,7 @@ import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ros_visualise.data import CameraInfo, CompressedImage, Header, Image
+from ros_visualise.data import CameraInfo, CompressedImage, Header, Image, Text, Twist
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions
@@ -121,6 +121,8 @@ class Recorded:
                 found = decompress(found)
         except (ValueError, TypeError, AttributeError) as error:
             raise DamagedMessage(f"{self.type_name}: {error}") from error
+        if isinstance(found, (Text, Twist)):
+            return replace(found, header=self.header)  # ROS's messages have none of their own
         if isinstance(found, Image) and self.calibration is not None:
             info = self.calibration.content
             if isinstance(info, CameraInfo):
