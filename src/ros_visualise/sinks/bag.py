@@ -19,7 +19,7 @@ from ros_visualise.sinks.chunked import ChunkedRecorder
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
 
 _MAGIC = b"#ROSBAG V2.0\n"
-_BAG_HEADER_BYTES = 4096  # with the blanks that leave room to write it again
+_BAG_HEADER_BYTES = 4096  # with blanks: room to write it again, also by rosbag reindex
 _CHUNK_BYTES = 768 * 1024  # as rosbag does
 _CALLER = "/ros_visualise"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
@@ -108,12 +108,12 @@ class BagRecorder(ChunkedRecorder):
         """They are shown with their first messages."""
 
     def _show(self) -> None:
-        """Let the chunk at the file's end grow, not compressed."""
+        """Let the chunk at the file's end grow, not compressed, and its index after it."""
         size = self._chunk.size
         added = b"".join(self._chunk.parts[self._shown_from :])
         start = _chunk_start("none", size, size)
         self._file.seek(self._end + len(start) + size - len(added))
-        self._file.write(added)
+        self._file.write(added + self._chunk_index(self._chunk))
         self._file.seek(self._end)
         self._file.write(start)
 
@@ -123,18 +123,21 @@ class BagRecorder(ChunkedRecorder):
         compressed = COMPRESSIONS[self._compression](content)
         self._file.write(_chunk_start(self._compression, len(content), len(compressed)))
         self._file.write(compressed)
-        numbered = [(self._numbers[topic], found) for topic, found in chunk.index.items()]
-        self._file.write(b"".join(_index(number, entries) for number, entries in numbered))
+        self._file.write(self._chunk_index(chunk))
         header = _fields(
             op=bytes([_CHUNK_INFO]),
             ver=_U32(1),
             chunk_pos=struct.pack("<Q", self._end),
             start_time=_TIME(*divmod(chunk.first_ns, _NS)),
             end_time=_TIME(*divmod(chunk.last_ns, _NS)),
-            count=_U32(len(numbered)),
+            count=_U32(len(chunk.index)),
         )
-        counts = b"".join(_U32(number) + _U32(len(entries)) for number, entries in numbered)
-        self._chunk_infos.append(_record(header, counts))
+        counts = [_U32(self._numbers[t]) + _U32(len(found)) for t, found in chunk.index.items()]
+        self._chunk_infos.append(_record(header, b"".join(counts)))
+
+    def _chunk_index(self, chunk: _Chunk) -> bytes:
+        """Where in a chunk the messages of each topic begin."""
+        return b"".join(_index(self._numbers[t], found) for t, found in chunk.index.items())
 
     def _finish(self) -> None:
         index_pos = self._file.tell()
@@ -155,7 +158,7 @@ class BagRecorder(ChunkedRecorder):
             conn_count=_U32(len(self._connections)),
             chunk_count=_U32(len(self._chunk_infos)),
         )
-        blanks = b" " * (_BAG_HEADER_BYTES - 8 - len(header))
+        blanks = b" " * (_BAG_HEADER_BYTES - len(header))
         return _record(header, blanks)
 
 
