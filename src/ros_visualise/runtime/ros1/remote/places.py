@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
-from ros_visualise.data import Image
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
 from ros_visualise.pipelines import Graph, Node
@@ -50,9 +49,11 @@ def places(peer: Peer, figures: Figures) -> list[Place]:
     return found
 
 
-def to_graph(found: Iterable[Place], parameters: Mapping[str, Parameters[Any]]) -> Graph:
+def to_graph(
+    found: Iterable[Place], parameters: Mapping[str, Parameters[Any]], types: Mapping[str, type]
+) -> Graph:
     """The graph of these places, in the order in which messages pass them."""
-    return Graph(tuple(_node(place, parameters[place.name]) for place in in_order(found)))
+    return Graph(tuple(_node(place, parameters[place.name], types) for place in in_order(found)))
 
 
 def in_order(found: Iterable[Place]) -> list[Place]:
@@ -67,7 +68,7 @@ def in_order(found: Iterable[Place]) -> list[Place]:
     return ordered
 
 
-def _node(place: Place, parameters: Parameters[Any]) -> Node:
+def _node(place: Place, parameters: Parameters[Any], types: Mapping[str, type]) -> Node:
     current = parameters.current
     ours = parameters.declaration.node if isinstance(parameters, RemoteParameters) else None
     on_demand = () if ours is None else ours.on_demand
@@ -77,12 +78,13 @@ def _node(place: Place, parameters: Parameters[Any]) -> Node:
         place.name,
         _made_elsewhere,
         type(current),
-        dict.fromkeys(place.inputs, Image),
-        dict.fromkeys(outputs, Image),
+        {topic: types[topic] for topic in place.inputs if topic in types},
+        {topic: types[topic] for topic in outputs if topic in types},
         frozenset(rare),
+        actions={} if ours is None else ours.actions,
     )
-    inputs = {topic: topic for topic in place.inputs}
-    return Node(place.name, declared, current, inputs, {topic: topic for topic in outputs})
+    inputs = {topic: topic for topic in declared.inputs}
+    return Node(place.name, declared, current, inputs, {topic: topic for topic in declared.outputs})
 
 
 def _made_elsewhere(_: Any) -> NoReturn:

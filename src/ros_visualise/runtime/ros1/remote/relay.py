@@ -1,4 +1,4 @@
-"""One image topic of the ROS graph, subscribed only while somebody looks at it or records it."""
+"""One topic of the ROS graph, subscribed only while somebody looks at it or records it."""
 
 from __future__ import annotations
 
@@ -7,24 +7,27 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+from ros_visualise.data import Image
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.runtime.ros1.topics import ImageInput
+from ros_visualise.runtime.ros1.topics import ImageInput, Input
 from ros_visualise.runtime.topics import Consumer, Topic
 
 
 class Relay:
-    """Hands the images of a topic to whoever listens.
+    """Hands the messages of a topic to whoever listens.
 
     Args:
         name: the topic.
+        kind: the class of its messages.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, kind: type) -> None:
         self._name = name
+        self._kind = kind
         self._topic = Topic(on_demand=True)
         self._listeners: list[Consumer] = []
-        self._input: ImageInput | None = None
+        self._input: Input | None = None
         self._lock = threading.Lock()
 
     @property
@@ -44,7 +47,7 @@ class Relay:
             self._listeners.append(listener)
             self._topic.connect(listener, latched)
             if self._input is None:
-                self._input = ImageInput(self._name, self._name, self._topic, compressed)
+                self._input = self._open(compressed)
 
     def disconnect(self, listener: Consumer) -> None:
         """Remove a listener; more than once does no harm."""
@@ -54,6 +57,11 @@ class Relay:
             if not self._listeners and self._input is not None:
                 self._input.close()
                 self._input = None
+
+    def _open(self, compressed: bool) -> Input:
+        if self._kind is Image:
+            return ImageInput(self._name, self._name, self._topic, compressed)
+        return Input(self._name, self._kind, self._topic)
 
     def close(self) -> None:
         """Remove all listeners."""

@@ -16,7 +16,7 @@ import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import to_message
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
 from ros_visualise.pipelines import Graph
@@ -60,7 +60,7 @@ class RemoteRuntime:
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
         self._discovery = Discovery()
-        self._sight = Sight((), frozenset())
+        self._sight = Sight((), {}, frozenset())
         self._figures = Figures()
         self._key: object = None
         self._seen_s: dict[str, float] = {}
@@ -164,10 +164,11 @@ class RemoteRuntime:
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
         self._meet(found)
         shown = [place for place in found if self._is_settled(place)]
-        key = [(place, type(self._met[place.name].current)) for place in shown]
+        types = self._sight.types
+        key = [(place, type(self._met[place.name].current)) for place in shown], types
         if key != self._key:
             self.parameters |= {place.name: self._met[place.name] for place in shown}
-            self._key, self.graph = key, to_graph(shown, self.parameters)
+            self._key, self.graph = key, to_graph(shown, self.parameters, types)
         for parameters in self._met.values():
             if isinstance(parameters, RemoteParameters):
                 parameters.follow()
@@ -196,7 +197,7 @@ class RemoteRuntime:
         told = relay.report(window_s)
         if not relay.is_open:
             told["hz"] = told["wall_hz"] = self._figures.hz(publisher, name)
-        return {"type": type_name(Image), **told}
+        return {"type": self.graph.topics[name].ros.name, **told}
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
         for recording in tuple(self._recordings):
@@ -204,7 +205,9 @@ class RemoteRuntime:
 
     def _relay(self, topic: str) -> Relay:
         with self._lock:
-            return self._relays.setdefault(topic, Relay(topic))
+            if topic not in self._relays:
+                self._relays[topic] = Relay(topic, self._sight.types.get(topic, Image))
+            return self._relays[topic]
 
     def _comes_compressed(self, topic: str) -> bool:
         return self._compressed and topic in self._sight.compressed
