@@ -45,6 +45,8 @@ def read_layout(file: BinaryIO, size: int) -> Layout:
     try:
         header = _expect(Op.BAG_HEADER, file, len(records.MAGIC), size)
         index_position = records.number(header.fields, b"index_pos")
+        if header.end > size:
+            raise Damaged("cut off")
     except Damaged:
         layout = _Scan(file, size, 0).run(len(records.MAGIC))
         layout.loss.notes.append("its beginning is damaged")
