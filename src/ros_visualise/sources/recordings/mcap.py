@@ -9,13 +9,11 @@ from typing import BinaryIO
 
 import numpy as np
 import numpy.typing as npt
-from mcap.records import Channel as McapChannel
-from mcap.records import Schema
 
-from ros_visualise.errors import DamagedMessage, OpenError
-from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss, Recording
+from ros_visualise.sources.recordings.mcap_channels import describe
 from ros_visualise.sources.recordings.mcap_index import (
     UNKNOWN,
     Index,
@@ -24,6 +22,7 @@ from ros_visualise.sources.recordings.mcap_index import (
     read_index,
 )
 from ros_visualise.sources.recordings.mcap_records import (
+    ANY_CHANNEL,
     EVER,
     MAGIC,
     Damaged,
@@ -33,14 +32,8 @@ from ros_visualise.sources.recordings.mcap_records import (
 )
 from ros_visualise.sources.recordings.mcap_scan import scan
 from ros_visualise.sources.recordings.merging import MergedRecording
-from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
+from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Channel, Query, add_note
-
-_LANGUAGES: dict[tuple[str, str], Encoding] = {
-    ("ros1", "ros1msg"): "ros1",
-    ("cdr", "ros2msg"): "cdr",
-    ("cdr", "ros2idl"): "cdr",
-}
 
 
 def open_mcap(path: Path) -> Recording:
@@ -83,7 +76,7 @@ class McapFile:
         self.counts: Mapping[int, int] = index.counts
         self.compressions: Collection[str] = index.compressions or {"none"}
         self.channels: Mapping[int, Channel] = {
-            number: _channel(channel, index.schemas.get(channel.schema_id), schemas)
+            number: describe(channel, index.schemas.get(channel.schema_id), schemas)
             for number, channel in index.channels.items()
         }
         self._damaged: set[int] = set()
@@ -114,7 +107,9 @@ class McapFile:
         }
         found, is_whole = messages(records, wanted, query.start_ns, query.stop_ns)
         if not is_whole:
-            self._lose(piece, "its records contradict each other", 0)
+            there, _ = messages(records, ANY_CHANNEL, *EVER)
+            missing = max(0, int(self._rows[piece]["messages"]) - len(there))
+            self._lose(piece, "its records contradict each other", missing)
         for stamp_ns, number, start, stop in found:
             topic, type_name, definitions = wanted[number]
             data = records[start:stop] if stop - start > shared else bytes(records[start:stop])
@@ -149,7 +144,9 @@ class McapFile:
             if self._file.closed:
                 return []
             self._file.seek(int(row["offset"] + row["length"]))
-            return indexed_stamps(self._file.read(size), int(row["messages"]))
+            found = indexed_stamps(self._file.read(size))
+        is_whole = sum(len(stamps_ns) for _, stamps_ns in found) == row["messages"]
+        return found if is_whole else []
 
     def _opened_stamps(self, piece: int) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         found, _ = messages(self._load(piece) or b"", self.channels, *EVER)
@@ -199,34 +196,3 @@ def _open(path: Path) -> BinaryIO:
         what = "no MCAP file; check the path" if start else "an empty file; record or copy it again"
         raise OpenError(f"{path}: {what}")
     return file
-
-
-def _channel(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
-    encoding = channel.message_encoding
-    if schema is None:
-        return Channel(channel.topic, "", unreadable=f"{encoding}: it has no schema")
-    language = _LANGUAGES.get((encoding, schema.encoding))
-    if language is None:
-        what = encoding or schema.encoding or "no encoding"
-        return Channel(channel.topic, schema.name, unreadable=f"{what}: only ROS messages are read")
-    name = ros_name(schema.name)
-    is_idl = schema.encoding == "ros2idl"
-    try:
-        text = schema.data.decode("utf-8", "replace")
-        definitions = schemas.define(language, name, text, is_idl)
-    except DamagedMessage as damage:
-        return Channel(channel.topic, name, unreadable=str(damage))
-    return Channel(
-        channel.topic, name, definitions, _digest(channel, definitions, name), _is_latched(channel)
-    )
-
-
-def _digest(channel: McapChannel, definitions: Definitions, name: str) -> str:
-    given = channel.metadata.get("topic_type_hash") or channel.metadata.get("md5sum")
-    return given or definitions.digest(name)
-
-
-def _is_latched(channel: McapChannel) -> bool:
-    if channel.metadata.get("latching", "0").lower() in ("1", "true"):
-        return True
-    return is_latched(channel.metadata.get("offered_qos_profiles", ""))

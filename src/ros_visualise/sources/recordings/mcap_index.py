@@ -31,13 +31,9 @@ from ros_visualise.sources.recordings.mcap_records import (
 UNKNOWN = -1
 """A count of messages, or a set of channels, that only the piece itself tells."""
 
-MESSAGE_INDEX_HEAD = struct.Struct("<HI")
-"""What an index of one channel's messages in a chunk begins with: channel, length of the rest."""
-
-ENTRY_BYTES = 16
-"""Of each message in such an index."""
-
-_MESSAGE_INDEX_BYTES = HEAD_BYTES + MESSAGE_INDEX_HEAD.size
+_MESSAGE_INDEX_HEAD = struct.Struct("<HI")
+_ENTRY_BYTES = 16
+_MESSAGE_INDEX_BYTES = HEAD_BYTES + _MESSAGE_INDEX_HEAD.size
 _STAMP_LIMIT = 2**63 - 1
 _ROW = np.dtype(
     [
@@ -123,7 +119,7 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
         return None
     try:
         index, statistics, chunks = _parse_summary(summary)
-    except (struct.error, EndOfFile):
+    except struct.error:
         return None
     if statistics is None or not chunks or not index.is_described:
         return None
@@ -142,24 +138,24 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
 
 def index_bytes(channels: int, messages: int) -> int:
     """The size of the index records behind a chunk, one for each of its channels."""
-    return _MESSAGE_INDEX_BYTES * channels + ENTRY_BYTES * messages
+    return _MESSAGE_INDEX_BYTES * channels + _ENTRY_BYTES * messages
 
 
-def indexed_stamps(records: bytes, messages: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
+def indexed_stamps(records: bytes) -> list[tuple[int, npt.NDArray[np.int64]]]:
     """Channels and their stamps in the index records behind a chunk; none if they are damaged."""
     found = []
     position = 0
     while position + _MESSAGE_INDEX_BYTES <= len(records):
         kind, length = HEAD.unpack_from(records, position)
-        channel, size = MESSAGE_INDEX_HEAD.unpack_from(records, position + HEAD_BYTES)
+        channel, size = _MESSAGE_INDEX_HEAD.unpack_from(records, position + HEAD_BYTES)
         position += _MESSAGE_INDEX_BYTES
-        is_index = kind == Opcode.MESSAGE_INDEX and length == size + MESSAGE_INDEX_HEAD.size
-        if not is_index or size % ENTRY_BYTES or position + size > len(records):
+        is_index = kind == Opcode.MESSAGE_INDEX and length == size + _MESSAGE_INDEX_HEAD.size
+        if not is_index or size % _ENTRY_BYTES or position + size > len(records):
             return []
         pairs = np.frombuffer(records[position : position + size], "<u8").reshape(-1, 2)
         found.append((channel, pairs[:, 0].astype(np.int64)))
         position += size
-    return found if sum(len(stamps_ns) for _, stamps_ns in found) == messages else []
+    return found
 
 
 def _read_summary(file: BinaryIO, size: int) -> bytes | None:
@@ -211,14 +207,17 @@ def _add_chunk(index: Index, body: bytes) -> None:
     if not channels:
         index.add(offset, length, (start_ns, end_ns))
     else:
-        messages, rest = divmod(index_length - index_bytes(len(channels), 0), ENTRY_BYTES)
+        messages, rest = divmod(index_length - index_bytes(len(channels), 0), _ENTRY_BYTES)
         known = UNKNOWN if rest or messages < 0 else messages
         index.add(offset, length, (start_ns, end_ns), known, channels)
 
 
-def read_statistics(body: bytes) -> Statistics:
-    """What the file says that it holds."""
-    statistics: Statistics = Statistics.read(ReadDataStream(BytesIO(body)))
+def read_statistics(body: bytes) -> Statistics | None:
+    """What the file says that it holds, or None where that is damaged."""
+    try:
+        statistics: Statistics = Statistics.read(ReadDataStream(BytesIO(body)))
+    except (EndOfFile, struct.error):
+        return None
     return statistics
 
 

@@ -30,6 +30,8 @@ CHUNK_HEAD_BYTES = 64
 EVER = (0, 2**64)
 """The stamps that a file can hold."""
 
+ANY_CHANNEL = range(2**16)
+
 COMPRESSIONS = {"": "none", "lz4": "lz4", "zstd": "zstd"}
 
 _MESSAGE = struct.Struct("<BQHIQQ")

@@ -11,12 +11,12 @@ from mcap.opcode import Opcode
 
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.mcap_index import (
-    ENTRY_BYTES,
-    MESSAGE_INDEX_HEAD,
     Index,
+    indexed_stamps,
     read_statistics,
 )
 from ros_visualise.sources.recordings.mcap_records import (
+    ANY_CHANNEL,
     COMPRESSIONS,
     EVER,
     HEAD_BYTES,
@@ -32,7 +32,6 @@ from ros_visualise.sources.recordings.mcap_walk import Record, walk
 from ros_visualise.sources.recordings.storage import add_note
 
 _RUN_BYTES = 1 << 20
-_ANY_CHANNEL = range(2**16)
 _MESSAGE_HEAD = struct.Struct("<HIQ")
 
 
@@ -48,7 +47,8 @@ def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
 class _Piece:
     """A chunk, or messages that follow one another outside chunks, from ``start`` to ``end``.
 
-    ``told_end`` is the end of what belongs to it: a chunk's own index follows it.
+    A chunk's own index follows it, until ``told_end``; ``told_ns``: the least and greatest stamps
+    of its channels.
     """
 
     start: int
@@ -56,6 +56,7 @@ class _Piece:
     told_end: int
     span_ns: tuple[int, int]
     counts: Counter[int] = field(default_factory=Counter)
+    told_ns: list[int] = field(default_factory=list)
 
 
 class _Pieces:
@@ -83,7 +84,8 @@ class _Pieces:
         elif record.kind == Opcode.CHUNK:
             self._begin_chunk(record)
         elif record.kind == Opcode.STATISTICS:
-            self._claimed = read_statistics(self._body(record)).message_count
+            statistics = read_statistics(self._body(record))
+            self._claimed = statistics.message_count if statistics else 0
 
     def finish(self) -> Index:
         """The index of all that was added."""
@@ -101,9 +103,12 @@ class _Pieces:
         self._loss.messages = max(self._loss.messages + unknown, missing)
         return self._index
 
+    def _whole(self, record: Record) -> bytes:
+        self._file.seek(record.start)
+        return self._file.read(record.end - record.start)
+
     def _body(self, record: Record) -> bytes:
-        self._file.seek(record.start + HEAD_BYTES)
-        return self._file.read(record.end - record.start - HEAD_BYTES)
+        return self._whole(record)[HEAD_BYTES:]
 
     def _add_message(self, record: Record) -> None:
         channel, _, stamp_ns = _MESSAGE_HEAD.unpack_from(record.head, HEAD_BYTES)
@@ -130,9 +135,11 @@ class _Pieces:
 
     def _count_in_chunk(self, record: Record) -> None:
         chunk = self._chunk
-        if chunk is not None and chunk.told_end == record.start:
-            channel, length = MESSAGE_INDEX_HEAD.unpack_from(record.head, HEAD_BYTES)
-            chunk.counts[channel] += length // ENTRY_BYTES
+        if chunk is None or chunk.told_end != record.start:
+            return
+        for channel, stamps_ns in indexed_stamps(self._whole(record)):
+            chunk.counts[channel] += len(stamps_ns)
+            chunk.told_ns += [int(stamps_ns.min()), int(stamps_ns.max())] if len(stamps_ns) else []
             chunk.told_end = record.end
 
     def _end_chunk(self, next_start: int | None = None) -> None:
@@ -140,7 +147,8 @@ class _Pieces:
         chunk, self._chunk = self._chunk, None
         if chunk is None:
             return
-        is_told = chunk.told_end == next_start and bool(chunk.counts)
+        told_ns = (min(chunk.told_ns, default=0), max(chunk.told_ns, default=0))
+        is_told = chunk.told_end == next_start and bool(chunk.told_ns) and told_ns == chunk.span_ns
         if is_told and chunk.counts.keys() <= self._index.channels.keys():
             self._add(chunk, chunk.span_ns, chunk.counts)
         else:
@@ -157,7 +165,7 @@ class _Pieces:
             return
         schemas, channels = described(records)
         self._index.describe(schemas.values(), channels.values())
-        found, _ = messages(records, _ANY_CHANNEL, *EVER)
+        found, _ = messages(records, ANY_CHANNEL, *EVER)
         if found:
             span_ns = (found[0][0], found[-1][0])
             self._add(chunk, span_ns, Counter(channel for _, channel, _, _ in found))

@@ -164,11 +164,11 @@ def _begins_chain(file: BinaryIO, position: int, size: int) -> bool:
 def _check_end(file: BinaryIO, position: int, size: int, last: Record | None, loss: Loss) -> None:
     file.seek(position)
     is_closed = last is not None and last.kind == Opcode.FOOTER
+    rest = size - position
     if is_closed and file.read(len(MAGIC) + 1) == MAGIC:
         return
-    rest = size - position
     loss.bytes += rest
-    if is_closed:
+    if is_closed and rest >= len(MAGIC):
         add_note(loss, f"{rest} bytes after its end are none of its own")
     else:
         add_note(

@@ -5,12 +5,21 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import (
+    Stores,
+    TypesysError,
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+)
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions, Encoding
 
 _TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
+
+_NOT_IDL = re.compile(r"^(=+|IDL: .*|#.*)$", re.MULTILINE)
 
 _Types = dict[str, Any]
 
@@ -63,7 +72,18 @@ class Schemas:
         definitions, known = space
         definitions.define(type_name, text)
         known.update(types)
+        unknown = [name for name in sorted(_parts(types)) if not definitions.knows(name)]
+        if unknown:
+            raise DamagedMessage(f"{type_name}: made of {unknown[0]}, which nobody knows")
         return definitions
+
+
+def digest(definitions: Definitions, type_name: str) -> str:
+    """MD5 or RIHS01 of a type; empty where it has none, as one with wide strings."""
+    try:
+        return definitions.digest(type_name)
+    except (KeyError, AssertionError, TypesysError):
+        return ""
 
 
 def ros_name(name: str) -> str:
@@ -86,9 +106,19 @@ def _parse(type_name: str, text: str) -> _Types:
 
 def _idl_to_msg(type_name: str, text: str) -> str:
     """The same definition in ROS's own language."""
-    store = get_typestore(Stores.EMPTY)
+    store = get_typestore(Stores.ROS2_JAZZY)
     try:
-        store.register(get_types_from_idl(text))
+        types = get_types_from_idl(_NOT_IDL.sub("", text))
+        for name in types:
+            store.fielddefs.pop(name, None)
+        store.register(types)
         return store.generate_msgdef(type_name, ros_version=2)[0]
     except Exception as error:  # the library's parser raises what it happens to meet
         raise DamagedMessage(f"{type_name}: its IDL definition cannot be read") from error
+
+
+def _parts(types: _Types) -> set[str]:
+    """The types that fields of these are of."""
+    fields = (description for _, fields in types.values() for _, description in fields)
+    flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for d in fields)
+    return {name for kind, name in flat if kind == Nodetype.NAME}

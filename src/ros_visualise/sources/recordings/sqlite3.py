@@ -15,7 +15,7 @@ import numpy.typing as npt
 from ros_visualise.errors import DamagedMessage, OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss
-from ros_visualise.sources.recordings.schemas import Schemas, is_latched, ros_name
+from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel, Query, add_note
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
@@ -252,9 +252,9 @@ def _channel(
         known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
     except DamagedMessage as damage:
         return Channel(name, type_name, unreadable=str(damage))
-    digest = topic.get("type_description_hash") or known.digest(type_name)
+    given = topic.get("type_description_hash") or digest(known, type_name)
     return Channel(
-        name, type_name, known, digest, is_latched(str(topic.get("offered_qos_profiles", "")))
+        name, type_name, known, given, is_latched(str(topic.get("offered_qos_profiles", "")))
     )
 
 

@@ -1,0 +1,64 @@
+"""What the channels and schemas of an MCAP file say of its topics.
+
+Source: mcap.dev/spec/registry, the profiles ``ros1`` and ``ros2`` and their encodings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mcap.records import Channel as McapChannel
+from mcap.records import Schema
+
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
+from ros_visualise.sources.recordings.storage import Channel
+
+_ENCODINGS: Mapping[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
+_LANGUAGES = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl")}
+
+
+def describe(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
+    """A channel of an MCAP file as its messages are to be read.
+
+    Args:
+        schema: its own, if the file has it.
+        schemas: those of the recording, to which it is added.
+    """
+    encoding = channel.message_encoding
+    if encoding not in _LANGUAGES:
+        why = f"{encoding or 'no encoding'}: only ROS messages are read"
+    elif schema is None:
+        why = f"{encoding}: it has no schema"
+    else:
+        return _ros_channel(channel, schema, schemas)
+    return Channel(channel.topic, schema.name if schema else "", unreadable=why)
+
+
+def _ros_channel(channel: McapChannel, schema: Schema, schemas: Schemas) -> Channel:
+    encoding = channel.message_encoding
+    name = ros_name(schema.name)
+    if schema.encoding not in _LANGUAGES[encoding]:
+        why = f"{schema.encoding or 'no schema'}: only ROS's own definitions are read"
+        return Channel(channel.topic, name, unreadable=why)
+    is_idl = schema.encoding == "ros2idl"
+    try:
+        text = schema.data.decode("utf-8", "replace")
+        definitions = schemas.define(_ENCODINGS[encoding], name, text, is_idl)
+    except DamagedMessage as damage:
+        return Channel(channel.topic, name, unreadable=str(damage))
+    return Channel(
+        channel.topic, name, definitions, _digest(channel, definitions, name), _is_latched(channel)
+    )
+
+
+def _digest(channel: McapChannel, definitions: Definitions, name: str) -> str:
+    given = channel.metadata.get("topic_type_hash") or channel.metadata.get("md5sum")
+    return given or digest(definitions, name)
+
+
+def _is_latched(channel: McapChannel) -> bool:
+    if channel.metadata.get("latching", "0").lower() in ("1", "true"):
+        return True
+    return is_latched(channel.metadata.get("offered_qos_profiles", ""))

@@ -1,0 +1,184 @@
+"""MCAP files that are cut off, damaged or contradict themselves."""
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_mcaps import Part, in_order, numbered, parts, write_mcap, written
+from mcap.opcode import Opcode
+from mcap.writer import CompressionType
+
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.mcap import open_mcap
+from ros_visualise.sources.recordings.storage import LATEST_NS
+
+STYLES: list[dict[str, Any]] = [
+    {"compression": CompressionType.NONE},
+    {"compression": CompressionType.LZ4},
+    {"compression": CompressionType.ZSTD},
+    {"compression": CompressionType.LZ4, "chunk_size": 0},
+    {"use_chunking": False},
+]
+
+
+def made(path: Path, style: dict[str, Any]) -> tuple[list[Part], bytes]:
+    write_mcap(path, numbered(range(1000, 1100)), **style)
+    return parts(path), path.read_bytes()
+
+
+def stamps(recording: Recording) -> list[int]:
+    found = [entry.stamp_ns for entry in recording.read()]
+    recording.close()
+    return found
+
+
+def whole_stamps(records: list[Part], end: int = LATEST_NS, skip: int = -1) -> list[int]:
+    """The stamps in all records before ``end``, but for the one over the byte ``skip``."""
+    return [
+        stamp_ns
+        for part in records
+        if part.end <= end and not part.start <= skip < part.end
+        for stamp_ns in part.stamps_ns
+    ]
+
+
+@pytest.mark.parametrize("style", STYLES, ids=str)
+def test_of_a_file_that_is_cut_all_whole_records_are_read(
+    tmp_path: Path, style: dict[str, Any]
+) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, style)
+    chance = random.Random(4)
+    cuts = {8, 9, len(content) - 1, *chance.sample(range(8, len(content)), 25)}
+    cuts |= {part.end for part in chance.sample(records, min(10, len(records)))}
+    for cut in sorted(cuts - {len(content)}):
+        path.write_bytes(content[:cut])
+        recording = open_mcap(path)
+        expected = whole_stamps(records, cut)
+        assert sum(info.messages for info in recording.topics.values()) == len(expected)
+        assert (recording.start_ns, recording.end_ns) == (
+            min(expected, default=0),
+            max(expected, default=0),
+        )
+        assert stamps(recording) == expected
+        assert "its end is missing" in " ".join(recording.loss.notes)
+
+
+@pytest.mark.parametrize("is_cut", [False, True], ids=["with its index", "without"])
+@pytest.mark.parametrize("style", STYLES[:4], ids=str)
+def test_of_a_damaged_chunk_nothing_is_read_and_of_all_others_everything(
+    tmp_path: Path, style: dict[str, Any], is_cut: bool
+) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, style)
+    chunks = [part for part in records if part.kind == Opcode.CHUNK]
+    for chunk in random.Random(5).sample(chunks[1:], min(8, len(chunks) - 1)):
+        place = chunk.end - 5
+        damaged = bytearray(content[:-1] if is_cut else content)
+        damaged[place] ^= 0x10
+        path.write_bytes(damaged)
+        recording = open_mcap(path)
+        assert stamps(recording) == whole_stamps(records, skip=place)
+        assert recording.loss.messages == len(chunk.stamps_ns)
+        assert recording.loss.bytes >= chunk.end - chunk.start
+        assert "is lost" in " ".join(recording.loss.notes)
+
+
+def test_what_is_damaged_counts_once_however_often_it_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, {})
+    chunk = [part for part in records if part.kind == Opcode.CHUNK][2]
+    path.write_bytes(content[: chunk.end - 1] + b"?" + content[chunk.end :])
+    recording = open_mcap(path)
+    for _ in range(3):
+        list(recording.read())
+    assert recording.loss.messages == len(chunk.stamps_ns)
+    assert len(recording.loss.notes) == 1
+    recording.close()
+
+
+@pytest.mark.parametrize("style", STYLES, ids=str)
+@pytest.mark.parametrize("garbage", [b"\x00" * 300, random.Random(6).randbytes(300)], ids=len)
+def test_garbage_between_records_is_passed_over(
+    tmp_path: Path, style: dict[str, Any], garbage: bytes
+) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, style)
+    middle = [part for part in records if part.stamps_ns][len(records) // 10]
+    path.write_bytes(content[: middle.start] + garbage + content[middle.start :])
+    recording = open_mcap(path)
+    assert stamps(recording) == whole_stamps(records)
+    assert recording.loss.bytes == len(garbage)
+    assert recording.loss.messages == 0
+
+
+@pytest.mark.parametrize("style", STYLES, ids=str)
+def test_of_an_overwritten_stretch_only_its_records_are_lost(
+    tmp_path: Path, style: dict[str, Any]
+) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, style)
+    first = next(i for i, part in enumerate(records) if i > len(records) // 3 and part.stamps_ns)
+    hit = records[first : first + 4]
+    path.write_bytes(
+        content[: hit[0].start] + bytes(hit[-1].end - hit[0].start) + content[hit[-1].end :]
+    )
+    recording = open_mcap(path)
+    lost = {stamp_ns for part in hit for stamp_ns in part.stamps_ns}
+    assert stamps(recording) == [s for s in whole_stamps(records) if s not in lost]
+    assert recording.loss.messages == len(lost)
+
+
+def test_a_message_with_a_wrong_length_takes_no_other_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, {"use_chunking": False})
+    hit = [part for part in records if part.kind == Opcode.MESSAGE][30]
+    damaged = bytearray(content)
+    damaged[hit.start + 1] += 50
+    path.write_bytes(damaged)
+    recording = open_mcap(path)
+    assert stamps(recording) == whole_stamps(records, skip=hit.start)
+    assert recording.loss.messages == 1
+
+
+def test_bytes_after_the_end_do_no_harm(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    messages = write_mcap(path, numbered(range(50)))
+    path.write_bytes(path.read_bytes() + bytes(1000))
+    recording = open_mcap(path)
+    assert written(recording.read()) == in_order(messages)
+    assert "after its end" in " ".join(recording.loss.notes)
+    recording.close()
+
+
+def test_an_index_that_contradicts_the_file_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    records, content = made(path, {"enable_crcs": False})
+    [statistics] = [part for part in records if part.kind == Opcode.STATISTICS]
+    for wrong in (b"\x00", b"\xff"):
+        place = statistics.start + 9
+        path.write_bytes(content[:place] + wrong + content[place + 1 :])
+        recording = open_mcap(path)
+        assert sum(info.messages for info in recording.topics.values()) == 100
+        assert stamps(recording) == whole_stamps(records)
+        assert recording.loss.messages == (155 if wrong == b"\xff" else 0)
+
+
+def test_any_bytes_may_be_wrong(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    chance = random.Random(7)
+    for number in range(60):
+        style = {**chance.choice(STYLES), "enable_crcs": chance.random() < 0.5}
+        write_mcap(path, numbered(range(1000, 1030)), **style)
+        content = bytearray(path.read_bytes())
+        for _ in range(chance.randint(1, 4)):
+            content[chance.randrange(8, len(content))] = chance.randrange(256)
+        path.write_bytes(content)
+        recording = open_mcap(path)
+        entries = list(recording.read())
+        there = sum(info.messages for info in recording.topics.values() if not info.unreadable)
+        assert len(entries) <= there, number
+        assert len(entries) >= there - recording.loss.messages, number
+        assert recording.stamps_ns().keys() == recording.topics.keys()
+        recording.close()
