@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Collection, Generator, Iterable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,15 @@ from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.rosbag1 import records
-from ros_visualise.sources.recordings.rosbag1.chunks import ENTRY, Chunk, ChunkReader
+from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
 from ros_visualise.sources.recordings.rosbag1.connections import Types, topics_of
 from ros_visualise.sources.recordings.rosbag1.layout import Layout, read_layout
 from ros_visualise.sources.recordings.rosbag1.order import in_time_order
 from ros_visualise.sources.recordings.rosbag1.records import Damaged
+from ros_visualise.sources.recordings.rosbag1.salvage import Losses, Salvager
 
 _BUFFER = 1 << 16
 _INDEX_BUFFER = 1 << 12  # of a file that is read in many small and distant pieces
-_NOTES = 20  # of more damage than that, nobody reads
 
 
 def open_rosbag1(path: str | Path) -> RosBag:
@@ -57,7 +57,7 @@ class RosBag:
         self.start_ns = min((chunk.start_ns for chunk in self._chunks), default=0)
         self.end_ns = max((chunk.end_ns for chunk in self._chunks), default=0)
         self.loss = layout.loss
-        self._lost: set[tuple[int, int]] = set()
+        self._losses = Losses(self.loss)
         nameless = sum(counts[number] for number in counts.keys() - self._connections.keys())
         if nameless:
             self.loss.messages += nameless
@@ -94,9 +94,9 @@ class RosBag:
         """As `Recording.stamps_ns`."""
         found: dict[str, list[NDArray[np.int64]]] = {topic: [] for topic in self.topics}
         with self._open(_INDEX_BUFFER) as file:
-            reader = ChunkReader(file, self.size)
+            salvager = Salvager(file, self.size, self._losses)
             for chunk in self._chunks:
-                entries = self._entries(reader, chunk)
+                entries = salvager.entries(chunk)
                 for number in chunk.counts.keys() & self._connections.keys():
                     stamps = entries["stamp_ns"][entries["connection"] == number]
                     found[self._connections[number].topic].append(stamps)
@@ -125,66 +125,18 @@ class RosBag:
             and not wanted.keys().isdisjoint(chunk.counts)
         ]
         with self._open(_BUFFER) as file:
-            reader = ChunkReader(file, self.size)
-            left: Counter[int] = Counter()
-
-            def load(chunk: Chunk) -> NDArray[Any]:
-                entries = _between(self._readable_entries(reader, chunk), start_ns, stop_ns)
-                entries = entries[np.isin(entries["connection"], list(wanted))]
-                left[chunk.position] = len(entries)
-                if not len(entries):
-                    reader.release(chunk.position)
-                return entries
-
-            for stamp_ns, number, offset, place in in_time_order(chunks, load):
+            salvager = Salvager(file, self.size, self._losses)
+            places = in_time_order(
+                chunks, lambda chunk: salvager.open(chunk, start_ns, stop_ns, wanted)
+            )
+            for stamp_ns, number, offset, place in places:
                 if self._closed:
                     return
-                chunk = chunks[place]
-                data = self._data(reader, chunk, (stamp_ns, number, offset))
-                left[chunk.position] -= 1
-                if not left[chunk.position]:
-                    reader.release(chunk.position)
+                data = salvager.data(chunks[place], (stamp_ns, number, offset))
                 if data is not None:
                     known = self._types.of(wanted[number])
                     message = Recorded(known.type_name, data, known.definitions, stamp_ns)
                     yield Entry(wanted[number].topic, stamp_ns, message)
-
-    def _entries(self, reader: ChunkReader, chunk: Chunk) -> NDArray[Any]:
-        """Where the messages of a chunk lie."""
-        try:
-            entries = reader.entries(chunk)
-        except (Damaged, OSError) as error:
-            self._lose(chunk, chunk.messages, str(error))
-            return np.empty(0, ENTRY)
-        if len(entries) < chunk.messages:
-            self._lose(chunk, chunk.messages - len(entries), "a part of a chunk is damaged")
-        return entries
-
-    def _readable_entries(self, reader: ChunkReader, chunk: Chunk) -> NDArray[Any]:
-        """Those of a chunk that can be decompressed."""
-        try:
-            reader.content(chunk)
-        except (Damaged, OSError) as error:
-            self._lose(chunk, chunk.messages, str(error))
-            return np.empty(0, ENTRY)
-        return self._entries(reader, chunk)
-
-    def _data(self, reader: ChunkReader, chunk: Chunk, entry: tuple[int, int, int]) -> bytes | None:
-        try:
-            return reader.message(reader.content(chunk), entry)
-        except (Damaged, OSError) as error:
-            self._lose(chunk, 1, str(error), offset=entry[2])
-            return None
-
-    def _lose(self, chunk: Chunk, messages: int, why: str, offset: int = -1) -> None:
-        """Note once what is lost, however often it is read."""
-        if (chunk.position, offset) in self._lost:
-            return
-        self._lost.add((chunk.position, offset))
-        self.loss.messages += messages
-        if len(self.loss.notes) < _NOTES:
-            place = f"at {chunk.position / 1e6:.1f} MB"
-            self.loss.notes.append(f"{place}: {why}; messages lost: {messages}")
 
     def _open(self, buffering: int) -> BinaryIO:
         try:
@@ -216,13 +168,3 @@ def _count(chunks: Iterable[Chunk]) -> Counter[int]:
     for chunk in chunks:
         counts.update(chunk.counts)
     return counts
-
-
-def _between(entries: NDArray[Any], start_ns: int | None, stop_ns: int | None) -> NDArray[Any]:
-    stamps = entries["stamp_ns"]
-    wanted = np.ones(len(entries), bool)
-    if start_ns is not None:
-        wanted &= stamps >= start_ns
-    if stop_ns is not None:
-        wanted &= stamps < stop_ns
-    return entries[wanted]

@@ -1,0 +1,68 @@
+"""What a path is, is found out by looking at it."""
+
+import made_bags
+import pytest
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.recordings import is_recording, open_recording
+
+START = {
+    "mcap": b"\x89MCAP0\r\n",
+    "ulog": b"ULog\x01\x12\x35\x01",
+    "sqlite": b"SQLite format 3\0",
+    "srt": b"\xef\xbb\xbf1\r\n00:00:00,000 --> 00:00:01,000\r\nHOME(1,2)\r\n",
+}
+OTHER = {
+    "video": b"\0\0\0\x20ftypisom" + bytes(100),
+    "text": b"1 2 3 --> 4\n",
+    "empty": b"",
+}
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.bag.active", "a.mp4", "ümlaut mit Lücke", "a.orig.1"])
+def test_a_bag_is_one_whatever_its_name(tmp_path, name):
+    path = tmp_path / name
+    written = made_bags.drive(path, steps=2)
+    assert is_recording(path)
+    assert made_bags.contents(open_recording(str(path))) == written
+
+
+@pytest.mark.parametrize("kind", START)
+def test_it_goes_by_the_content(tmp_path, kind):
+    path = tmp_path / "file.bag"
+    path.write_bytes(START[kind])
+    assert is_recording(path)
+
+
+@pytest.mark.parametrize("kind", OTHER)
+def test_what_is_none_is_refused(tmp_path, kind):
+    path = tmp_path / "file.bag"
+    path.write_bytes(OTHER[kind])
+    assert not is_recording(path)
+    assert_refused(path, "record it again" if kind == "empty" else f"ros-visualise video {path}")
+
+
+def test_nothing_is_refused(tmp_path):
+    assert not is_recording(tmp_path / "missing")
+    assert_refused(tmp_path / "missing", "no such file")
+    assert_refused("/dev/null", "no file")
+
+
+def test_a_folder_of_several_recordings_is_asked_about(tmp_path):
+    assert_refused(tmp_path, "no recording in it")
+    (tmp_path / "clip.mp4").write_bytes(OTHER["video"])
+    assert_refused(tmp_path, "no recording in it")
+    for name in "bcdea":
+        made_bags.drive(tmp_path / f"{name}.bag", steps=1)
+    said = assert_refused(tmp_path, "a.bag, b.bag, c.bag and 2 more")
+    assert said.endswith(str(tmp_path / "a.bag"))
+
+
+def assert_refused(path, says):
+    with pytest.raises(OpenError) as error:
+        open_recording(path)
+    said = str(error.value)
+    assert said.startswith(f"{path}: ")
+    assert says in said
+    assert "\n" not in said
+    return said
