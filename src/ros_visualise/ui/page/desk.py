@@ -11,14 +11,15 @@ from typing import Any
 
 import viser
 
-from ros_visualise.pipelines import Node
+from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.space import Space
-from ros_visualise.ui.page.style import IMAGES_ALONE, STYLE
+from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import topic_table
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
@@ -57,10 +58,10 @@ class Desk:
         self._worker = Worker(self.say, self._refresh, _PERIOD_S)
         gui = server.gui
         self._graph = runtime.graph
+        self._scene = Scene(server)
         self._windows: list[Window] = []
         self._windows = self._make_windows()
         self._images = ImageThread(self._pictures(), self._is_watched, self._in_haste)
-        self._scene = Scene(server)
         self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._in_haste)
         self._add_main_panel(gui)
         self._follow_scene()
@@ -91,7 +92,7 @@ class Desk:
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         gui.add_html(STYLE)
-        self._images_alone = gui.add_html(IMAGES_ALONE)
+        self._layout_style = gui.add_html(IMAGES_ALONE)
         self._message = gui.add_html("", visible=False)
         playback = self._runtime.playback
         self._transport: Transport | None = None
@@ -114,6 +115,8 @@ class Desk:
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("plots", expand_by_default=False)
         with self._plots_folder:
+            self._field_plot = FieldPlot(gui, self._runtime)
+            self._field_plot.follow(_kinds_of(self._graph))
             self._plots = Plots(gui, self._graph)
 
     def _add_size(self, gui: viser.GuiApi) -> None:
@@ -136,9 +139,9 @@ class Desk:
         return [self._make_window(n, there.get(n.name)) for n in self._graph.nodes if has_window(n)]
 
     def _make_window(self, node: Node, there: Window | None) -> Window:
-        if there is not None and there.shows(node):
+        if there is not None and there.shows(node, self._runtime):
             return there
-        return Window(self._server.gui, self._runtime, node, self._worker)
+        return Window(self._server.gui, self._runtime, node, self._worker, self._scene)
 
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]
@@ -149,7 +152,7 @@ class Desk:
         self._drawing.follow(self._graph)
         self._space.follow(topics)
         self._has_scene = bool(topics)
-        self._images_alone.visible = not self._has_scene
+        self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
         self._space_folder.visible = self._frames_folder.visible = self._has_scene
         self._choice.follow(self._windows, self._has_scene)
 
@@ -162,6 +165,7 @@ class Desk:
             if window not in self._windows:
                 window.remove()
         self._picture.content = graph_picture(self._graph)
+        self._field_plot.follow(_kinds_of(self._graph))
         self._plots.remove()
         with self._plots_folder:
             self._plots = Plots(self._server.gui, self._graph)
@@ -177,7 +181,9 @@ class Desk:
             self._said_s, self._message.visible = None, False
         self._recorder.refresh()
         if not self._is_watched():
+            self._field_plot.rest()
             return
+        self._field_plot.refresh()
         if self._transport is not None:
             self._transport.refresh()
         self._ticks += 1
@@ -202,3 +208,7 @@ class Desk:
     def _in_haste(self) -> bool:
         playback = self._runtime.playback
         return playback is not None and playback.state.rate == 0
+
+
+def _kinds_of(graph: Graph) -> dict[str, type]:
+    return {name: topic.type for name, topic in graph.topics.items()}

@@ -13,6 +13,7 @@ import viser
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.preview import preview
 
 SIZE = 720
@@ -28,14 +29,17 @@ class Picture:
 
     Args:
         rows: how many elements stand above it in its window.
+        overlay: what is drawn over it.
     """
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, topic: str, rows: int) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, runtime: Runtime, topic: str, rows: int, overlay: Overlay
+    ) -> None:
         self.topic = topic
         """What it shows; may be changed from any thread."""
         self.visible = True
         """Whether it is on the page at all; may be changed from any thread."""
-        self._runtime, self._rows = runtime, rows
+        self._runtime, self._rows, self._overlay = runtime, rows, overlay
         self._followed: str | None = None
         self._subscription: Subscription | None = None
         self._image: Image | None = None
@@ -53,13 +57,17 @@ class Picture:
         """
         self._follow(self.topic if self.visible else None)
         image = self._subscription.take(0) if self._subscription else None
-        if image is None and (size == self._size or self._image is None):
+        over = self._overlay.refresh() if self.visible else False
+        if self._image is None and image is None:
+            return
+        if image is None and size == self._size and not over:
             return
         self._image, self._size = image or self._image, size
         assert self._image is not None
         if id(self._image) not in previews:
             previews[id(self._image)] = _to_rgb(preview(self._image, size))
-        self._element.image = previews[id(self._image)]
+        shown = previews[id(self._image)]
+        self._element.image = self._overlay.draw(self._image, self.topic, shown)
         self._caption.content = self._describe()
 
     def _describe(self) -> str:
@@ -74,6 +82,7 @@ class Picture:
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
         self._follow(None)
+        self._overlay.rest()
 
     def _follow(self, topic: str | None) -> None:
         if topic == self._followed:

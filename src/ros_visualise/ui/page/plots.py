@@ -42,7 +42,7 @@ class Plots:
 class _Plot:
     def __init__(self, gui: viser.GuiApi, title: str, topics: Sequence[str]) -> None:
         self._rows: deque[list[float]] = deque(maxlen=_KEPT)
-        self._element = _add_plot(gui, title, topics) if topics else None
+        self._element = add_plot(gui, title, topics) if topics else None
 
     def add(self, time_s: float, values: Sequence[float | None]) -> None:
         self._rows.append([time_s, *(value or 0.0 for value in values)])
@@ -54,7 +54,8 @@ class _Plot:
             self._element.remove()
 
 
-def _add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiUplotHandle:
+def add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiUplotHandle:
+    """An empty plot over seconds with a line for each of these names, in the present container."""
     series = [uplot.Series(label="s")]
     series += [
         uplot.Series(label=name, stroke=_COLORS[number % len(_COLORS)], width=1.5)

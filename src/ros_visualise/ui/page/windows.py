@@ -9,19 +9,21 @@ from typing import Any
 
 import viser
 
-from ros_visualise.data import Image
+from ros_visualise.data import Image, PointCloud
 from ros_visualise.params import Spec, specs
 from ros_visualise.pipelines import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture
+from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.scene.scene import Scene
 
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
 """Pixels on a very wide screen; narrower ones share what they have in this proportion."""
 _MAIN_BESIDE_SCENE, _WINDOWS_BESIDE_SCENE = 350, 380
-_STACKED = 5
+_NO_OVERLAY = "none"
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
 
@@ -29,10 +31,14 @@ _TAKEN_AWAY_S = 0.2
 class Window:
     """One node: its main parameters above the image that it publishes, the others below."""
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, node: Node, worker: Worker) -> None:
+    def __init__(
+        self, gui: viser.GuiApi, runtime: Runtime, node: Node, worker: Worker, scene: Scene
+    ) -> None:
         self.name = node.name
         self.picture: Picture | None = None
-        self._looks = _looks_of(node)
+        self._clouds = _clouds_of(runtime)
+        self._looks = _looks_of(node), self._clouds
+        self._overlay = Overlay(runtime, scene)
         self._gui, self._worker = gui, worker
         self._controls = Controls(gui, node.name, runtime.parameters[node.name], worker)
         self._panel = gui.add_panel()
@@ -61,9 +67,9 @@ class Window:
         """What can be placed."""
         return self._panel
 
-    def shows(self, node: Node) -> bool:
+    def shows(self, node: Node, runtime: Runtime) -> bool:
         """Whether a window made for this node would be just like it."""
-        return self._looks == _looks_of(node)
+        return self._looks == (_looks_of(node), _clouds_of(runtime))
 
     def close(self) -> None:
         """Let go of the node's parameters."""
@@ -76,14 +82,27 @@ class Window:
 
     def _add_picture(self, runtime: Runtime, topics: Sequence[str], rows: int) -> None:
         chosen = self._gui.add_dropdown("show", topics) if len(topics) > 1 else None
-        rows += chosen is not None
-        picture = self.picture = Picture(self._gui, runtime, topics[0], rows)
+        rows += (chosen is not None) + bool(self._clouds)
+        self._add_overlay()
+        picture = self.picture = Picture(self._gui, runtime, topics[0], rows, self._overlay)
         if chosen is None:
             return
 
         @chosen.on_update
         async def _(event: viser.GuiEvent[Any]) -> None:
             picture.topic = event.target.value
+
+    def _add_overlay(self) -> None:
+        if not self._clouds:
+            return
+        over = self._gui.add_dropdown(
+            "overlay", (_NO_OVERLAY, *self._clouds), hint="points over the image, by distance"
+        )
+
+        @over.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            topic = event.target.value
+            self._overlay.topic = None if topic == _NO_OVERLAY else topic
 
     def _add_folders(self, declared: Sequence[Spec]) -> None:
         for group, members in groupby(declared, key=lambda spec: spec.group):
@@ -98,6 +117,11 @@ def has_window(node: Node) -> bool:
 
 def _images_of(node: Node) -> list[str]:
     return [t for port, t in node.outputs.items() if node.type.outputs[port] is Image]
+
+
+def _clouds_of(runtime: Runtime) -> list[str]:
+    """The topics whose points can be drawn over images."""
+    return [name for name, topic in runtime.graph.topics.items() if topic.type is PointCloud]
 
 
 def _looks_of(node: Node) -> object:
@@ -128,13 +152,14 @@ def arrange(
         gui: the page.
         windows: all.
         chosen: those that are shown.
-        scene: the middle belongs to the scene; else they fill the page in two rows.
+        scene: the middle belongs to the scene, and they make one column; else they fill the page
+            in two rows.
     """
     gui.main_panel.dock_left()
     panels = [window.panel for window in chosen]
     if scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
-        _place(panels, -(-len(panels) // _STACKED), _WINDOWS_BESIDE_SCENE)
+        _place(panels, 1, _WINDOWS_BESIDE_SCENE)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
@@ -143,22 +168,14 @@ def arrange(
 
 
 def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> None:
-    for number in range(columns):
-        column = panels[number::columns]
-        column[0].dock_right()
-        _stack(column)
+    for number, panel in enumerate(panels):
+        if number < columns:
+            panel.dock_right()
+        else:
+            panel.dock_below(panels[number - columns])
     if panels:
         panels[0].set_width(_COLUMN_WIDTH)  # what every other column begins with
         panels[-1].set_width(width)  # of all columns together, when they are placed
-
-
-def _stack(column: Sequence[viser.PanelHandle]) -> None:
-    """Place panels below the first one: whatever is docked below another takes half its height."""
-    half = (len(column) + 1) // 2
-    if len(column) > 1:
-        column[half].dock_below(column[0])
-        _stack(column[:half])
-        _stack(column[half:])
 
 
 class Choice:

@@ -1,0 +1,158 @@
+"""Plots over time of any numbers in the messages of a topic."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import viser
+
+from ros_visualise.data import CameraInfo, Image, Path, PointCloud, Text, Transforms
+from ros_visualise.messages import to_message
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.figures import numeric_fields
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.plots import add_plot
+
+_NONE = "–"
+_LINES = 4
+_KEPT = 20_000
+_DRAWN = 1500  # samples of a line that are sent at most
+_WAITING = 1000
+_NS = 1_000_000_000
+_NO_FIGURES = (CameraInfo, Image, Path, PointCloud, Text, Transforms)
+
+
+class History:
+    """The numbers of some fields over the last seconds, by the messages' stamps."""
+
+    def __init__(self, paths: Sequence[str]) -> None:
+        self.paths = list(paths)
+        self._rows: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
+        self._first_ns: int | None = None
+
+    def add(self, stamp_ns: int, fields: Mapping[str, float]) -> None:
+        """Go on with a message; after a jump back in time, begin anew."""
+        if self._first_ns is None or (self._rows and self._time_s(stamp_ns) < self._rows[-1][0]):
+            self._rows.clear()
+            self._first_ns = stamp_ns
+        values = (fields.get(path, float("nan")) for path in self.paths)
+        self._rows.append((self._time_s(stamp_ns), *values))
+
+    def columns(self, length_s: float) -> tuple[np.ndarray[Any, np.dtype[np.float64]], ...]:
+        """Seconds since the first message, and each field: (N,) each, evenly thinned."""
+        rows = np.array(self._rows, np.float64).reshape(-1, 1 + len(self.paths))
+        if len(rows):
+            rows = rows[rows[:, 0] >= rows[-1, 0] - length_s]
+        rows = rows[:: -(-len(rows) // _DRAWN) or 1]
+        return tuple(column.copy() for column in rows.T)
+
+    def _time_s(self, stamp_ns: int) -> float:
+        return (stamp_ns - (self._first_ns or 0)) / _NS
+
+
+class FieldPlot:
+    """A choice of a topic and of some of its fields, and their plot, in the present container.
+
+    Nothing is asked for while no topic is chosen.
+    """
+
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime) -> None:
+        self._gui, self._runtime = gui, runtime
+        self._topic = gui.add_dropdown("topic", (_NONE,))
+        self._fields = [
+            gui.add_dropdown(f"field {number + 1}", (_NONE,), visible=False)
+            for number in range(_LINES)
+        ]
+        self._length = gui.add_slider("seconds", 5, 120, 5, 30, visible=False)
+        self._place = gui.add_folder(None)
+        self._plot: viser.GuiUplotHandle | None = None
+        self._history = History([])
+        self._subscription: Subscription | None = None
+        self._followed = _NONE
+        self._known: tuple[str, ...] = ()
+
+    def follow(self, topics: Mapping[str, type]) -> None:
+        """These are the topics from now on, and the classes of their messages."""
+        names = [name for name, kind in topics.items() if kind not in _NO_FIGURES]
+        if self._topic.value not in names:
+            set_value(self._topic, _NONE)
+        self._topic.options = (_NONE, *names)
+
+    def refresh(self) -> None:
+        """Go on with the messages that came."""
+        if self._topic.value != self._followed:
+            self._begin(self._topic.value)
+        if self._followed == _NONE:
+            return
+        if self._subscription is None:
+            self._subscription = self._runtime.subscribe(self._followed, _WAITING)
+        chosen = [field.value for field in self._fields if field.value != _NONE]
+        if chosen != self._history.paths:
+            self._history = History(chosen)
+            self._replot()
+        news = False
+        while (message := self._subscription.take(0)) is not None:
+            self._add(message)
+            news = True
+        if news and self._plot is not None:
+            columns = self._history.columns(self._length.value)
+            if len(columns[0]) > 1:
+                self._plot.data = columns
+
+    def rest(self) -> None:
+        """Ask for nothing until the next `refresh`."""
+        if self._subscription is not None:
+            self._subscription.close()
+            self._subscription = None
+
+    def _begin(self, topic: str) -> None:
+        self.rest()
+        self._followed, self._known = topic, ()
+        is_chosen = topic != _NONE
+        for element in (*self._fields, self._length):
+            element.visible = is_chosen
+        for field in self._fields:
+            set_value(field, _NONE)
+            field.options = (_NONE,)
+        self._history = History([])
+        self._replot()
+
+    def _add(self, message: Any) -> None:
+        fields = fields_of(message)
+        if not self._known and fields:
+            self._offer(tuple(fields))
+        self._history.add(message.header.stamp_ns, fields)
+
+    def _offer(self, paths: tuple[str, ...]) -> None:
+        """Let a person choose among these; the first that is no time is chosen at once."""
+        self._known = paths
+        for field in self._fields:
+            field.options = (_NONE, *paths)
+        first = next((path for path in paths if not path.startswith("header.")), None)
+        if first is not None:
+            set_value(self._fields[0], first)
+
+    def _replot(self) -> None:
+        if self._plot is not None:
+            self._plot.remove()
+            self._plot = None
+        if self._history.paths:
+            with self._place:
+                self._plot = add_plot(self._gui, self._followed, self._history.paths)
+
+
+def fields_of(message: Any) -> dict[str, float]:
+    """The numbers of a message by their paths in its ROS type."""
+    is_ros = isinstance(message, Recorded)
+    return numeric_fields(message.message if is_ros else to_message(message, _types()))
+
+
+@cache
+def _types() -> Mapping[str, Any]:
+    return Definitions("cdr").types

@@ -1,0 +1,135 @@
+"""Points of a cloud over an image, coloured by how far they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry import transforms
+from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.ui.scene.coloring import turbo
+from ros_visualise.ui.scene.frames import Frames
+from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.vision.projection import project
+
+_NEAR_M, _FAR_M = 2.0, 45.0
+_MAX_POINTS = 60_000
+_DOT = 500  # an image of so many pixels' width has dots one pixel larger
+
+
+class Overlay:
+    """The newest cloud of a topic, over images of a camera whose calibration is known.
+
+    ``topic`` is that of the clouds, or None for nothing; it may be changed from any thread.
+    """
+
+    def __init__(self, runtime: Runtime, scene: Scene) -> None:
+        self.topic: str | None = None
+        self._runtime, self._scene = runtime, scene
+        self._followed: str | None = None
+        self._subscription: Subscription | None = None
+        self._cloud: PointCloud | None = None
+
+    def refresh(self) -> bool:
+        """Take the newest cloud; whether what is shown changes by that."""
+        before = self._cloud
+        if self.topic != self._followed:
+            self.rest()
+            self._followed = self.topic
+            if self.topic is not None:
+                self._subscription = self._runtime.subscribe(self.topic)
+        if self._subscription is not None:
+            self._cloud = self._subscription.take(0) or self._cloud
+        return self._cloud is not before
+
+    def rest(self) -> None:
+        """Ask for nothing until the next `refresh`."""
+        if self._subscription is not None:
+            self._subscription.close()
+        self._subscription = self._followed = self._cloud = None
+
+    def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
+        """A picture of an image with the points over it, if it can be said where they are.
+
+        Args:
+            image: as it came.
+            topic: on which it came.
+            shown: the picture, RGB of 8 bits, of any size.
+        """
+        frame = image.header.frame_id
+        info = calibration_of(image, self._scene.calibrations.get(frame))
+        if self._cloud is None or info is None:
+            return shown
+        try:
+            T_camera_cloud = between(self._scene.frames, image, self._cloud)
+            return paint(shown, self._cloud, T_camera_cloud, info, "rect" in topic)
+        except (NoTransform, ValueError):
+            return shown  # not known yet, or a model of distortion that is not known at all
+
+
+def calibration_of(image: Image, known: CameraInfo | None) -> CameraInfo | None:
+    """That which came with an image, else one known of its frame for images of this size."""
+    info = image.camera_info or known
+    if info is None or info.K[0, 0] <= 0:
+        return None
+    return info if (info.width, info.height) == (image.width, image.height) else None
+
+
+def between(frames: Frames, image: Image, cloud: PointCloud) -> Floats:
+    """T_camera_cloud, 4x4: from the cloud at its time to the camera at the image's.
+
+    Raises:
+        NoTransform: it is not known.
+    """
+    one, other = image.header, cloud.header
+    T_fixed_camera = frames.locate(one.frame_id, one.stamp_ns)
+    T_fixed_cloud = frames.locate(other.frame_id, other.stamp_ns)
+    return transforms.inverse(T_fixed_camera) @ T_fixed_cloud
+
+
+def paint(
+    shown: Pixels, cloud: PointCloud, T_camera_cloud: Floats, info: CameraInfo, rectified: bool
+) -> Pixels:
+    """A picture with a cloud's points, the nearer ones over the farther ones.
+
+    Raises:
+        ValueError: the camera's model is not known.
+    """
+    xyz = cloud.xyz
+    xyz = xyz[:: -(-len(xyz) // _MAX_POINTS) or 1]
+    points = transforms.apply(T_camera_cloud, xyz)
+    pixels, in_front = project(points, info, rectified)
+    places = scaled(pixels, info, shown.shape[:2])
+    height, width = shown.shape[:2]
+    inside = in_front & (places >= 0).all(axis=1)
+    inside &= (places[:, 0] < width) & (places[:, 1] < height)
+    far = points[inside, 2]
+    order = np.argsort(-far)
+    colors = turbo(-np.log(far[order]), -float(np.log(_FAR_M)), -float(np.log(_NEAR_M)))
+    return _dot(shown, places[inside][order], colors)
+
+
+def scaled(
+    pixels_uv: npt.NDArray[np.floating], info: CameraInfo, shape: tuple[int, ...]
+) -> npt.NDArray[np.intp]:
+    """Pixels (N, 2) of an image, as those of a picture (height, width) of it: (N, 2) whole."""
+    scale = np.array([shape[1] / info.width, shape[0] / info.height])
+    bounded = np.clip(pixels_uv, -1e6, 1e6)  # or they would not fit an integer
+    places: npt.NDArray[np.intp] = np.floor((bounded + 0.5) * scale).astype(np.intp)
+    return places
+
+
+def _dot(shown: Pixels, places: npt.NDArray[np.intp], colors: Pixels) -> Pixels:
+    picture: Pixels = shown.copy()
+    height, width = picture.shape[:2]
+    size = 1 + round(width / _DOT)
+    for dy in range(size):
+        for dx in range(size):
+            x, y = (
+                np.minimum(places[:, 0] + dx, width - 1),
+                np.minimum(places[:, 1] + dy, height - 1),
+            )
+            picture[y, x] = colors
+    return picture
