@@ -1,0 +1,89 @@
+"""Rotations as few numbers, for what is computed hundreds of times a second.
+
+A quaternion is (w, x, y, z), as MuJoCo has it; arrays would cost ten times as much as floats here.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ros_visualise.data import Floats
+
+Vector = tuple[float, float, float]
+Quat = tuple[float, float, float, float]
+
+
+def multiply(a: Quat, b: Quat) -> Quat:
+    """First ``b``, then ``a``."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+    )
+
+
+def conjugate(q: Quat) -> Quat:
+    """The rotation back."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+def from_yaw(yaw: float) -> Quat:
+    """A turn about z, radians."""
+    return math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+
+
+def from_rotation_vector(x: float, y: float, z: float) -> Quat:
+    """A turn about an axis by the length of the vector, radians."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    if angle < 1e-12:
+        return 1.0, 0.0, 0.0, 0.0
+    s = math.sin(angle / 2) / angle
+    return math.cos(angle / 2), s * x, s * y, s * z
+
+
+def yaw_of(q: Quat) -> float:
+    """Heading of the x axis, radians from -pi to pi."""
+    w, x, y, z = q
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def wrap(angle: float) -> float:
+    """The same angle from -pi to pi."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+def rows(q: Quat) -> tuple[Vector, Vector, Vector]:
+    """The rotation matrix, row by row."""
+    w, x, y, z = q
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+
+
+def from_matrix(R: Floats) -> Quat:
+    """The quaternion of a rotation matrix.
+
+    Source: Bar-Itzhack, New method for extracting the quaternion from a rotation matrix, 2000.
+    """
+    K = np.array(
+        [
+            [R[0, 0] + R[1, 1] + R[2, 2], 0, 0, 0],
+            [R[2, 1] - R[1, 2], R[0, 0] - R[1, 1] - R[2, 2], 0, 0],
+            [R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], 0],
+            [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1]],
+        ]
+    )
+    w, x, y, z = np.linalg.eigh(K)[1][:, -1].tolist()
+    return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
+
+
+def xyzw(q: Quat) -> Floats:
+    """The order of ROS's messages, (4,)."""
+    return np.array((q[1], q[2], q[3], q[0]))

@@ -1,0 +1,91 @@
+"""A robot's description for rviz and others, made of its model: URDF."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+from xml.etree import ElementTree as Xml
+
+import numpy as np
+
+from ros_visualise.data import Floats, Text, Transforms
+from ros_visualise.simulation.attitude import rows
+from ros_visualise.simulation.model import BASE
+
+_SHOWN_GROUP = 2
+_PLANE, _SPHERE, _CAPSULE, _CYLINDER, _BOX = 0, 2, 3, 5, 6  # mjtGeom
+
+
+def describe(model: Any, fixed: Transforms) -> Text:
+    """The URDF: links with masses and shapes, joined as the fixed transforms have it.
+
+    A gimbal's camera hangs on a floating joint; wheels are fixed, as their turning is not told.
+    """
+    name = str(model.names[: model.names.index(b"\0")].decode()) or "robot"
+    robot = Xml.Element("robot", name=name)
+    bodies = {_link_of(model, n): n for n in range(1, model.nbody)}
+    joints = {t.child_frame_id: t for t in fixed.transforms if t.header.frame_id != "map"}
+    links = [BASE, *joints, *({"camera_link"} - {*joints})]
+    for link in links:
+        element = Xml.SubElement(robot, "link", name=link)
+        if link in bodies:
+            _add_body(element, model, bodies[link])
+    for child in links[1:]:
+        moves = child not in joints
+        joint = Xml.SubElement(
+            robot, "joint", name=f"{child}_joint", type="floating" if moves else "fixed"
+        )
+        Xml.SubElement(joint, "parent", link=BASE if moves else joints[child].header.frame_id)
+        Xml.SubElement(joint, "child", link=child)
+        if not moves:
+            x, y, z, w = joints[child].quat_xyzw
+            _add_origin(joint, joints[child].translation_xyz, _matrix((w, x, y, z)))
+    Xml.indent(robot)
+    return Text(Xml.tostring(robot, encoding="unicode"))
+
+
+def _link_of(model: Any, body: int) -> str:
+    return BASE if body == 1 else f"{model.body(body).name}_link"
+
+
+def _add_body(link: Xml.Element, model: Any, body: int) -> None:
+    inertial = Xml.SubElement(link, "inertial")
+    _add_origin(inertial, model.body_ipos[body], _matrix(model.body_iquat[body]))
+    Xml.SubElement(inertial, "mass", value=f"{model.body_mass[body]:g}")
+    ixx, iyy, izz = (f"{value:g}" for value in model.body_inertia[body])
+    Xml.SubElement(inertial, "inertia", ixx=ixx, ixy="0", ixz="0", iyy=iyy, iyz="0", izz=izz)
+    for geom in range(model.ngeom):
+        if model.geom_bodyid[geom] == body and model.geom_group[geom] == _SHOWN_GROUP:
+            _add_shape(link, model, geom)
+
+
+def _add_shape(link: Xml.Element, model: Any, geom: int) -> None:
+    visual = Xml.SubElement(link, "visual")
+    _add_origin(visual, model.geom_pos[geom], _matrix(model.geom_quat[geom]))
+    geometry = Xml.SubElement(visual, "geometry")
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind == _BOX:
+        Xml.SubElement(geometry, "box", size=" ".join(f"{2 * s:g}" for s in size))
+    elif kind == _SPHERE:
+        Xml.SubElement(geometry, "sphere", radius=f"{size[0]:g}")
+    elif kind in (_CYLINDER, _CAPSULE):
+        Xml.SubElement(geometry, "cylinder", radius=f"{size[0]:g}", length=f"{2 * size[1]:g}")
+    else:
+        raise ValueError(f"URDF has no geom of type {kind}")
+    painted = model.geom_matid[geom]
+    rgba = model.geom_rgba[geom] if painted < 0 else model.mat_rgba[painted]
+    look = " ".join(f"{value:g}" for value in rgba)
+    material = Xml.SubElement(visual, "material", name=f"colour_{look.replace(' ', '_')}")
+    Xml.SubElement(material, "color", rgba=look)
+
+
+def _add_origin(parent: Xml.Element, position: Any, R: Floats) -> None:
+    xyz = " ".join(f"{value:g}" for value in position)
+    roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
+    pitch = math.atan2(-R[2, 0], math.hypot(R[2, 1], R[2, 2]))
+    Xml.SubElement(parent, "origin", xyz=xyz, rpy=f"{roll:g} {pitch:g} {yaw:g}")
+
+
+def _matrix(quat: Any) -> Floats:
+    w, x, y, z = (float(value) for value in quat)
+    return np.array(rows((w, x, y, z)))

@@ -1,0 +1,142 @@
+"""Cascaded control of a quadrotor: position, velocity, attitude, turn rates, motors.
+
+Axes of the world are x east, y north, z up, of the body x forward, y left, z up.
+
+Source: Mellinger and Kumar, Minimum snap trajectory generation and control for quadrotors, 2011,
+section IV; the attitude's loop: Brescianini, Hehn and D'Andrea, Nonlinear quadrocopter attitude
+control, 2013.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from ros_visualise.simulation.attitude import Quat, Vector, conjugate, multiply, rows
+
+GRAVITY = 9.81
+_MAX_TILT = math.radians(35)
+
+
+@dataclass(frozen=True)
+class Airframe:
+    """What is known of the quadrotor: SI units; motors front left, front right, rear left, right."""
+
+    mass: float
+    inertia: Vector
+    arm: float  # of each motor along x and along y
+    drag: float  # turning moment about z by thrust, m
+    max_thrust: float  # of one motor
+
+
+class State(NamedTuple):
+    """Where the body is and how it moves: velocity in the world's axes, turn rates in its own."""
+
+    position: Vector
+    attitude: Quat
+    velocity: Vector
+    rates: Vector
+
+
+class SetPoint(NamedTuple):
+    """Where it shall be, with the velocity (m/s) and acceleration (m/s^2) of that moving point."""
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+    yaw: float
+    yaw_rate: float
+
+
+class FlightController:
+    """Thrusts of the four motors, from the state and where it shall be; called at each step."""
+
+    POSITION = 1.6  # 1/s
+    VELOCITY = 3.2  # 1/s
+    VELOCITY_INTEGRAL = 0.8  # 1/s^2
+    ATTITUDE = 7.0  # 1/s
+    RATES = (18.0, 18.0, 6.0)  # 1/s
+    _LIMIT_M_S2 = 3.0  # of the velocity's integral
+
+    def __init__(self, frame: Airframe) -> None:
+        self._frame = frame
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was learned in flight."""
+        self._integral = [0.0, 0.0, 0.0]
+
+    def control(self, state: State, target: SetPoint, dt_s: float) -> tuple[float, ...]:
+        """The thrust of each motor, N."""
+        force = self._mass_times(self._accelerate(state, target, dt_s))
+        body_z = rows(state.attitude)
+        up = (body_z[0][2], body_z[1][2], body_z[2][2])
+        thrust = max(0.0, force[0] * up[0] + force[1] * up[1] + force[2] * up[2])
+        rates = self._turn(state.attitude, _attitude(force, target.yaw), target.yaw_rate)
+        return self._mix(thrust, self._torque(state.rates, rates))
+
+    def _accelerate(self, state: State, target: SetPoint, dt_s: float) -> list[float]:
+        """The acceleration that takes it to the moving point, without gravity."""
+        wanted = []
+        for i in range(3):
+            off = target.position[i] - state.position[i]
+            speed = target.velocity[i] + self.POSITION * max(-3.0, min(3.0, off))
+            error = speed - state.velocity[i]
+            total = self._integral[i] + self.VELOCITY_INTEGRAL * error * dt_s
+            self._integral[i] = max(-self._LIMIT_M_S2, min(self._LIMIT_M_S2, total))
+            wanted.append(target.acceleration[i] + self.VELOCITY * error + self._integral[i])
+        return wanted
+
+    def _mass_times(self, acceleration: list[float]) -> Vector:
+        """The thrust's vector in the world, no more tilted than is safe."""
+        ax, ay, az = acceleration
+        up = max(az + GRAVITY, 0.3 * GRAVITY)
+        aside = math.hypot(ax, ay)
+        share = min(1.0, up * math.tan(_MAX_TILT) / aside) if aside > 1e-9 else 1.0
+        mass = self._frame.mass
+        return mass * ax * share, mass * ay * share, mass * up
+
+    def _turn(self, attitude: Quat, wanted: Quat, yaw_rate: float) -> Vector:
+        """Turn rates in the body's axes that take it to an attitude."""
+        w, x, y, z = multiply(conjugate(attitude), wanted)
+        gain = 2 * self.ATTITUDE * (1 if w >= 0 else -1)
+        up = rows(attitude)[2]
+        return gain * x + yaw_rate * up[0], gain * y + yaw_rate * up[1], 0.4 * gain * z + yaw_rate * up[2]
+
+    def _torque(self, rates: Vector, wanted: Vector) -> Vector:
+        """Torque about the body's axes, the gyroscopic part included."""
+        (jx, jy, jz), (p, q, r) = self._frame.inertia, rates
+        kx, ky, kz = self.RATES
+        return (
+            jx * kx * (wanted[0] - p) + (jz - jy) * q * r,
+            jy * ky * (wanted[1] - q) + (jx - jz) * p * r,
+            jz * kz * (wanted[2] - r) + (jy - jx) * p * q,
+        )
+
+    def _mix(self, thrust: float, torque: Vector) -> tuple[float, ...]:
+        """Motors' thrusts; where one would pass its limits, turning about z gives way first."""
+        top = self._frame.max_thrust
+        tilt_x = torque[0] / (4 * self._frame.arm)
+        tilt_y = torque[1] / (4 * self._frame.arm)
+        spin = torque[2] / (4 * self._frame.drag)
+        tilts = (tilt_x - tilt_y, -tilt_x - tilt_y, tilt_x + tilt_y, -tilt_x + tilt_y)
+        each = min(max(thrust / 4, -min(tilts)), max(top - max(tilts), 0.0))
+        room = min(min(each + t, top - each - t) for t in tilts)
+        spin = max(-max(room, 0.0), min(max(room, 0.0), spin))
+        spins = (spin, -spin, -spin, spin)
+        return tuple(
+            max(0.0, min(top, each + t + s)) for t, s in zip(tilts, spins, strict=True)
+        )
+
+
+def _attitude(force: Vector, yaw: float) -> Quat:
+    """The attitude whose z axis is along the force and whose x axis heads to ``yaw``.
+
+    First the turn about z, then the smallest one that takes z to the force.
+    """
+    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
+    x, y, z = force[0] / size, force[1] / size, force[2] / size
+    w = math.sqrt((1 + z) / 2)
+    tilt = (w, -y / (2 * w), x / (2 * w), 0.0)
+    return multiply(tilt, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))

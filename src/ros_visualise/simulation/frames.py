@@ -1,0 +1,97 @@
+"""The frames of a simulated robot (REP 105), as transforms.
+
+``map`` is the world. ``odom`` in it is where the robot was set down: that much is known to whoever
+sets it down, and nothing corrects it later. ``base_link`` in ``odom`` is what odometry says, so it
+drifts; where the robot really is stands on the topic of the truth alone.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats, Header, Odometry, Transforms, TransformStamped
+from ros_visualise.simulation.attitude import Quat, Vector, from_matrix, from_yaw, rows, xyzw, yaw_of
+from ros_visualise.simulation.model import BASE, site_position
+from ros_visualise.simulation.settings import RobotParams
+
+MAP, ODOM = "map", "odom"
+_LEVEL = (1.0, 0.0, 0.0, 0.0)
+_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # R_camera_optical
+_SITES = ("imu_link", "gps_link", "lidar_link")
+
+
+class Mounting:
+    """How the camera is held.
+
+    Args:
+        params: the pitch that it looks down with.
+        gimbal: it keeps level while the body rolls and pitches.
+    """
+
+    def __init__(self, model: Any, params: RobotParams, gimbal: bool) -> None:
+        self.gimbal = gimbal
+        self._position = site_position(model, "camera_link")
+        pitch = math.radians(params.camera_pitch)
+        c, s = math.cos(pitch), math.sin(pitch)
+        self._R_level_camera = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+
+    def optical_in_map(self, position: Floats, R_map_body: Floats) -> tuple[Floats, Floats]:
+        """Where the camera is in ``map``, (3,), and R_map_optical."""
+        level = self._level(R_map_body) if self.gimbal else R_map_body
+        return position + R_map_body @ self._position, level @ self._R_level_camera @ _OPTICAL
+
+    def camera_in_body(self, stamp_ns: int, R_map_body: Floats) -> TransformStamped:
+        """``camera_link`` in ``base_link``."""
+        level = R_map_body.T @ self._level(R_map_body) if self.gimbal else np.eye(3)
+        turn = from_matrix(level @ self._R_level_camera)
+        return _transform(stamp_ns, BASE, "camera_link", self._position, turn)
+
+    def _level(self, R_map_body: Floats) -> Floats:
+        """Axes of the body's heading, without its roll and pitch."""
+        yaw = math.atan2(R_map_body[1, 0], R_map_body[0, 0])
+        return np.array(rows(from_yaw(yaw)))
+
+
+def fixed_frames(
+    model: Any, mounting: Mounting, start: tuple[Vector, Quat], floor_m: float
+) -> Transforms:
+    """All that do not move: for ``tf_static``.
+
+    Args:
+        start: pose of ``base_link`` in ``map`` as the robot was set down.
+        floor_m: height of ``base_link`` over the ground.
+    """
+    place, attitude = start
+    heading = from_yaw(yaw_of(attitude))
+    frames = [
+        _transform(0, MAP, ODOM, np.array(place), heading),
+        _transform(0, BASE, "base_footprint", np.array([0.0, 0.0, -floor_m]), _LEVEL),
+        *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
+        _transform(0, "camera_link", "camera_optical", np.zeros(3), from_matrix(_OPTICAL)),
+        *wheel_frames(model),
+    ]
+    if not mounting.gimbal:
+        frames.append(mounting.camera_in_body(0, np.eye(3)))
+    return Transforms(tuple(frames))
+
+
+def wheel_frames(model: Any) -> list[TransformStamped]:
+    """Frames of the bodies that hang on the base; their own turning is not told."""
+    frames = []
+    for number in range(2, model.nbody):
+        body = model.body(number)
+        frames.append(_transform(0, BASE, f"{body.name}_link", np.array(body.pos), _LEVEL))
+    return frames
+
+
+def body_frame(odometry: Odometry) -> TransformStamped:
+    """``base_link`` in ``odom``."""
+    o = odometry
+    return TransformStamped(o.child_frame_id, o.position_xyz, o.quat_xyzw, o.header)
+
+
+def _transform(stamp_ns: int, parent: str, child: str, at: Floats, turn: Quat) -> TransformStamped:
+    return TransformStamped(child, at, xyzw(turn), Header(stamp_ns, parent))

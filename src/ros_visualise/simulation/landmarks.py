@@ -1,0 +1,62 @@
+"""Things of known places in a simulated world, for what looks for them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats
+
+CELLS = 8
+"""Cells along the side of a tag of family 36h11, its black rim included."""
+
+
+@dataclass(frozen=True)
+class Landmark:
+    """A thing and where it is in the frame ``map``.
+
+    ``kind`` is ``tag`` (AprilTag 36h11), ``helipad`` or ``post``. A tag's axes are x right and y up
+    as one looks at it, z towards the one who looks; ``size`` is the side of its black square in
+    metres. Of a helipad it is the side of its plate, of a post the height.
+    """
+
+    name: str
+    kind: str
+    position_xyz: tuple[float, float, float]
+    R_map_landmark: Floats
+    size: float
+    tag_id: int = -1
+    colour: str = ""
+
+    def corners(self) -> Floats:
+        """(4, 3) metres in ``map``: top left, top right, bottom right, bottom left."""
+        half = self.size / 2
+        square = np.array([[-half, half, 0], [half, half, 0], [half, -half, 0], [-half, -half, 0]])
+        return np.asarray(square @ self.R_map_landmark.T + self.position_xyz)
+
+
+def facing(yaw: float) -> Floats:
+    """Axes of an upright board that looks to where ``yaw`` (rad) points: R_map_landmark."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])
+
+
+def lying(yaw: float) -> Floats:
+    """Axes of a board on the ground whose upper edge is towards ``yaw`` (rad): R_map_landmark."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
+
+
+def tag_bits(tag_id: int) -> npt.NDArray[np.uint8]:
+    """The cells of a tag of family 36h11, (8, 8): 1 is white.
+
+    Source: Wang and Olson, AprilTag 2, 2016; the patterns as OpenCV's dictionary has them.
+    """
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    code = np.asarray(dictionary.bytesList[tag_id, :, 0])
+    inner = np.concatenate([np.unpackbits(code[:4]), np.unpackbits(code[4:])[4:]])
+    return np.pad(inner.reshape(6, 6), 1)

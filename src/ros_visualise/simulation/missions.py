@@ -1,0 +1,152 @@
+"""What a robot is sent to do: a shape or way points, from a short YAML file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from ros_visualise.errors import OpenError
+from ros_visualise.simulation.attitude import Vector
+from ros_visualise.simulation.route import Route
+
+SHAPES = ("square", "figure_of_eight", "lawn_mower")
+_EIGHT_POINTS = 120
+
+
+@dataclass(frozen=True)
+class Mission:
+    """A way and how to go it.
+
+    ``shape`` is one of `SHAPES` or empty, ``size`` its extent along x and y in metres around
+    ``center``; ``spacing`` lies between a lawn mower's rows. ``waypoints`` are [x, y, z, yaw?]
+    in ``map``, yaw in degrees; ``closed`` leads back to the first. ``height`` (m) is for shapes and
+    fliers, ``speed`` in m/s, ``laps`` 0 goes on for ever. A flier takes off before and lands after
+    it where it took off, unless ``land`` is false.
+
+    Raises:
+        OpenError: there is no such shape, no way, or a value makes no sense.
+    """
+
+    shape: str = ""
+    size: tuple[float, float] = (8.0, 8.0)
+    center: tuple[float, float] = (0.0, 0.0)
+    spacing: float = 2.5
+    height: float = 4.0
+    speed: float = 1.0
+    laps: int = 1
+    waypoints: tuple[tuple[float, ...], ...] = ()
+    closed: bool = False
+    land: bool = True
+
+    def __post_init__(self) -> None:
+        if bool(self.shape) == bool(self.waypoints):
+            raise OpenError(f"a mission has a shape ({', '.join(SHAPES)}) or waypoints")
+        if self.shape and self.shape not in SHAPES:
+            raise OpenError(f"no shape {self.shape!r}: choose one of {', '.join(SHAPES)}")
+        if any(len(point) not in (3, 4) for point in self.waypoints):
+            raise OpenError("a way point is [x, y, z] or [x, y, z, yaw]")
+        if min(*self.size, self.spacing, self.speed, self.height) <= 0 or self.laps < 0:
+            raise OpenError("size, spacing, height and speed of a mission are above 0, laps not below")
+
+    def route(self) -> Route:
+        """Its way in ``map``."""
+        if self.waypoints:
+            points = [(p[0], p[1], p[2]) for p in self.waypoints]
+            yaws = [math.radians(p[3]) if len(p) == 4 else None for p in self.waypoints]
+            return Route(points, self.closed, yaws)
+        draw = {"square": _square, "figure_of_eight": _eight, "lawn_mower": self._mow}
+        (cx, cy), z = self.center, self.height
+        points = [(cx + x, cy + y, z) for x, y in draw[self.shape](*self.size)]
+        return Route(points, closed=self.shape != "lawn_mower")
+
+    def _mow(self, width: float, depth: float) -> list[tuple[float, float]]:
+        rows = max(2, math.ceil(depth / self.spacing) + 1)
+        ways = []
+        for row in range(rows):
+            y = -depth / 2 + depth * row / (rows - 1)
+            ends = (-width / 2, width / 2) if row % 2 == 0 else (width / 2, -width / 2)
+            ways += [(x, y) for x in ends]
+        return ways
+
+
+def _square(width: float, depth: float) -> list[tuple[float, float]]:
+    x, y = width / 2, depth / 2
+    return [(-x, -y), (x, -y), (x, y), (-x, y)]
+
+
+def _eight(width: float, depth: float) -> list[tuple[float, float]]:
+    """The lemniscate of Gerono."""
+    turns = [2 * math.pi * i / _EIGHT_POINTS for i in range(_EIGHT_POINTS)]
+    return [(width / 2 * math.sin(t), depth / 2 * math.sin(2 * t)) for t in turns]
+
+
+def read_mission(path: str | Path) -> Mission:
+    """The mission in a YAML file, whose keys are the fields of `Mission`.
+
+    Raises:
+        OpenError: there is no such file, or no mission in it.
+    """
+    try:
+        content = YAML(typ="safe", pure=True).load(Path(path))
+    except (OSError, UnicodeDecodeError) as error:
+        raise OpenError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
+    except YAMLError as error:
+        raise OpenError(f"{path}: is no YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(content, dict):
+        raise OpenError(f"{path}: a mission is keys and values, such as shape: square")
+    known = {field.name: field for field in fields(Mission)}
+    for name in content:
+        if name not in known:
+            raise OpenError(f"{path}: no key {name!r}; there are {', '.join(known)}")
+    try:
+        return Mission(**{name: _read(name, value) for name, value in content.items()})
+    except OpenError as error:
+        raise OpenError(f"{path}: {error}") from None
+
+
+def _read(name: str, value: Any) -> Any:
+    """A value of the file in the type of its field."""
+    try:
+        if name == "waypoints":
+            return tuple(_numbers(point) for point in value)
+        if name in ("size", "center"):
+            pair = _numbers(value if isinstance(value, Sequence) else (value, value))
+            if len(pair) != 2:
+                raise ValueError
+            return pair
+        if name == "shape":
+            return str(value)
+        if name in ("closed", "land"):
+            return _of_type(value, bool)
+        return _of_type(value, int) if name == "laps" else _number(value)
+    except (TypeError, ValueError):
+        raise OpenError(f"{name} cannot be {value!r}") from None
+
+
+def _of_type(value: Any, kind: type) -> Any:
+    if type(value) is not kind:
+        raise ValueError
+    return value
+
+
+def _number(value: Any) -> float:
+    number = float(value)
+    if isinstance(value, (str, bool)) or not math.isfinite(number):
+        raise ValueError
+    return number
+
+
+def _numbers(values: Any) -> tuple[float, ...]:
+    return tuple(_number(value) for value in values)
+
+
+def follow_path(path_xy: Sequence[tuple[float, float]], speed: float) -> Mission:
+    """Around and around a closed way on the ground."""
+    points: list[Vector] = [(x, y, 0.0) for x, y in path_xy]
+    return Mission(waypoints=tuple(points), closed=True, speed=speed, laps=0, height=1.0)

@@ -1,0 +1,34 @@
+"""A world and a robot as one MuJoCo model."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.sensors.camera import vertical_fov
+from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.worlds import World
+
+BASE = "base_link"
+
+
+def compile_model(robot: str, world: World, params: RobotParams) -> Any:
+    """The ``mjModel``."""
+    mujoco = load_mujoco()
+    name = f"{robot}.xml"
+    assets = {**world.assets, name: (files(__package__) / "models" / name).read_bytes()}
+    xml = f'<mujoco model="{robot}"><include file="{name}"/>{world.mjcf}</mujoco>'
+    model = mujoco.MjModel.from_xml_string(xml, assets)
+    model.cam_fovy[0] = vertical_fov(params)
+    model.vis.global_.offwidth = params.camera_width
+    model.vis.global_.offheight = params.camera_height
+    return model
+
+
+def site_position(model: Any, name: str) -> Floats:
+    """(3,) metres in the frame of the body that the site is on."""
+    return np.array(model.site(name).pos)

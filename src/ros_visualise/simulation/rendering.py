@@ -1,0 +1,123 @@
+"""OpenGL without a screen, by whatever this machine has for it."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats, Pixels
+from ros_visualise.errors import OpenError
+from ros_visualise.simulation.engine import load_mujoco
+
+_PROBE_TIMEOUT_S = 60.0
+
+
+@cache
+def choose_backend() -> str:
+    """``egl``, ``glfw`` (a window system's) or ``osmesa``: the first that works here.
+
+    Where ``MUJOCO_GL`` is set it is that one. Each is tried in a process of its own: PyOpenGL keeps
+    to the first platform that it meets, and a broken driver takes its process along.
+
+    Raises:
+        OpenError: none works; the message names what to install.
+    """
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    if asked in ("disable", "disabled", "off", "false", "0"):
+        raise OpenError(f"MUJOCO_GL={asked} forbids rendering: unset it, or turn the camera off")
+    if sys.platform == "darwin":
+        return "cgl"
+    if sys.platform == "win32":
+        return "glfw"
+    asked = {"glx": "glfw"}.get(asked, asked)
+    candidates = [asked] if asked in _PLATFORMS else _PLATFORMS
+    for name in candidates:
+        if (name != "glfw" or os.environ.get("DISPLAY")) and _works(name):
+            return name
+    raise OpenError(
+        f"no OpenGL for the simulated camera ({', '.join(candidates)} tried): "
+        "apt install libegl1 libgl1-mesa-dri, or libosmesa6"
+    )
+
+
+_PLATFORMS = ["egl", "glfw", "osmesa"]
+
+
+def _works(name: str) -> bool:
+    code = (
+        f"from mujoco.{name} import GLContext; import mujoco; c = GLContext(16, 16); "
+        "c.make_current(); mujoco.MjrContext(mujoco.MjModel.from_xml_string('<mujoco/>'), 150)"
+    )
+    environment = {**os.environ, "MUJOCO_GL": name}
+    command = [sys.executable, "-c", code]
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, timeout=_PROBE_TIMEOUT_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0
+
+
+class Renderer:
+    """Draws one MuJoCo model. The thread that makes it uses and closes it.
+
+    Args:
+        model: an ``mjModel``.
+        size: (width, height) in pixels.
+
+    Raises:
+        OpenError: as `choose_backend`.
+    """
+
+    def __init__(self, model: Any, size: tuple[int, int]) -> None:
+        mujoco = self._mujoco = load_mujoco()
+        width, height = size
+        context = importlib.import_module(f"mujoco.{choose_backend()}").GLContext
+        self._model = model
+        self._rows = np.empty((height, width, 3), np.uint8)
+        self._rect = mujoco.MjrRect(0, 0, width, height)
+        self._scene = mujoco.MjvScene(model, maxgeom=model.ngeom + 16)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
+        self._option = mujoco.MjvOption()
+        self._camera = mujoco.MjvCamera()
+        self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
+        self._camera.fixedcamid = 0
+        self._gl = context(width, height)
+        self._gl.make_current()
+        self._target = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
+
+    def render(self, data: Any, position_xyz: Floats, R_map_camera: Floats) -> Pixels:
+        """What a camera there sees, (height, width, 3) RGB.
+
+        Args:
+            data: an ``mjData`` whose positions are up to date.
+            position_xyz: (3,) metres in the world.
+            R_map_camera: 3x3; camera axes x right, y down, z forward.
+        """
+        mujoco, camera = self._mujoco, self._camera
+        data.cam_xpos[0] = position_xyz
+        data.cam_xmat[0] = (R_map_camera * _OPENGL).ravel()
+        mask = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._model, data, self._option, None, camera, mask, self._scene)
+        self._gl.make_current()
+        mujoco.mjr_render(self._rect, self._scene, self._target)
+        mujoco.mjr_readPixels(self._rows, None, self._rect, self._target)
+        return self._rows[::-1].copy()
+
+    def close(self) -> None:
+        """Free what the driver holds."""
+        self._gl.make_current()
+        self._target.free()
+        self._gl.free()
+
+
+_OPENGL: npt.NDArray[np.float64] = np.array([1.0, -1.0, -1.0])  # its cameras look along -z, y up

@@ -1,0 +1,1 @@
+"""The robots: how they are driven, and what their bodies do."""

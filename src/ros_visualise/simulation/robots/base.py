@@ -1,0 +1,92 @@
+"""What the simulator asks of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+import numpy as np
+
+from ros_visualise.data import Floats, Odometry, PoseStamped, Twist
+from ros_visualise.simulation.attitude import Quat, Vector
+from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.model import BASE
+
+
+class Body:
+    """The robot's base as it is in the physics, at the time of the step that was made last.
+
+    MuJoCo leaves positions of bodies, velocities and sensors as they were before that step, so that
+    all of them belong to one time.
+    """
+
+    def __init__(self, model: Any, data: Any) -> None:
+        self._mujoco, self._model, self.data = load_mujoco(), model, data
+        self._id = model.body(BASE).id
+        self._velocity = np.zeros(6)
+        self._sites = {name: model.site(name).id for name in ("gps_link", "lidar_link")}
+
+    @property
+    def position(self) -> Vector:
+        """Metres in ``map``."""
+        x, y, z = self.data.xpos[self._id].tolist()
+        return x, y, z
+
+    @property
+    def attitude(self) -> Quat:
+        """R_map_body."""
+        w, x, y, z = self.data.xquat[self._id].tolist()
+        return w, x, y, z
+
+    @property
+    def R_map_body(self) -> Floats:
+        """3x3."""
+        return np.array(self.data.xmat[self._id]).reshape(3, 3)
+
+    def velocity(self) -> tuple[Floats, Floats]:
+        """Linear in m/s and angular in rad/s, (3,) each, in the body's axes."""
+        kind = self._mujoco.mjtObj.mjOBJ_XBODY
+        self._mujoco.mj_objectVelocity(self._model, self.data, kind, self._id, self._velocity, 1)
+        both = self._velocity.copy()
+        return both[3:], both[:3]
+
+    def motion(self) -> Floats:
+        """(6,) turn rates and specific force at the IMU, in its axes."""
+        sensed = self.data.sensordata
+        return np.concatenate([sensed[3:6], sensed[:3]])
+
+    def site(self, name: str) -> tuple[Floats, Floats]:
+        """Where a sensor is in ``map``: (3,) and 3x3."""
+        number = self._sites[name]
+        position = np.array(self.data.site_xpos[number])
+        return position, np.array(self.data.site_xmat[number]).reshape(3, 3)
+
+
+class Robot(Protocol):
+    """A robot in its world. All of it is called by the thread that steps the physics.
+
+    Attributes:
+        body: its base in the physics.
+        actions: what it can be told to do by name.
+        finished: a mission was given and is over.
+    """
+
+    actions: Mapping[str, Callable[[], None]]
+    finished: bool
+    body: Body
+
+    def control(self, time_s: float) -> None:
+        """Set the actuators for the next step."""
+
+    def command(self, twist: Twist, time_s: float) -> None:
+        """Go with that velocity, in the body's axes; it gives up a mission."""
+
+    def go_to(self, goal: PoseStamped) -> None:
+        """Go to a pose in ``map``; it gives up a mission."""
+
+    def start(self, mission: Mission) -> None:
+        """Begin a mission."""
+
+    def measure_odometry(self, stamp_ns: int) -> Odometry:
+        """What its odometry says, once each period of it."""

@@ -1,0 +1,163 @@
+"""The rover: four wheels on two sides, steered by their difference."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from ros_visualise.data import Odometry, PoseStamped, Twist
+from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.route import Carrot, Route
+from ros_visualise.simulation.sensors.odometry import WheelOdometry
+from ros_visualise.simulation.settings import HuskyParams
+
+WHEEL_RADIUS = 0.1651  # m
+WHEELBASE = 0.512  # m
+TRACK = 0.5708  # m
+MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
+MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
+EFFECTIVE_TRACK = TRACK * (1 + (WHEELBASE / TRACK) ** 2)
+"""How far apart wheels that do not slip would have to be to turn as this rover does, metres.
+
+Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction works
+against the slip's direction, and its moments about the middle cancel only where the slip along the
+wheel is to that across it as half the wheelbase is to half the track.
+"""
+
+_LEASH_M = 0.9  # that it looks ahead
+_ARRIVED_M = 0.15
+_TURN_ON_SPOT = math.radians(50)
+_INTEGRAL = 12.0  # 1/s: of the wheels' speed controllers
+_INTEGRAL_LIMIT = 6.0  # rad/s
+
+
+class Husky:
+    """Wheel speeds from a velocity, that from a command or from a way to go."""
+
+    def __init__(self, model: Any, data: Any, params: HuskyParams, seed: int) -> None:
+        self.body = Body(model, data)
+        self._data, self._params = data, params
+        self._dt_s = float(model.opt.timestep)
+        self._odometry = WheelOdometry(params, seed)
+        self._period_s = 1 / params.odom_rate
+        self._last_turns = (0.0, 0.0)
+        self._wanted = (0.0, 0.0)  # m/s and rad/s
+        self._speed = self._turn = 0.0  # as limited
+        self._commanded_s = -math.inf
+        self._trim = [0.0] * 4
+        self._carrot: Carrot | None = None
+        self._cruise = MAX_SPEED
+        self._final_yaw: float | None = None
+        self.finished = False
+        self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
+
+    def stop(self) -> None:
+        """Stand still, and give up what it was doing."""
+        self._carrot, self._wanted = None, (0.0, 0.0)
+
+    def command(self, twist: Twist, time_s: float) -> None:
+        """Go with linear x and angular z."""
+        self._carrot = None
+        self._wanted = float(twist.linear_xyz[0]), float(twist.angular_xyz[2])
+        self._commanded_s = time_s
+
+    def go_to(self, goal: PoseStamped) -> None:
+        """Go there straight and turn to its heading."""
+        x, y, z, w = goal.quat_xyzw.tolist()
+        place = (float(goal.position_xyz[0]), float(goal.position_xyz[1]), 0.0)
+        self._follow(Route([self._place(), place]), 1, MAX_SPEED)
+        self._final_yaw = yaw_of((w, x, y, z))
+
+    def start(self, mission: Mission) -> None:
+        """Go to the mission's way and along it."""
+        route = mission.route()
+        self.finished = False
+        self._follow(route, mission.laps, min(mission.speed, MAX_SPEED))
+        self._final_yaw = None if route.closed else route.yaws[-1]
+
+    def control(self, time_s: float) -> None:
+        """Wheel speeds for the next step."""
+        if self._carrot is not None:
+            self._wanted = self._pursue(self._carrot)
+        elif time_s - self._commanded_s > self._params.command_timeout:
+            self._wanted = (0.0, 0.0)
+        dt, (speed, turn) = self._dt_s, self._wanted
+        self._speed = _approach(self._speed, speed, MAX_SPEED, MAX_ACCELERATION * dt)
+        self._turn = _approach(self._turn, turn, MAX_TURN, MAX_TURN_ACCELERATION * dt)
+        aside = self._turn * EFFECTIVE_TRACK / 2
+        left, right = (self._speed - aside) / WHEEL_RADIUS, (self._speed + aside) / WHEEL_RADIUS
+        self._spin((left, left, right, right))
+
+    def measure_odometry(self, stamp_ns: int) -> Odometry:
+        """From how far the wheels of each side have turned."""
+        fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
+        turns = (fl + rl) / 2, (fr + rr) / 2
+        left, right = (
+            WHEEL_RADIUS * (now - before) for now, before in zip(turns, self._last_turns, strict=True)
+        )
+        self._last_turns = turns
+        way, turn = (left + right) / 2, (right - left) / EFFECTIVE_TRACK
+        return self._odometry.advance(stamp_ns, way, turn, self._period_s)
+
+    def _spin(self, wanted: tuple[float, float, float, float]) -> None:
+        """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
+
+        A servo alone would turn the wheels slower the harder they are to turn, on the spot above all.
+        """
+        speeds = self._data.qvel[6:10].tolist()  # front left, front right, rear left, rear right
+        actual = speeds[0], speeds[2], speeds[1], speeds[3]
+        for i in range(4):
+            trim = self._trim[i] + _INTEGRAL * (wanted[i] - actual[i]) * self._dt_s
+            self._trim[i] = max(-_INTEGRAL_LIMIT, min(_INTEGRAL_LIMIT, trim))
+        self._data.ctrl[:] = [w + t for w, t in zip(wanted, self._trim, strict=True)]
+
+    def _place(self) -> Vector:
+        x, y = self._data.qpos[:2].tolist()
+        return x, y, 0.0
+
+    def _yaw(self) -> float:
+        w, x, y, z = self._data.qpos[3:7].tolist()
+        return yaw_of((w, x, y, z))
+
+    def _follow(self, route: Route, laps: int, speed: float) -> None:
+        flat = [(x, y, 0.0) for x, y, _ in route.points]
+        self._carrot = Carrot(Route(flat, route.closed), _LEASH_M, laps)
+        self._cruise = speed
+
+    def _pursue(self, carrot: Carrot) -> tuple[float, float]:
+        """Speed and turn rate towards the carrot.
+
+        Source: Coulter, Implementation of the pure pursuit path tracking algorithm, 1992.
+        """
+        place = self._place()
+        x, y, _ = carrot.lead(place, 4 * self._cruise * self._dt_s)
+        dx, dy = x - place[0], y - place[1]
+        away = math.hypot(dx, dy)
+        if carrot.at_end and away < _ARRIVED_M:
+            return self._arrive()
+        off = wrap(math.atan2(dy, dx) - self._yaw())
+        if abs(off) > _TURN_ON_SPOT:
+            return 0.0, math.copysign(min(1.2, 2 * abs(off)), off)
+        speed = self._cruise * max(0.15, math.cos(off)) * min(1.0, away / (0.6 * _LEASH_M))
+        return speed, 2 * speed * math.sin(off) / max(away, 0.3)
+
+    def _arrive(self) -> tuple[float, float]:
+        if self._final_yaw is not None:
+            off = wrap(self._final_yaw - self._yaw())
+            if abs(off) > 0.02:
+                return 0.0, max(-1.0, min(1.0, 2.5 * off))
+        self._carrot, self.finished = None, True
+        return 0.0, 0.0
+
+
+def start_pose(x: float, y: float, yaw: float) -> tuple[Vector, Quat]:
+    """Where base_link is, set down there."""
+    return (x, y, WHEEL_RADIUS - 0.03282), from_yaw(yaw)
+
+
+def _approach(now: float, wanted: float, limit: float, step: float) -> float:
+    wanted = max(-limit, min(limit, wanted))
+    return now + max(-step, min(step, wanted - now))

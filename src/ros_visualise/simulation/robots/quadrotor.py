@@ -1,0 +1,234 @@
+"""The quadrotor: what it is asked for becomes a moving point that its controller flies after."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import Any
+
+from ros_visualise.data import Odometry, PoseStamped, Twist
+from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
+from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.route import Carrot, Route
+from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
+from ros_visualise.simulation.settings import QuadrotorParams
+
+AIRFRAME = Airframe(1.5, (0.0291, 0.0291, 0.0552), 0.177, 0.016, 7.5)
+STANDING_M = 0.16  # of base_link over the ground
+TAKE_OFF_M = 2.0
+MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
+MAX_ACCELERATION = 3.0  # m/s^2
+MAX_TURN = math.radians(70)  # per second
+_CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
+_STIFFNESS = 2.0  # 1/s: how the point follows the carrot
+_LEASH_S = 2.0  # that the carrot is ahead
+_LANDED_S = 0.4
+_ARRIVED_M = 0.12
+_COURSE_M_S = 0.4  # slower than that there is no course to head to
+
+
+class Mode(Enum):
+    """What it is doing."""
+
+    LANDED = "landed"
+    FLYING = "flying"  # after a carrot, or standing in the air
+    COMMANDED = "commanded"
+    LANDING = "landing"
+
+
+class Quadrotor:
+    """It knows its true state: estimating that is for those who use its sensors."""
+
+    def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
+        self.body = Body(model, data)
+        self._data, self._params = data, params
+        self._dt_s = float(model.opt.timestep)
+        self._controller = FlightController(AIRFRAME)
+        state = self._state()
+        self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
+        self._home = state.position
+        self._mode = Mode.LANDED
+        self._point, self._velocity = state.position, (0.0, 0.0, 0.0)
+        self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
+        self._carrot: Carrot | None = None
+        self._cruise = _CLIMB
+        self._next: list[Callable[[], None]] = []  # what comes when the carrot was reached
+        self._twist = ((0.0, 0.0, 0.0), 0.0)
+        self._commanded_s = -math.inf
+        self._touched_s = 0.0
+        self.finished = False
+        self.actions: Mapping[str, Callable[[], None]] = {
+            "take_off": self.take_off,
+            "land": self.land,
+            "stop": self.stop,
+        }
+
+    def take_off(self) -> None:
+        """Rise and stay there."""
+        self._next = []
+        self._rise(TAKE_OFF_M)
+
+    def land(self) -> None:
+        """Come down where it is."""
+        self._next = []
+        self._descend()
+
+    def stop(self) -> None:
+        """Stand in the air, and give up what it was doing."""
+        self._next, self._carrot = [], None
+        if self._mode is not Mode.LANDED:
+            self._mode = Mode.FLYING
+            self._fly([self._point], _CLIMB)
+
+    def command(self, twist: Twist, time_s: float) -> None:
+        """Go with that velocity in axes that turn with the heading alone, and turn by angular z.
+
+        On the ground it waits for one that goes up.
+        """
+        x, y, z = twist.linear_xyz.tolist()
+        if self._mode is Mode.LANDED and z <= 0:
+            return
+        if self._mode is Mode.LANDED:
+            self._wake()
+        self._next, self._carrot, self._mode = [], None, Mode.COMMANDED
+        self._twist, self._commanded_s = ((x, y, z), float(twist.angular_xyz[2])), time_s
+
+    def go_to(self, goal: PoseStamped) -> None:
+        """Fly there, after taking off where need be, and turn to its heading."""
+        x, y, z, w = goal.quat_xyzw.tolist()
+        px, py, pz = goal.position_xyz.tolist()
+        yaw = yaw_of((w, x, y, z))
+        self._after_take_off(pz, lambda: self._fly([self._point, (px, py, pz)], 2.0, yaw=yaw))
+
+    def start(self, mission: Mission) -> None:
+        """Take off, fly to the mission's way and along it, return and land."""
+        self.finished = False
+        route, speed = mission.route(), min(mission.speed, MAX_SPEED)
+        first = route.points[0]
+        self._after_take_off(first[2], lambda: self._fly([self._point, first], speed))
+        self._next.append(lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps), speed))
+        if mission.land:
+            x, y, _ = self._home
+            self._next.append(lambda: self._fly([self._point, (x, y, self._point[2])], speed))
+            self._next.append(self._descend)
+        self._next.append(self._finish)
+
+    def control(self, time_s: float) -> None:
+        """Thrusts for the next step."""
+        if self._mode is Mode.LANDED:
+            self._data.ctrl[:] = 0.0
+            return
+        state = self._state()
+        acceleration = self._move(time_s)
+        target = SetPoint(self._point, self._velocity, acceleration, self._yaw, self._yaw_rate)
+        self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
+        if self._mode is Mode.LANDING:
+            self._feel_ground(state)
+
+    def measure_odometry(self, stamp_ns: int) -> Odometry:
+        """What a camera and an IMU make of its motion."""
+        body = self.body
+        return self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
+
+    def _state(self) -> State:
+        x, y, z, qw, qx, qy, qz = self._data.qpos[:7].tolist()
+        vx, vy, vz, p, q, r = self._data.qvel[:6].tolist()
+        return State((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
+
+    def _wake(self) -> None:
+        """Begin to fly from where it stands."""
+        state = self._state()
+        self._controller.reset()
+        self._mode = Mode.FLYING
+        self._point, self._velocity = state.position, (0.0, 0.0, 0.0)
+        self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
+
+    def _rise(self, height_m: float) -> None:
+        if self._mode is Mode.LANDED:
+            self._wake()
+        self._mode = Mode.FLYING
+        x, y, z = self._point
+        self._fly([self._point, (x, y, max(z, height_m))], _CLIMB)
+
+    def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
+        self._next = []
+        if self._mode is Mode.LANDED:
+            self._rise(max(height_m, 1.0))
+            self._next.append(then)
+        else:
+            self._mode = Mode.FLYING
+            then()
+
+    def _fly(self, points: list[Vector], speed: float, yaw: float | None = None) -> None:
+        self._go_along(Carrot(Route(points, yaws=[yaw] * len(points)), speed * _LEASH_S), speed)
+
+    def _go_along(self, carrot: Carrot, speed: float) -> None:
+        self._carrot, self._cruise = carrot, speed
+
+    def _descend(self) -> None:
+        if self._mode is not Mode.LANDED:
+            self._mode, self._carrot, self._touched_s = Mode.LANDING, None, 0.0
+
+    def _finish(self) -> None:
+        self.finished = True
+
+    def _move(self, time_s: float) -> Vector:
+        """Move the point by one step; returns its acceleration."""
+        if self._mode is Mode.COMMANDED and time_s - self._commanded_s > self._params.command_timeout:
+            self._twist = ((0.0, 0.0, 0.0), 0.0)
+        if self._mode is Mode.FLYING and self._carrot is not None:
+            pull = self._pull(self._carrot)
+        else:
+            wanted = (0.0, 0.0, -_SINK) if self._mode is Mode.LANDING else self._commanded()
+            pull = [3.0 * (w - v) for w, v in zip(wanted, self._velocity, strict=True)]
+        size = math.sqrt(sum(a * a for a in pull))
+        share = min(1.0, MAX_ACCELERATION / size) if size else 1.0
+        ax, ay, az = (share * a for a in pull)
+        (x, y, z), (vx, vy, vz), dt = self._point, self._velocity, self._dt_s
+        vx, vy, vz = vx + ax * dt, vy + ay * dt, vz + az * dt
+        self._point, self._velocity = (x + vx * dt, y + vy * dt, z + vz * dt), (vx, vy, vz)
+        return ax, ay, az
+
+    def _pull(self, carrot: Carrot) -> list[float]:
+        """Acceleration of a critically damped spring to the carrot."""
+        lead = carrot.lead(self._point, self._cruise * self._dt_s)
+        off = [c - p for c, p in zip(lead, self._point, strict=True)]
+        if carrot.at_end and math.sqrt(sum(d * d for d in off)) < _ARRIVED_M and self._next:
+            self._next.pop(0)()
+        self._head(carrot.yaw)
+        k = _STIFFNESS
+        return [k * k * d - 2 * k * v for d, v in zip(off, self._velocity, strict=True)]
+
+    def _head(self, wanted: float | None) -> None:
+        """Turn to a heading; to the course where none is asked for."""
+        vx, vy, _ = self._velocity
+        course = math.atan2(vy, vx) if math.hypot(vx, vy) > _COURSE_M_S else self._yaw
+        off = wrap((course if wanted is None else wanted) - self._yaw)
+        self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, 2.0 * off))
+        self._yaw = wrap(self._yaw + self._yaw_rate * self._dt_s)
+
+    def _commanded(self) -> Vector:
+        """The velocity in the world that was commanded, within limits."""
+        (forward, left, up), turn = self._twist
+        share = min(1.0, MAX_SPEED / max(math.hypot(forward, left), 1e-9))
+        self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, turn))
+        self._yaw = wrap(self._yaw + self._yaw_rate * self._dt_s)
+        c, s = share * math.cos(self._yaw), share * math.sin(self._yaw)
+        return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
+
+    def _feel_ground(self, state: State) -> None:
+        """Turn the motors off when it stands."""
+        stands = self._data.ncon > 0 and abs(state.velocity[2]) < 0.15
+        self._touched_s = self._touched_s + self._dt_s if stands else 0.0
+        if self._touched_s > _LANDED_S:
+            self._mode = Mode.LANDED
+            if self._next:
+                self._next.pop(0)()
+
+
+def start_pose(x: float, y: float, yaw: float) -> tuple[Vector, Quat]:
+    """Where base_link is, set down there."""
+    return (x, y, STANDING_M), from_yaw(yaw)

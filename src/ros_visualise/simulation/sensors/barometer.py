@@ -1,0 +1,38 @@
+"""A barometer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ros_visualise.data import FluidPressure, Header
+from ros_visualise.simulation.sensors.noise import Drift, random_of
+from ros_visualise.simulation.settings import QuadrotorParams
+
+_SEA_LEVEL_PA = 101325.0
+_SEA_LEVEL_K = 288.15
+_LAPSE_K_M = 0.0065
+_EXPONENT = 5.25588
+
+
+def pressure_at(altitude_m: float) -> float:
+    """Pressure in pascal of the standard atmosphere. Source: ISO 2533, troposphere."""
+    return _SEA_LEVEL_PA * (1 - _LAPSE_K_M * altitude_m / _SEA_LEVEL_K) ** float(_EXPONENT)
+
+
+class Barometer:
+    """The pressure of the air, the weather's slow change of it, white noise."""
+
+    frame_id = "base_link"
+
+    def __init__(self, params: QuadrotorParams, seed: int) -> None:
+        self._random = random_of(seed, "barometer")
+        self._origin_m = params.gps_altitude
+        self._white = params.baro_noise
+        drift, period_s = np.array([params.baro_drift]), 1 / params.baro_rate
+        self._drift = Drift(self._random, drift, params.baro_drift_time, period_s)
+
+    def measure(self, stamp_ns: int, height_m: float) -> FluidPressure:
+        """The pressure at a height above the world's origin."""
+        error = float(self._drift.step()[0]) + self._white * self._random.standard_normal()
+        pressure = pressure_at(self._origin_m + height_m) + error
+        return FluidPressure(pressure, self._white**2, Header(stamp_ns, self.frame_id))

@@ -1,0 +1,80 @@
+"""A pinhole camera."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import CameraInfo, Floats, Header, Image, Pixels
+from ros_visualise.simulation.rendering import Renderer
+from ros_visualise.simulation.sensors.noise import random_of
+from ros_visualise.simulation.settings import RobotParams
+
+_NOISE_MARGIN = 64
+
+
+def calibrate(params: RobotParams) -> CameraInfo:
+    """The camera's calibration: no distortion, the optical axis through the image's middle."""
+    width, height = params.camera_width, params.camera_height
+    focal = width / 2 / math.tan(math.radians(params.camera_fov) / 2)
+    K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
+    return CameraInfo(height, width, K, P=np.hstack([K, np.zeros((3, 1))]))
+
+
+def vertical_fov(params: RobotParams) -> float:
+    """Degrees."""
+    half = math.tan(math.radians(params.camera_fov) / 2)
+    return 2 * math.degrees(math.atan(half * params.camera_height / params.camera_width))
+
+
+class Camera:
+    """Images that a `Renderer` makes, with noise; the renderer is made for the first one.
+
+    The noise of an image is a piece, at random, of one picture of Gaussian noise: drawing a million
+    numbers for each would cost as much as the image.
+    """
+
+    frame_id = "camera_optical"
+
+    def __init__(self, params: RobotParams, seed: int, model: Any) -> None:
+        self._params, self._seed, self._model = params, seed, model
+        self._info = calibrate(params)
+        self._renderer: Renderer | None = None
+        self._grain: npt.NDArray[np.int8] | None = None
+
+    def measure(
+        self, stamp_ns: int, index: int, data: Any, position_xyz: Floats, R_map_optical: Floats
+    ) -> Image:
+        """The image of that number from a place in the world."""
+        size = self._params.camera_width, self._params.camera_height
+        if self._renderer is None:
+            self._renderer = Renderer(self._model, size)
+        pixels = self._renderer.render(data, position_xyz, R_map_optical)
+        header = Header(stamp_ns, self.frame_id)
+        info = replace(self._info, header=header)
+        return Image(self._add_noise(pixels, index), "rgb8", header, info)
+
+    def close(self) -> None:
+        """Free the renderer, in the thread that took the images."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _add_noise(self, pixels: Pixels, index: int) -> Pixels:
+        if not self._params.camera_noise:
+            return pixels
+        height, width = pixels.shape[:2]
+        if self._grain is None:
+            shape = (height + _NOISE_MARGIN, width + _NOISE_MARGIN, 3)
+            normal = random_of(self._seed, "camera").standard_normal(shape, np.float32)
+            self._grain = np.clip(np.rint(self._params.camera_noise * normal), -127, 127).astype(
+                np.int8
+            )
+        x, y = random_of(self._seed, "camera", index + 1).integers(0, _NOISE_MARGIN, 2).tolist()
+        grain = np.ascontiguousarray(self._grain[y : y + height, x : x + width])
+        return np.asarray(cv2.add(pixels, grain, dtype=cv2.CV_8U))

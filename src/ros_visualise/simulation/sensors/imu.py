@@ -1,0 +1,58 @@
+"""An inertial measurement unit with an attitude estimate (REP 145)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ros_visualise.data import Floats, Header, Imu
+from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
+from ros_visualise.simulation.sensors.noise import Drift, random_of
+from ros_visualise.simulation.settings import RobotParams
+
+
+class ImuSensor:
+    """White noise and a wandering bias on rates and accelerations, a slow error on the attitude.
+
+    Source: Woodman, An introduction to inertial navigation, 2007, chapters 3 and 4.
+    """
+
+    frame_id = "imu_link"
+
+    def __init__(self, params: RobotParams, seed: int) -> None:
+        self._random = random_of(seed, "imu")
+        period_s = 1 / params.imu_rate
+        density = np.repeat([params.gyro_density, params.accel_density], 3)
+        self._white = density * math.sqrt(params.imu_rate)
+        self._walk = np.repeat([params.gyro_walk, params.accel_walk], 3) * math.sqrt(period_s)
+        bias = np.repeat([params.gyro_bias, params.accel_bias], 3)
+        self._bias: Floats = bias * self._random.standard_normal(6)
+        tilt = np.full(3, params.imu_attitude)
+        self._tilt = Drift(self._random, tilt, params.imu_attitude_time, period_s)
+        self._covariances = tuple(
+            np.eye(3) * variance
+            for variance in (params.imu_attitude**2, self._white[0] ** 2, self._white[3] ** 2)
+        )
+
+    def measure(self, stamp_ns: int, attitude: Quat, motion: Floats) -> Imu:
+        """One measurement.
+
+        Args:
+            attitude: of the body in the world.
+            motion: (6,) turn rates in rad/s and specific force in m/s^2, in the sensor's axes.
+        """
+        noise = self._random.standard_normal(12)
+        measured = motion + self._bias + self._white * noise[:6]
+        self._bias = self._bias + self._walk * noise[6:]
+        estimate = multiply(attitude, from_rotation_vector(*self._tilt.step().tolist()))
+        orientation, angular, linear = self._covariances
+        return Imu(
+            xyzw(estimate),
+            measured[:3],
+            measured[3:],
+            orientation,
+            angular,
+            linear,
+            Header(stamp_ns, self.frame_id),
+        )

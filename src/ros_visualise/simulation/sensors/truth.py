@@ -1,0 +1,19 @@
+"""What really is, for comparing with what is measured."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ros_visualise.data import Floats, Header, Odometry
+from ros_visualise.simulation.attitude import Quat, Vector, xyzw
+
+_EXACT = np.zeros((6, 6))
+
+
+def tell_truth(
+    stamp_ns: int, position: Vector, attitude: Quat, linear: Floats, angular: Floats
+) -> Odometry:
+    """The body's pose in ``map`` and its velocities in its own axes, without any error."""
+    header = Header(stamp_ns, "map")
+    pose = np.array(position), xyzw(attitude)
+    return Odometry(*pose, linear, angular, _EXACT, _EXACT, "base_link", header)

@@ -1,0 +1,108 @@
+"""What can be set on a simulated robot: its sensors' rates, noise and layout.
+
+Noise is given as its standard deviation. ``..._density`` is that of white noise by the root of its
+bandwidth, as data sheets have it: a sample at rate f has density * sqrt(f). A bias is drawn once
+per run, its walk goes on from there; of slow errors the deviation and the time constant are given.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class RobotParams:
+    """What both robots have."""
+
+    command_timeout: float = param(
+        0.5, "seconds after which a velocity command is forgotten", min=0.05, max=60
+    )
+    truth_rate: float = param(50.0, "ground truth, messages a second", min=0.1, max=200)
+
+    camera: bool = param(True, "the camera is on", group="camera")
+    camera_rate: float = param(10.0, "images a second", min=0.1, max=60, group="camera")
+    camera_width: int = param(640, "pixels", min=16, max=4096, group="camera")
+    camera_height: int = param(480, "pixels", min=16, max=4096, group="camera")
+    camera_fov: float = param(80.0, "horizontal, degrees", min=10, max=150, group="camera")
+    camera_pitch: float = param(0.0, "down from ahead, degrees", min=-90, max=90, group="camera")
+    camera_noise: float = param(2.0, "of a pixel, of 255", min=0, max=50, group="camera")
+
+    imu_rate: float = param(100.0, "measurements a second", min=1, max=200, group="imu")
+    gyro_density: float = param(3e-4, "rad/s/sqrt(Hz)", min=0, max=0.1, group="imu")
+    gyro_bias: float = param(5e-3, "rad/s", min=0, max=0.5, group="imu")
+    gyro_walk: float = param(2e-5, "of the bias, rad/s^2/sqrt(Hz)", min=0, max=0.01, group="imu")
+    accel_density: float = param(2e-3, "m/s^2/sqrt(Hz)", min=0, max=1, group="imu")
+    accel_bias: float = param(0.05, "m/s^2", min=0, max=5, group="imu")
+    accel_walk: float = param(2e-4, "of the bias, m/s^3/sqrt(Hz)", min=0, max=0.1, group="imu")
+    imu_attitude: float = param(0.01, "slow error of each angle, rad", min=0, max=0.5, group="imu")
+    imu_attitude_time: float = param(30.0, "its time, seconds", min=0.1, max=1e4, group="imu")
+
+    gps: bool = param(True, "the GPS receiver is on", group="gps")
+    gps_rate: float = param(5.0, "fixes a second", min=0.1, max=50, group="gps")
+    gps_noise: float = param(0.15, "white, east and north, m", min=0, max=100, group="gps")
+    gps_drift: float = param(0.8, "slow error, east and north, m", min=0, max=100, group="gps")
+    gps_drift_time: float = param(60.0, "its time, seconds", min=0.1, max=1e5, group="gps")
+    gps_vertical: float = param(2.0, "up is so many times worse", min=0, max=10, group="gps")
+    gps_latitude: float = param(49.0, "of the world's origin, degrees", min=-89, max=89, group="gps")
+    gps_longitude: float = param(8.4, "of it, degrees", min=-180, max=180, group="gps")
+    gps_altitude: float = param(116.0, "of it, m", min=-500, max=9000, group="gps")
+
+    odom_rate: float = param(50.0, "messages a second", min=1, max=200, group="odometry")
+    odom_scale: float = param(0.01, "error of the scale, of 1", min=0, max=0.5, group="odometry")
+    odom_noise: float = param(0.01, "growing, m/sqrt(m)", min=0, max=1, group="odometry")
+
+    lidar: bool = param(True, "the lidar is on", group="lidar")
+    lidar_rate: float = param(10.0, "scans a second", min=0.1, max=50, group="lidar")
+    lidar_rings: int = param(16, "rows of rays", min=1, max=128, group="lidar")
+    lidar_columns: int = param(900, "rays in a row", min=1, max=4096, group="lidar")
+    lidar_low: float = param(-15.0, "lowest row, degrees", min=-89, max=89, group="lidar")
+    lidar_high: float = param(15.0, "highest row, degrees", min=-89, max=89, group="lidar")
+    lidar_near: float = param(0.5, "shortest range, m", min=0, max=10, group="lidar")
+    lidar_far: float = param(100.0, "longest range, m", min=1, max=1000, group="lidar")
+    lidar_noise: float = param(0.02, "of a range, m", min=0, max=1, group="lidar")
+
+
+@dataclass(frozen=True)
+class HuskyParams(RobotParams):
+    """The rover."""
+
+    odom_turn_scale: float = param(
+        0.02, "error of the scale of turns, of 1", min=0, max=0.5, group="odometry"
+    )
+    odom_turn_noise: float = param(
+        0.01, "growing, rad/sqrt(rad)", min=0, max=1, group="odometry"
+    )
+
+
+@dataclass(frozen=True)
+class QuadrotorParams(RobotParams):
+    """The quadrotor."""
+
+    camera_pitch: float = param(90.0, "down from ahead, degrees", min=-90, max=90, group="camera")
+    camera_gimbal: bool = param(
+        True, "the camera keeps level while the body rolls and pitches", group="camera"
+    )
+    odom_scale: float = param(0.005, "error of the scale, of 1", min=0, max=0.5, group="odometry")
+    odom_noise: float = param(0.02, "growing, m/sqrt(m)", min=0, max=1, group="odometry")
+    odom_yaw_noise: float = param(0.003, "growing, rad/sqrt(m)", min=0, max=1, group="odometry")
+    lidar: bool = param(False, "the lidar is on", group="lidar")
+
+    mag_rate: float = param(50.0, "measurements a second", min=1, max=200, group="magnetometer")
+    mag_noise: float = param(0.3, "white, microtesla", min=0, max=100, group="magnetometer")
+    mag_bias: float = param(1.0, "of each axis, microtesla", min=0, max=100, group="magnetometer")
+    mag_strength: float = param(
+        48.6, "of the Earth's field, microtesla", min=1, max=100, group="magnetometer"
+    )
+    mag_inclination: float = param(
+        64.8, "down from level, degrees", min=-90, max=90, group="magnetometer"
+    )
+    mag_declination: float = param(
+        2.9, "east of north, degrees", min=-180, max=180, group="magnetometer"
+    )
+
+    baro_rate: float = param(25.0, "measurements a second", min=1, max=200, group="barometer")
+    baro_noise: float = param(1.5, "white, Pa", min=0, max=1000, group="barometer")
+    baro_drift: float = param(8.0, "slow error, Pa", min=0, max=1000, group="barometer")
+    baro_drift_time: float = param(300.0, "its time, seconds", min=0.1, max=1e5, group="barometer")

@@ -1,0 +1,199 @@
+"""A robot in a world, simulated: its sensors' messages in order of time."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Mapping
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.data import PoseStamped, Transforms, Twist
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.simulation import frames
+from ros_visualise.simulation.description import describe
+from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
+from ros_visualise.simulation.model import compile_model
+from ros_visualise.simulation.robots import husky, quadrotor
+from ros_visualise.simulation.robots.base import Robot
+from ros_visualise.simulation.sensors.suite import Suite
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
+from ros_visualise.simulation.streams import Output, Timetable
+from ros_visualise.simulation.worlds import World, build_world
+
+PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
+"""Robot -> its settings."""
+
+_FLOORS = {"husky": husky.WHEEL_RADIUS - 0.03282, "quadrotor": quadrotor.STANDING_M}
+
+
+class Simulation:
+    """One robot in one world. `run` steps the physics as far as its messages are taken.
+
+    ``command``, ``goto``, ``add_mission`` and ``act`` may be called from any thread.
+
+    Args:
+        robot: one of `PARAMS`.
+        world: one of `ros_visualise.simulation.worlds.WORLDS`.
+        seed: of all random errors; the same one gives the same data.
+        mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None: it stands
+            and waits.
+        settings: of the robot's class; None: the defaults.
+        wants: whether anybody wants that output; asked before each message that is dear to make.
+
+    Raises:
+        OpenError: no such robot, world or mission, or MuJoCo is not there.
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        world: str = "field",
+        seed: int = 0,
+        mission: Mission | str | Path | None = None,
+        settings: RobotParams | None = None,
+        wants: Callable[[str], bool] = lambda output: True,
+    ) -> None:
+        if robot not in PARAMS:
+            raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
+        self.settings = settings or PARAMS[robot]()
+        self.world: World = build_world(world)
+        self._name = robot
+        self._model = compile_model(robot, self.world, self.settings)
+        self._data = load_mujoco().MjData(self._model)
+        self.start_pose = self._set_down()
+        self._robot = self._make_robot(seed)
+        self._step_ns = round(1e9 * self._model.opt.timestep)
+        self._steps = 0
+        self._orders: deque[Callable[[], None]] = deque()
+        gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal
+        mounting = frames.Mounting(self._model, self.settings, gimbal)
+        self._suite = Suite(self._robot, self._model, self._data, self.settings, mounting, seed)
+        self._timetable = Timetable(self._suite.streams, wants)
+        self._fixed: Transforms = frames.fixed_frames(
+            self._model, mounting, self.start_pose, _FLOORS[robot]
+        )
+        self._description = describe(self._model, self._fixed)
+        self._mission = self._find(mission)
+        if self._mission is not None:
+            self._robot.start(self._mission)
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time since the start."""
+        return self._steps * self._step_ns
+
+    @property
+    def finished(self) -> bool:
+        """The mission is over."""
+        return self._robot.finished
+
+    @property
+    def actions(self) -> tuple[str, ...]:
+        """What `act` knows."""
+        return (*self._robot.actions, "start_mission") if self._mission else (*self._robot.actions,)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of all outputs with these settings."""
+        return ("robot_description", "tf_static", *self._suite.outputs)
+
+    def run(self) -> Generator[Output, None, None]:
+        """The messages as (stamp_ns, name, message), without an end; from one thread.
+
+        The first are ``robot_description`` and ``tf_static``, once. Going on after it was closed
+        goes on in time.
+        """
+        if not self._steps:
+            yield Output(0, "robot_description", self._description)
+            yield Output(0, "tf_static", self._fixed)
+        step, model, data = load_mujoco().mj_step, self._model, self._data
+        control, timetable, orders = self._robot.control, self._timetable, self._orders
+        try:
+            while True:
+                while orders:
+                    orders.popleft()()
+                stamp_ns = self._steps * self._step_ns
+                control(stamp_ns / 1e9)
+                step(model, data)
+                self._steps += 1
+                if timetable.due_ns <= stamp_ns:
+                    yield from timetable.take(stamp_ns)
+        finally:
+            self._suite.close()
+
+    def command(self, twist: Twist) -> None:
+        """Go with that velocity until ``command_timeout`` has passed; it gives up a mission."""
+        self._orders.append(lambda: self._robot.command(twist, self.time_ns / 1e9))
+
+    def goto(self, goal: PoseStamped) -> None:
+        """Go to a pose in ``map``; it gives up a mission.
+
+        Raises:
+            UsageError: the pose is in another frame.
+        """
+        if goal.header.frame_id not in ("", frames.MAP):
+            raise UsageError(f"a way point is in the frame map, not {goal.header.frame_id}")
+        self._orders.append(lambda: self._robot.go_to(goal))
+
+    def add_mission(self, mission: Mission | str | Path) -> None:
+        """Begin another mission now.
+
+        Raises:
+            OpenError: there is none of that name.
+        """
+        found = self._mission = self._find(mission)
+        if found is not None:
+            self._orders.append(lambda: self._robot.start(found))
+
+    def act(self, action: str) -> None:
+        """Do one of `actions`.
+
+        Raises:
+            UsageError: there is none of that name.
+        """
+        if action not in self.actions:
+            raise UsageError(f"no action {action!r}; there are {', '.join(self.actions)}")
+        mission = self._mission
+        if action == "start_mission" and mission is not None:
+            self._orders.append(lambda: self._robot.start(mission))
+        else:
+            self._orders.append(self._robot.actions[action])
+
+    def close(self) -> None:
+        """Free what the renderer holds; by the thread that ran `run`."""
+        self._suite.close()
+
+    def _set_down(self) -> Any:
+        x, y, yaw = self.world.starts[self._name]
+        start = {"husky": husky.start_pose, "quadrotor": quadrotor.start_pose}[self._name]
+        position, attitude = start(x, y, yaw)
+        self._data.qpos[:7] = (*position, *attitude)
+        load_mujoco().mj_forward(self._model, self._data)
+        return position, attitude
+
+    def _make_robot(self, seed: int) -> Robot:
+        settings = self.settings
+        if isinstance(settings, HuskyParams) and self._name == "husky":
+            return husky.Husky(self._model, self._data, settings, seed)
+        if isinstance(settings, QuadrotorParams) and self._name == "quadrotor":
+            return quadrotor.Quadrotor(self._model, self._data, settings, seed)
+        raise TypeError(f"{type(settings).__name__} are no settings of a {self._name}")
+
+    def _find(self, mission: Mission | str | Path | None) -> Mission | None:
+        if mission is None or isinstance(mission, Mission):
+            return mission
+        if mission == "default":
+            return self._default_mission()
+        if mission in SHAPES:
+            x, y, _ = self.world.starts[self._name]
+            return Mission(shape=str(mission), center=(x, y), laps=0)
+        return read_mission(mission)
+
+    def _default_mission(self) -> Mission:
+        """The world's way for the rover, a survey of the middle for the quadrotor."""
+        if self._name == "quadrotor":
+            return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
+        if self.world.path_xy:
+            return follow_path(self.world.path_xy, 0.8)
+        return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)

@@ -1,0 +1,153 @@
+"""Pictures on the things of a simulated world, drawn by the program: RGB, (height, width, 3)."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.simulation.landmarks import CELLS, tag_bits
+
+Canvas = npt.NDArray[np.uint8]
+Grains = npt.NDArray[np.float32]
+Colour = tuple[int, int, int]
+
+GRASS: Colour = (104, 132, 66)
+BOARD_CELLS = CELLS + 2
+"""A tag's board along its side, in cells of the tag: a white rim of one cell all around."""
+
+
+def draw_tag(tag_id: int, cell_px: int = 24) -> Canvas:
+    """A tag of family 36h11 with its white rim."""
+    cells = np.pad(tag_bits(tag_id), 1, constant_values=1)
+    big = cells.repeat(cell_px, axis=0).repeat(cell_px, axis=1)
+    return _rgb(np.where(big > 0, 238, 22).astype(np.uint8))
+
+
+def draw_helipad(side: int = 512) -> Canvas:
+    """A concrete plate with a ring and an H whose upright strokes point up."""
+    random = np.random.default_rng(3)
+    canvas = _shade((150, 150, 146), 1 + 0.05 * noise(random, side, 64) + _grain(random, side))
+    at = side // 2
+    white, yellow = (240, 240, 236), (238, 190, 40)
+    cv2.circle(canvas, (at, at), int(0.44 * side), yellow, side // 26, cv2.LINE_AA)
+    stroke, reach, aside = side // 11, int(0.24 * side), int(0.15 * side)
+    for x in (at - aside, at + aside):
+        cv2.line(canvas, (x, at - reach), (x, at + reach), white, stroke, cv2.LINE_AA)
+    cv2.line(canvas, (at - aside, at), (at + aside, at), white, stroke, cv2.LINE_AA)
+    return canvas
+
+
+def draw_grass(side: int = 512, seed: int = 5) -> Canvas:
+    """Grass that repeats without a seam."""
+    random = np.random.default_rng(seed)
+    shade = 1 + 0.10 * _tiled(random, side, 6) + 0.12 * _tiled(random, side, 60)
+    return _shade(GRASS, shade + 0.6 * _grain(random, side))
+
+
+def draw_field(side: int, metres: float, path_xy: npt.NDArray[np.float64]) -> Canvas:
+    """A meadow seen from above, north up: mown stripes, bare patches, flowers, a gravel path.
+
+    Args:
+        side: pixels along an edge.
+        metres: the same in metres; the middle is (0, 0).
+        path_xy: (N, 2) metres; the path's closed middle line.
+    """
+    random = np.random.default_rng(11)
+    scale = side / metres
+    wide = noise(random, side, 7)
+    x = np.arange(side, dtype=np.float32) / scale
+    stripes = np.sign(np.sin((x * 0.94 + x[:, None] * 0.34) * np.pi / 1.6))
+    shade = 1 + 0.10 * wide + 0.09 * noise(random, side, 90) + 0.12 * noise(random, side, 500)
+    rim = np.minimum(np.minimum(x, metres - x)[:, None], np.minimum(x, metres - x))
+    fade = np.clip((rim - 3) / 4, 0, 1)  # outside it goes on as plain grass
+    canvas = _shade(GRASS, shade + 0.05 * stripes * fade + 0.5 * _grain(random, side))
+    dry = np.clip(noise(random, side, 14) + 0.25 * noise(random, side, 120) - 0.45, 0, 1) * fade
+    canvas = _blend(canvas, _shade((156, 146, 92), shade), np.minimum(2.2 * dry, 0.75))
+    _draw_flowers(canvas, random, scale)
+    middle = np.stack([side / 2 + path_xy[:, 0] * scale, side / 2 - path_xy[:, 1] * scale], axis=1)
+    mask = np.zeros((side, side), np.uint8)
+    line = np.round(middle * 16).astype(np.int32)
+    cv2.polylines(mask, [line], True, 255, round(1.7 * scale), cv2.LINE_AA, 4)
+    worn = cv2.GaussianBlur(mask, (0, 0), 0.12 * scale).astype(np.float32) / 255
+    worn = np.clip(worn * 1.6 - 0.3 + 0.35 * noise(random, side, 160), 0, 1) * (worn > 0.02)
+    gravel = _shade((176, 160, 130), 1 + 0.08 * wide + 1.3 * _grain(random, side))
+    return _blend(canvas, gravel, worn)
+
+
+def draw_leaves(side: int = 128) -> Canvas:
+    """Foliage."""
+    random = np.random.default_rng(8)
+    shade = 1 + 0.35 * noise(random, side, 9) + 0.3 * noise(random, side, 26)
+    return _shade((78, 112, 48), shade + _grain(random, side))
+
+
+def draw_wood(side: int = 128) -> Canvas:
+    """Planks of crates and boards."""
+    random = np.random.default_rng(9)
+    rows = np.arange(side)[:, None]
+    grain = cv2.resize(noise(random, side, 24)[:, :8], (side, side))
+    canvas = _shade((168, 126, 80), 1 + 0.16 * grain + 0.5 * _grain(random, side))
+    canvas[np.broadcast_to(rows % (side // 4) < 2, (side, side))] = (92, 66, 40)
+    return canvas
+
+
+def draw_concrete(side: int = 256) -> Canvas:
+    """Floor of the playpen: slabs, tiled without a seam."""
+    random = np.random.default_rng(10)
+    shade = 1 + 0.05 * _tiled(random, side, 8) + 0.05 * _tiled(random, side, 60)
+    canvas = _shade((158, 156, 150), shade + 0.5 * _grain(random, side))
+    canvas[:2] = canvas[:, :2] = (116, 114, 110)
+    return canvas
+
+
+def draw_grid(side: int = 256) -> Canvas:
+    """Floor of the empty plane: one square metre with its rim."""
+    canvas = np.full((side, side, 3), (112, 120, 130), np.uint8)
+    canvas[: side // 2, : side // 2] = canvas[side // 2 :, side // 2 :] = (120, 128, 138)
+    canvas[:3] = canvas[:, :3] = (158, 166, 176)
+    return canvas
+
+
+def noise(random: np.random.Generator, side: int, cells: int) -> Grains:
+    """Smooth noise between about -1 and 1, ``cells`` to the side."""
+    values = random.uniform(-1, 1, (cells, cells)).astype(np.float32)
+    return np.asarray(cv2.resize(values, (side, side), interpolation=cv2.INTER_CUBIC), np.float32)
+
+
+def _tiled(random: np.random.Generator, side: int, cells: int) -> Grains:
+    values = random.uniform(-1, 1, (cells, cells)).astype(np.float32)
+    around = np.pad(values, 2, mode="wrap")
+    pixels = side * (cells + 4) // cells
+    big = cv2.resize(around, (pixels, pixels), interpolation=cv2.INTER_CUBIC)
+    start = 2 * side // cells
+    return np.asarray(big[start : start + side, start : start + side], np.float32)
+
+
+def _grain(random: np.random.Generator, side: int) -> Grains:
+    return random.normal(0, 0.06, (side, side)).astype(np.float32)
+
+
+def _draw_flowers(canvas: Canvas, random: np.random.Generator, scale: float) -> None:
+    side = len(canvas)
+    groups = random.uniform(0, side, (40, 2))
+    colours = ((236, 226, 90), (240, 240, 236), (196, 120, 176))
+    for number, group in enumerate(groups):
+        for x, y in random.normal(group, 0.9 * scale, (45, 2)):
+            radius = random.uniform(0.02, 0.05) * scale
+            at = (round(16 * x), round(16 * y))
+            cv2.circle(canvas, at, round(16 * radius), colours[number % 3], -1, cv2.LINE_AA, 4)
+
+
+def _shade(colour: Colour, shade: Grains) -> Canvas:
+    pixels = np.array(colour, np.float32) * shade[..., None]
+    return np.asarray(np.clip(pixels, 0, 255), np.uint8)
+
+
+def _blend(below: Canvas, above: Canvas, weight: Grains) -> Canvas:
+    w = weight[..., None].astype(np.float32)
+    return np.asarray(below * (1 - w) + above * w, np.uint8)
+
+
+def _rgb(gray: Canvas) -> Canvas:
+    return np.repeat(gray[..., None], 3, axis=2)

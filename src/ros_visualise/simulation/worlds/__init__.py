@@ -1,0 +1,60 @@
+"""Worlds that robots are simulated in: what stands where, written as MJCF by the program.
+
+The frame is ``map``: x east, y north, z up; the ground is the plane z = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+from ros_visualise.errors import OpenError
+from ros_visualise.simulation.landmarks import Landmark
+from ros_visualise.simulation.worlds.field import build_field
+from ros_visualise.simulation.worlds.mjcf import Scene
+from ros_visualise.simulation.worlds.plane import build_plane
+from ros_visualise.simulation.worlds.playpen import build_playpen
+
+Pose2 = tuple[float, float, float]
+"""x and y in metres, yaw in radians."""
+
+
+@dataclass(frozen=True)
+class World:
+    """One world; ``starts`` says where each robot is set down, ``path_xy`` is a closed way."""
+
+    name: str
+    mjcf: str
+    assets: dict[str, bytes]
+    landmarks: tuple[Landmark, ...]
+    starts: dict[str, Pose2]
+    path_xy: tuple[tuple[float, float], ...]
+
+    def landmark(self, name: str) -> Landmark | None:
+        """The landmark of that name, or None."""
+        return next((each for each in self.landmarks if each.name == name), None)
+
+
+_BUILDERS = {"plane": build_plane, "playpen": build_playpen, "field": build_field}
+WORLDS = tuple(_BUILDERS)
+
+
+@cache
+def build_world(name: str) -> World:
+    """The world of that name.
+
+    Raises:
+        OpenError: there is none.
+    """
+    if name not in _BUILDERS:
+        raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
+    scene = Scene()
+    _BUILDERS[name](scene)
+    return World(
+        name,
+        scene.mjcf(),
+        scene.assets,
+        tuple(scene.landmarks),
+        dict(scene.starts),
+        tuple(scene.path_xy),
+    )

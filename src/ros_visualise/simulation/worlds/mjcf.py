@@ -1,0 +1,143 @@
+"""MJCF, written thing by thing."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats
+from ros_visualise.simulation.landmarks import CELLS, Landmark
+from ros_visualise.simulation.textures import BOARD_CELLS, draw_tag
+
+GROUND = 'contype="1" conaffinity="0"'
+SOLID = 'contype="2" conaffinity="0"'
+SHOWN = 'contype="0" conaffinity="0"'  # nothing bumps into it
+_BOARD_THICKNESS = 0.024
+_PRINT_THICKNESS = 0.002  # of the tag in front of its board
+
+
+class Scene:
+    """What a world is made of, as it is written.
+
+    Attributes:
+        assets: pictures by the names that the MJCF calls them.
+        landmarks: those set up so far.
+        starts: robot -> where it is set down.
+        path_xy: a closed way through the world.
+    """
+
+    def __init__(self) -> None:
+        self.assets: dict[str, bytes] = {}
+        self.landmarks: list[Landmark] = []
+        self.starts: dict[str, tuple[float, float, float]] = {}
+        self.path_xy: list[tuple[float, float]] = []
+        self._definitions: list[str] = []
+        self._things: list[str] = []
+
+    def mjcf(self) -> str:
+        """The sections ``visual``, ``asset`` and ``worldbody`` of the MJCF."""
+        return (
+            f"{_VISUAL}<asset>{''.join(self._definitions)}</asset>"
+            f"<worldbody>{_SUN}{''.join(self._things)}</worldbody>"
+        )
+
+    def add_sky(self, faces: npt.NDArray[np.uint8], order: str) -> None:
+        """Put a cube's six faces, side by side, around everything."""
+        self._store("sky", faces)
+        self._definitions.append(
+            f'<texture type="skybox" file="sky.png" gridsize="1 6" gridlayout="{order}"/>'
+        )
+
+    def add_material(
+        self,
+        name: str,
+        picture: npt.NDArray[np.uint8],
+        repeat: float | None = None,
+        kind: str = "2d",
+    ) -> str:
+        """A material that shows a picture: once over its thing, or ``repeat`` times a metre."""
+        self._store(name, picture)
+        tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
+        self._definitions.append(
+            f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
+            f'<material name="{name}" texture="{name}" specular="0" {tiling}/>'
+        )
+        return name
+
+    def add(
+        self,
+        shape: str,
+        size: Sequence[float],
+        position: Sequence[float],
+        look: str,
+        contact: str = SOLID,
+        R: Floats | None = None,
+        yaw: float = 0.0,
+        name: str = "",
+    ) -> None:
+        """Put a geom there. ``look`` is a material's name, or red, green and blue in 0 to 1."""
+        axes = _turn(yaw) if R is None else R
+        xyaxes = _numbers([*axes[:, 0], *axes[:, 1]])
+        paint = f'rgba="{look} 1"' if " " in look else f'material="{look}"'
+        named = f'name="{name}"' if name else ""
+        self._things.append(
+            f'<geom {named} type="{shape}" size="{_numbers(size)}" pos="{_numbers(position)}" '
+            f'xyaxes="{xyaxes}" {paint} {contact}/>'
+        )
+
+    def add_ground(self, half: float, look: str) -> None:
+        """The plane that all stand on; it is drawn to ``half`` metres each way."""
+        self.add("plane", (half, half, 1), (0, 0, 0), look, GROUND, name="ground")
+
+    def add_board(
+        self, tag_id: int, position: tuple[float, float, float], R: Floats, size: float
+    ) -> None:
+        """A wooden board with an AprilTag whose black square is ``size`` metres wide.
+
+        Args:
+            position: middle of the tag.
+            R: R_map_landmark, as `Landmark` has it.
+        """
+        name = f"tag_{tag_id}"
+        if f"{name}.png" not in self.assets:
+            self.add_material(name, draw_tag(tag_id))
+        half = size * BOARD_CELLS / CELLS / 2
+        behind = np.asarray(position) - R[:, 2] * _PRINT_THICKNESS / 2
+        self.add("box", (half, half, _PRINT_THICKNESS / 2), behind, name, SHOWN, R)
+        behind = behind - R[:, 2] * (_PRINT_THICKNESS + _BOARD_THICKNESS) / 2
+        rim = half + 0.02
+        self.add("box", (rim, rim, _BOARD_THICKNESS / 2), behind, "0.45 0.32 0.2", SOLID, R)
+        self.landmarks.append(Landmark(name, "tag", position, R, size, tag_id))
+
+    def _store(self, name: str, picture: npt.NDArray[np.uint8]) -> None:
+        quick: Any = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]), quick)
+        self.assets[f"{name}.png"] = data.tobytes()
+
+
+def _turn(yaw: float) -> Floats:
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _numbers(values: Sequence[float]) -> str:
+    return " ".join(f"{value:.6g}" for value in values)
+
+
+_VISUAL = """
+<statistic center="0 0 1" extent="10"/>
+<visual>
+  <headlight active="0"/>
+  <map znear="0.005" zfar="30"/>
+  <quality shadowsize="2048" offsamples="0" numslices="20" numstacks="12"/>
+</visual>"""
+
+_SUN = (
+    '<light directional="true" pos="0 0 30" dir="0.35 0.45 -0.82" '
+    'ambient="0.42 0.43 0.46" diffuse="0.68 0.66 0.60" specular="0.2 0.2 0.2" castshadow="false"/>'
+)

@@ -1,0 +1,64 @@
+"""A fenced yard with obstacles, after the playpen that the Husky is simulated in with Gazebo."""
+
+from __future__ import annotations
+
+import math
+
+from ros_visualise.simulation.landmarks import facing
+from ros_visualise.simulation.sky import FACES, draw_sky
+from ros_visualise.simulation.textures import draw_concrete, draw_wood
+from ros_visualise.simulation.worlds.mjcf import Scene
+
+_HALF_M = 10.0
+_BARRIER_M = 2.5
+_CRATES = ((4.0, 3.0, 0.5, 0.3), (4.9, 3.6, 0.35, 0.9), (-5.5, -4.0, 0.6, 0.1), (6.5, -6.0, 0.5, 0.7))
+_BARRELS = ((-3.0, 5.5), (-3.7, 5.2), (-3.3, 6.2), (2.0, -7.0), (7.5, 6.8))
+_CONES = ((2.0, 0.9), (4.0, -0.9), (6.0, 0.9), (-2.0, -2.5), (-4.0, -1.2), (0.5, 4.0), (-7.0, 1.5))
+_PILLARS = ((-7.0, 7.0), (0.0, -4.0), (7.5, 0.0))
+
+
+def build_playpen(scene: Scene) -> None:
+    """Barriers around 20 x 20 m; crates, barrels, cones, pillars and boards with tags in it."""
+    scene.add_sky(draw_sky(256), FACES)
+    scene.add_ground(60.0, scene.add_material("concrete", draw_concrete(), repeat=0.5))
+    wood = scene.add_material("wood", draw_wood(), kind="cube")
+    _fence(scene)
+    for x, y, half, yaw in _CRATES:
+        scene.add("box", (half, half, half), (x, y, half), wood, yaw=yaw)
+    for number, (x, y) in enumerate(_BARRELS):
+        look = ("0.16 0.32 0.62", "0.75 0.5 0.1")[number % 2]
+        scene.add("cylinder", (0.29, 0.44), (x, y, 0.44), look)
+    for x, y in _CONES:
+        _cone(scene, x, y)
+    for x, y in _PILLARS:
+        scene.add("cylinder", (0.2, 1.25), (x, y, 1.25), "0.72 0.72 0.7")
+    for number, angle in enumerate((0.0, 0.5, 1.0, 1.5)):
+        x, y = 9.3 * math.cos(angle * math.pi), 9.3 * math.sin(angle * math.pi)
+        scene.add_board(number, (x, y, 0.6), facing((angle + 1) * math.pi), 0.6)
+    scene.starts |= {"husky": (0.0, 0.0, 0.0), "quadrotor": (0.0, 0.0, 0.0)}
+    scene.path_xy += [(7 * math.cos(a), 2.2 * math.sin(2 * a)) for a in _ANGLES]
+
+
+_ANGLES = tuple(math.pi / 2 - 2 * math.pi * i / 60 for i in range(60))
+
+
+def _fence(scene: Scene) -> None:
+    """Concrete barriers, side by side, each second one darker."""
+    count = round(2 * _HALF_M / _BARRIER_M)
+    for i in range(count):
+        along = -_HALF_M + _BARRIER_M * (i + 0.5)
+        look = ("0.78 0.77 0.74", "0.66 0.65 0.63")[i % 2]
+        for side in (-_HALF_M, _HALF_M):
+            scene.add("box", (_BARRIER_M / 2 - 0.01, 0.12, 0.5), (along, side, 0.5), look)
+            scene.add("box", (0.12, _BARRIER_M / 2 - 0.01, 0.5), (side, along, 0.5), look)
+
+
+def _cone(scene: Scene, x: float, y: float) -> None:
+    orange, white = "0.95 0.38 0.08", "0.95 0.95 0.95"
+    scene.add("box", (0.17, 0.17, 0.015), (x, y, 0.015), orange)
+    for bottom, top, radius, look in (
+        (0.03, 0.28, 0.11, orange),
+        (0.28, 0.42, 0.08, white),
+        (0.42, 0.7, 0.05, orange),
+    ):
+        scene.add("cylinder", (radius, (top - bottom) / 2), (x, y, (top + bottom) / 2), look)
