@@ -22,7 +22,8 @@ from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
 from ros_visualise.sources.recordings.rosbag1.connections import Types, topics_of
-from ros_visualise.sources.recordings.rosbag1.layout import Layout, read_layout
+from ros_visualise.sources.recordings.rosbag1.index import read_layout
+from ros_visualise.sources.recordings.rosbag1.layout import Layout
 from ros_visualise.sources.recordings.rosbag1.order import in_time_order
 from ros_visualise.sources.recordings.rosbag1.records import Damaged
 from ros_visualise.sources.recordings.rosbag1.salvage import Losses, Salvager

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.rosbag1.chunks import ENTRY, Chunk, ChunkReader
+from ros_visualise.sources.recordings.rosbag1.layout import NOTES
 from ros_visualise.sources.recordings.rosbag1.records import Damaged
-
-_NOTES = 20  # of more damage than that, nobody reads
 
 
 class Losses:
@@ -29,7 +28,7 @@ class Losses:
             return
         self._noted.add((chunk.position, offset))
         self._loss.messages += messages
-        if len(self._loss.notes) < _NOTES:
+        if len(self._loss.notes) < NOTES:
             place = f"at {chunk.position / 1e6:.1f} MB"
             self._loss.notes.append(f"{place}: {why}; messages lost: {messages}")
 

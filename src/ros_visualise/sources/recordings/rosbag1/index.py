@@ -1,0 +1,94 @@
+"""Where the chunks of a ROS 1 bag are, by the index at its end."""
+
+from __future__ import annotations
+
+import struct
+from typing import BinaryIO
+
+from ros_visualise.sources.recordings.rosbag1 import records
+from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
+from ros_visualise.sources.recordings.rosbag1.layout import Layout, parse_connection
+from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op, Record
+from ros_visualise.sources.recordings.rosbag1.scan import Scan
+
+_PROBES = 16  # chunks that are looked at before an index is believed
+_COUNT = struct.Struct("<II")
+
+
+def read_layout(file: BinaryIO, size: int) -> Layout:
+    """Look into the index at the bag's end or, where it has none, through the bag."""
+    try:
+        header = _expect(Op.BAG_HEADER, file, len(records.MAGIC), size)
+        index_position = records.number(header.fields, b"index_pos")
+        if header.end > size:
+            raise Damaged("cut off")
+    except Damaged:
+        layout = Scan(file, size, 0).run(len(records.MAGIC))
+        layout.loss.notes.append("its beginning is damaged")
+        return layout
+    if b"encryptor" in header.fields:
+        return Layout(encryptor=records.text(header.fields, b"encryptor"))
+    try:
+        return _read_index(file, size, header.fields)
+    except Damaged:
+        return Scan(file, size, index_position).run(header.end)
+
+
+def _read_index(file: BinaryIO, size: int, header: Fields) -> Layout:
+    position = records.number(header, b"index_pos")
+    if not len(records.MAGIC) < position <= size:
+        raise Damaged("no index")
+    layout = Layout()
+    for _ in range(records.number(header, b"conn_count")):
+        record = _expect(Op.CONNECTION, file, position, size)
+        number, found = parse_connection(record.fields, records.read_data(file, record))
+        layout.connections.setdefault(number, found)
+        position = record.end
+    for _ in range(records.number(header, b"chunk_count")):
+        record = _expect(Op.CHUNK_INFO, file, position, size)
+        layout.chunks.append(_parse_chunk_info(record.fields, records.read_data(file, record)))
+        position = record.end
+    layout.chunks.sort()
+    _check(layout, ChunkReader(file, size))
+    return layout
+
+
+def _expect(op: Op, file: BinaryIO, position: int, size: int) -> Record:
+    record = records.read_record(file, position, size)
+    if record.op != op:
+        raise Damaged(f"no {op.name} where one should be")
+    return record
+
+
+def _parse_chunk_info(fields: Fields, data: bytes) -> Chunk:
+    if len(data) % _COUNT.size:
+        raise Damaged("a chunk's counts are cut")
+    counts = {connection: messages for connection, messages in _COUNT.iter_unpack(data) if messages}
+    return Chunk(
+        position=records.number(fields, b"chunk_pos"),
+        start_ns=records.time_ns(fields, b"start_time"),
+        end_ns=records.time_ns(fields, b"end_time"),
+        counts=counts,
+    )
+
+
+def _check(layout: Layout, reader: ChunkReader) -> None:
+    """Make sure that an index belongs to its bag; looking at every chunk would take too long."""
+    chunks = layout.chunks
+    known = layout.connections.keys()
+    if any(chunk.start_ns > chunk.end_ns or not chunk.counts.keys() <= known for chunk in chunks):
+        raise Damaged("an index that contradicts itself")
+    if len({chunk.position for chunk in chunks}) < len(chunks):
+        raise Damaged("an index that names a chunk twice")
+    step = max(1, len(chunks) // _PROBES)
+    found = [_is_there(reader, chunk) for chunk in [*chunks[::step], *chunks[-1:]]]
+    if sum(found) * 2 < len(found):  # less is damage to the chunks
+        raise Damaged("an index of another bag")
+
+
+def _is_there(reader: ChunkReader, chunk: Chunk) -> bool:
+    try:
+        reader.header(chunk.position)
+    except Damaged:
+        return False
+    return True

@@ -1,0 +1,182 @@
+"""Where the chunks of a ROS 1 bag are, found by looking through it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import BinaryIO
+
+from ros_visualise.sources.recordings.rosbag1 import records
+from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader, Content, stamps_ns
+from ros_visualise.sources.recordings.rosbag1.layout import NOTES, Layout, parse_connection
+from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op, Record
+
+_BARE_SIZE = 16 << 20  # of records outside of chunks, so many bytes are taken as one
+_CHUNK_MARK = b"op=\x05"
+_LONGEST_CHUNK_HEADER = 64
+_SEARCHED = 1 << 20
+
+
+class Scan:
+    """Looks through a bag that was not closed, or was cut, for its chunks."""
+
+    def __init__(self, file: BinaryIO, size: int, index_position: int) -> None:
+        self._file, self._size, self._index_position = file, size, index_position
+        self._reader = ChunkReader(file, size)
+        self._layout = Layout(indexed=False)
+        self._bare: int | None = None
+        self._needed = index_position  # the file was at least as long
+
+    def run(self, position: int) -> Layout:
+        """What there is from that position on."""
+        while position < self._size:
+            try:
+                record = records.read_record(self._file, position, self._size)
+                if record.end > self._size and record.op != Op.CHUNK:
+                    raise Damaged("cut off")
+                following = self._take(record, position)
+            except Damaged:
+                self._end_bare(position)
+                following = self._skip_damage(position)
+            position = following
+        self._end_bare(position)
+        self._check_end()
+        return self._layout
+
+    def _take(self, record: Record, position: int) -> int:
+        """Note what a record holds; where the next one begins."""
+        if record.op in (Op.MESSAGE, Op.CONNECTION):
+            if self._bare is not None and position - self._bare > _BARE_SIZE:
+                self._end_bare(position)
+            if self._bare is None:
+                self._bare = position
+            return record.end
+        self._end_bare(position)
+        if record.op == Op.CHUNK_INFO:  # these come last of all: nothing is missing
+            self._needed = 0
+        if record.op != Op.CHUNK:
+            return record.end
+        return self._take_chunk(record, position)
+
+    def _take_chunk(self, record: Record, position: int) -> int:
+        is_unfinished = not record.data_size
+        if is_unfinished and records.text(record.fields, b"compression") == "none":
+            return record.data_position  # its messages follow as records of the file
+        chunk, end = self._indexed_chunk(record, position)
+        if is_unfinished:
+            end = self._size
+            self._note(position, "a chunk that was never finished")
+        if not chunk.counts or not chunk.counts.keys() <= self._layout.connections.keys():
+            chunk, end = self._look_into(chunk, end)
+        if chunk.counts:
+            self._layout.chunks.append(chunk)
+        self._needed = max(self._needed, record.end)
+        return min(end, self._size)
+
+    def _indexed_chunk(self, record: Record, position: int) -> tuple[Chunk, int]:
+        """A chunk by its index records, and their end; without counts if they are not whole."""
+        end = record.end
+        times: list[int] = []
+        counts: dict[int, int] = {}
+        for connection, indexed, following in self._reader.index(record.end):
+            end = following
+            stamps = stamps_ns(indexed)
+            if len(stamps):
+                counts[connection] = counts.get(connection, 0) + len(stamps)
+                times += [int(stamps.min()), int(stamps.max())]
+        if not counts or not self._goes_on(end):
+            return Chunk(position, 0, 0, {}), end
+        return Chunk(position, min(times), max(times), counts), end
+
+    def _goes_on(self, position: int) -> bool:
+        """Whether something other than one more index record follows, and is whole."""
+        try:
+            record = records.read_record(self._file, position, self._size)
+        except Damaged:
+            return False
+        return record.op == Op.CHUNK or (record.op != Op.INDEX and record.end <= self._size)
+
+    def _look_into(self, chunk: Chunk, end: int) -> tuple[Chunk, int]:
+        """Walk through a chunk for its connections and, where it has no index, for its messages."""
+        try:
+            content = self._reader.content(chunk)
+            walk = self._reader.walk(content)
+        except Damaged as error:
+            if not chunk.counts:
+                self._lose(chunk.position, min(end, self._size), str(error))
+            return chunk, end
+        self._learn(walk.connections)
+        if chunk.counts:
+            return chunk, end
+        if walk.stop < content.end:
+            if content.file is self._file:
+                end = walk.stop  # its own length may be what is wrong: look on from here
+            else:
+                self._layout.loss.bytes += content.end - walk.stop
+                self._note(chunk.position, "the rest of a chunk is damaged or cut off")
+        return walk.chunk(chunk.position), end
+
+    def _end_bare(self, end: int) -> None:
+        """Close the piece of messages outside of chunks."""
+        if self._bare is not None:
+            walk = self._reader.walk(Content(self._file, self._bare, end))
+            self._learn(walk.connections)
+            if len(walk.entries):
+                self._layout.chunks.append(walk.chunk(self._bare, bare_end=end))
+            self._bare = None
+
+    def _learn(self, connections: Iterable[tuple[Fields, bytes]]) -> None:
+        for fields, data in connections:
+            try:
+                number, found = parse_connection(fields, data)
+            except Damaged:
+                continue
+            self._layout.connections.setdefault(number, found)
+
+    def _skip_damage(self, position: int) -> int:
+        """Where the next chunk begins after something that is no record; else the end."""
+        following = self._find_chunk(position)
+        if position >= self._index_position > 0:
+            return following  # only of the index
+        what = "cut off" if following == self._size else "damaged"
+        self._lose(position, following, what)
+        return following
+
+    def _find_chunk(self, position: int) -> int:
+        after = position + 1
+        while after < self._size:
+            self._file.seek(after)
+            block = self._file.read(_SEARCHED)
+            mark = block.find(_CHUNK_MARK)
+            while mark >= 0:
+                found = self._chunk_around(after + mark, position)
+                if found:
+                    return found
+                mark = block.find(_CHUNK_MARK, mark + 1)
+            after += _SEARCHED - len(_CHUNK_MARK)
+        return self._size
+
+    def _chunk_around(self, mark: int, position: int) -> int:
+        """Where the chunk begins whose header has its mark there; 0 if there is none."""
+        for start in range(mark - 8, max(position, mark - _LONGEST_CHUNK_HEADER), -1):
+            try:
+                record = self._reader.header(start)
+            except Damaged:
+                continue
+            if b"compression" in record.fields:
+                return start
+        return 0
+
+    def _lose(self, start: int, end: int, why: str) -> None:
+        self._layout.loss.bytes += end - start
+        self._note(start, why)
+
+    def _note(self, position: int, why: str) -> None:
+        if len(self._layout.loss.notes) < NOTES:
+            self._layout.loss.notes.append(f"at {position / 1e6:.1f} MB: {why}")
+
+    def _check_end(self) -> None:
+        missing = self._needed - self._size
+        if missing > 0:
+            here, whole = self._size / 1e6, self._needed / 1e6
+            self._layout.loss.bytes += missing
+            self._layout.loss.notes.append(f"cut off after {here:.1f} of {whole:.1f} MB or more")
