@@ -36,6 +36,7 @@ class FramePair:
         """Begin anew: time jumped."""
         self._waiting: deque[tuple[int, str]] = deque(maxlen=_WAITING)
         self._last_ns: int | None = None
+        self._newest_ns: int | None = None
 
     def add(self, message: Transforms, static: bool = False) -> list[tuple[int, Floats]]:
         """The stamps at which the chain is known by now, and was not before, and the poses (7,)."""
@@ -54,8 +55,9 @@ class FramePair:
             newest_ns = self._tree.newest_ns(self.parent, self.child)
         except NoTransform:
             return []
-        if newest_ns is None:
+        if newest_ns is None or newest_ns == self._newest_ns:
             return []
+        self._newest_ns = newest_ns
         chain = self._chain()
         known = {stamp for stamp, child in self._waiting if stamp <= newest_ns and child in chain}
         waiting = [one for one in self._waiting if one[0] > newest_ns]
