@@ -104,9 +104,6 @@ class BagRecorder(ChunkedRecorder):
         chunk.add(_U32(length) + prefix + _LAST_FIELD + time + _U32(len(data)))
         chunk.add(data)
 
-    def _show_topics(self) -> None:
-        """They are shown with their first messages."""
-
     def _show(self) -> None:
         """Let the chunk at the file's end grow, not compressed, and its index after it."""
         size = self._chunk.size

@@ -68,8 +68,6 @@ class ChunkedRecorder(ABC):
         try:
             self._begin(self.declared)
             self._end = self._file.tell()
-            if live:
-                self._show_topics()
             self._file.keep()
         except OSError as error:
             raise self._fail(error) from None
@@ -118,10 +116,6 @@ class ChunkedRecorder(ABC):
     @abstractmethod
     def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
         """Take a message into the chunk."""
-
-    @abstractmethod
-    def _show_topics(self) -> None:
-        """Write the topics at the file's end, for who reads it before it is finished."""
 
     @abstractmethod
     def _show(self) -> None:
