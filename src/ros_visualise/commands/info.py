@@ -20,8 +20,7 @@ def run(args: Namespace) -> int:
     if args.json:
         print(json.dumps(found))
         return 0
-    for line in _video_lines(found) if "codec" in found else _recording_lines(found):
-        print(line)
+    print("\n".join(_video_lines(found) if "codec" in found else _recording_lines(found)))
     return 0
 
 

@@ -13,6 +13,13 @@ from ros_visualise.errors import DamagedMessage
 from ros_visualise.sources.recordings import open_recording
 
 STRING = "std_msgs/msg/String"
+REAL = [
+    "evo_ROS_example",
+    "evo_tf_example",
+    "foxglove_example",
+    "foxglove_example-lz4",
+    "robot_localization_test1",
+]
 
 
 @pytest.fixture(params=["none", "lz4", "bz2"])
@@ -221,11 +228,7 @@ def test_a_type_of_ros_without_its_definition_is_known_by_its_md5(bag):
     assert "does not define it" in topics["/other"].unreadable
 
 
-@pytest.mark.parametrize(
-    "name",
-    "evo_ROS_example evo_tf_example foxglove_example foxglove_example-lz4 "
-    "robot_localization_test1".split(),
-)
+@pytest.mark.parametrize("name", REAL)
 def test_real_bags_are_read_whole(recordings, name):
     path = recordings / "bags" / f"{name}.bag"
     recording = open_recording(path)
