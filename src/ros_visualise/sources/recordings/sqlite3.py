@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import DamagedMessage, OpenError
+from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss
-from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
+from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled
+from ros_visualise.sources.recordings.sqlite3_tables import channels, connect, has_index
 from ros_visualise.sources.recordings.storage import Channel, Query, add_note
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
@@ -47,9 +49,9 @@ class SqliteFile:
         self._is_closed = False
         self._lost: set[int] = set()
         self._rows: _Rows | None = None  # sorted, where SQLite's index does not serve
-        self._database = _connect(path)
+        self._database = connect(path)
         try:
-            self.channels: Mapping[int, Channel] = _channels(self._database, schemas)
+            self.channels: Mapping[int, Channel] = channels(self._database, schemas)
         except sqlite3.Error as error:
             self.close()
             raise OpenError(f"{path}: no ROS 2 bag that can be read: {error}") from None
@@ -93,20 +95,33 @@ class SqliteFile:
     def _survey(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
         """Messages of each topic, and the span of their stamps if there are any."""
         try:
-            if _has_index(self._database):
-                found = self._database.execute(
-                    "SELECT topic_id, count(*), min(timestamp), max(timestamp)"
-                    " FROM messages GROUP BY topic_id"
-                ).fetchall()
-                counts = {topic: count for topic, count, _, _ in found}
-                return counts, [(min(r[2] for r in found), max(r[3] for r in found))] * bool(found)
-            rows = self._salvage(None)
+            found = self._counted() if has_index(self._database) else None
         except sqlite3.DatabaseError as error:
             rows = self._salvage(error)
+        else:
+            if found is not None:
+                return found
+            rows = self._salvage(None)
         topics, numbers = np.unique(rows["topic"], return_counts=True)
         counts = dict(zip(topics.tolist(), numbers.tolist(), strict=True))
         stamps_ns = rows["stamp_ns"]
         return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] * bool(len(rows))
+
+    def _counted(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
+        """The same by SQLite's own counting.
+
+        Raises:
+            sqlite3.DatabaseError: the file is damaged.
+        """
+        found = self._database.execute(
+            "SELECT topic_id, count(*), min(timestamp), max(timestamp)"
+            " FROM messages NOT INDEXED GROUP BY topic_id"
+        ).fetchall()
+        counts = {topic: count for topic, count, _, _ in found}
+        [(indexed,)] = self._database.execute("SELECT count(*) FROM messages")
+        if indexed != sum(counts.values()):
+            raise sqlite3.DatabaseError("its index lacks messages")
+        return counts, [(min(r[2] for r in found), max(r[3] for r in found))] * bool(found)
 
     def _ordered(self, query: Query) -> Iterator[tuple[int, int, int, Any]]:
         """What is asked for, by SQLite's index; nothing where that does not serve."""
@@ -131,14 +146,11 @@ class SqliteFile:
         for number, stamp_ns, topic in rows[first:stop].tolist():
             if (stamp_ns, number) <= last:
                 continue
-            try:
-                found = list(self._select("SELECT data FROM messages WHERE id = ?", (number,)))
-            except sqlite3.DatabaseError:
-                found = []
+            data = self._data(number)
             if self._is_closed:
                 return
-            if found:
-                yield self._entry(topic, stamp_ns, found[0][0])
+            if data is not None:
+                yield self._entry(topic, stamp_ns, data)
             elif number not in self._lost:
                 self._lost.add(number)
                 self._loss.messages += 1
@@ -164,6 +176,7 @@ class SqliteFile:
     def _salvage(self, error: sqlite3.Error | None) -> _Rows:
         """Find the rows one by one from now on, instead of by SQLite's index."""
         rows, gap = self._scan()
+        rows = self._without_cut(rows)
         self._rows = rows[np.lexsort((rows["id"], rows["stamp_ns"]))]
         self._loss.messages += gap
         if error is not None:
@@ -171,6 +184,29 @@ class SqliteFile:
                 self._loss, f"{self.path.name}: cut off or damaged, read where it can be: {error}"
             )
         return self._rows
+
+    def _without_cut(self, rows: _Rows) -> _Rows:
+        """Rows without those that SQLite fills up with zeros, where the file ends in a page."""
+        [(page,)] = self._select("PRAGMA page_size")
+        if self.size % page == 0:
+            return rows
+        cut = cut_rows(self.path, page)
+        for number in rows["id"][::-1].tolist() if not cut else ():
+            data = self._data(number)
+            if data is not None and is_spilled(len(data), page):
+                cut = {number} if data.endswith(b"\0") else set()
+                break
+        is_cut = np.isin(rows["id"], list(cut))
+        self._loss.messages += int(is_cut.sum())
+        return rows[~is_cut]
+
+    def _data(self, number: int) -> bytes | None:
+        """The bytes of a message; None where they are damaged, or the file is closed."""
+        try:
+            found = list(self._select("SELECT data FROM messages WHERE id = ?", (number,)))
+        except sqlite3.DatabaseError:
+            return None
+        return found[0][0] if found and isinstance(found[0][0], bytes) else None
 
     def _scan(self) -> tuple[_Rows, int]:
         """All rows that can be found, and how many lie between those that cannot."""
@@ -201,69 +237,6 @@ class SqliteFile:
 
     def _topics(self, query: Query) -> list[int]:
         return [number for number, channel in self.channels.items() if query.asks_for(channel)]
-
-
-def _connect(path: Path) -> sqlite3.Connection:
-    """The database, not to be changed; with what a writer left beside it if it was killed."""
-    left = path.with_name(f"{path.name}-wal")
-    is_left = left.is_file() and left.stat().st_size > 0
-    for mode in ("mode=ro",) * is_left + ("mode=ro&immutable=1",):
-        database = sqlite3.connect(
-            f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
-        )
-        database.text_factory = lambda text: text.decode("utf-8", "replace")
-        try:
-            database.execute("SELECT count(*) FROM sqlite_master")
-        except sqlite3.Error as error:
-            database.close()
-            reason = error
-        else:
-            return database
-    raise OpenError(f"{path}: no ROS 2 bag that can be read: {reason}; copy it again")
-
-
-def _channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channel]:
-    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
-    if not {"messages", "topics"} <= tables:
-        raise sqlite3.DatabaseError("it has no tables of messages and topics")
-    definitions: dict[str, tuple[str, str]] = {}
-    if "message_definitions" in tables:
-        definitions = {
-            name: (encoding, text)
-            for name, encoding, text in database.execute(
-                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-            )
-        }
-    cursor = database.execute("SELECT * FROM topics ORDER BY id")
-    names = [column[0] for column in cursor.description]
-    topics = [dict(zip(names, row, strict=True)) for row in cursor]
-    return {topic["id"]: _channel(topic, definitions, schemas) for topic in topics}
-
-
-def _channel(
-    topic: Mapping[str, Any], definitions: Mapping[str, tuple[str, str]], schemas: Schemas
-) -> Channel:
-    name, type_name = str(topic["name"]), ros_name(str(topic["type"]))
-    encoding = topic.get("serialization_format") or "cdr"
-    if encoding != "cdr":
-        return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are read")
-    language, text = definitions.get(type_name, ("", ""))
-    try:
-        known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
-    except DamagedMessage as damage:
-        return Channel(name, type_name, unreadable=str(damage))
-    given = topic.get("type_description_hash") or digest(known, type_name)
-    return Channel(
-        name, type_name, known, given, is_latched(str(topic.get("offered_qos_profiles", "")))
-    )
-
-
-def _has_index(database: sqlite3.Connection) -> bool:
-    """Whether SQLite can give the messages in order of time without sorting them."""
-    plan = database.execute(
-        "EXPLAIN QUERY PLAN SELECT data FROM messages ORDER BY timestamp, id"
-    ).fetchall()
-    return not any("TEMP B-TREE" in str(step[-1]) for step in plan)
 
 
 def _marks(values: Collection[int]) -> str:

@@ -1,0 +1,88 @@
+"""The tables of rosbag2's SQLite files, in all versions of theirs."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.errors import DamagedMessage, OpenError
+from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
+from ros_visualise.sources.recordings.storage import Channel
+
+
+def connect(path: Path) -> sqlite3.Connection:
+    """The database, not to be changed; with what a writer left beside it if it was killed.
+
+    Raises:
+        OpenError: it is no database.
+    """
+    left = path.with_name(f"{path.name}-wal")
+    modes = ["mode=ro&immutable=1"] * 2
+    if left.is_file() and left.stat().st_size:
+        modes.insert(0, "mode=ro")
+    for attempt, mode in enumerate(modes, 1):
+        database = sqlite3.connect(
+            f"{path.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
+        )
+        database.text_factory = lambda text: text.decode("utf-8", "replace")
+        if attempt == len(modes):  # SQLite then also reads a file that is shorter than it says
+            database.execute("PRAGMA writable_schema = ON")
+        try:
+            database.execute("SELECT count(*) FROM sqlite_master")
+        except sqlite3.Error as error:
+            database.close()
+            reason = error
+        else:
+            return database
+    raise OpenError(f"{path}: no ROS 2 bag that can be read: {reason}; copy it again")
+
+
+def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channel]:
+    """The topics of a bag, by their numbers.
+
+    Raises:
+        sqlite3.DatabaseError: it is none, or damaged.
+    """
+    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+    if not {"messages", "topics"} <= tables:
+        raise sqlite3.DatabaseError("it has no tables of messages and topics")
+    definitions: dict[str, tuple[str, str]] = {}
+    if "message_definitions" in tables:
+        definitions = {
+            name: (encoding, text)
+            for name, encoding, text in database.execute(
+                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            )
+        }
+    cursor = database.execute("SELECT * FROM topics ORDER BY id")
+    names = [column[0] for column in cursor.description]
+    topics = [dict(zip(names, row, strict=True)) for row in cursor]
+    return {topic["id"]: _channel(topic, definitions, schemas) for topic in topics}
+
+
+def _channel(
+    topic: Mapping[str, Any], definitions: Mapping[str, tuple[str, str]], schemas: Schemas
+) -> Channel:
+    name, type_name = str(topic["name"]), ros_name(str(topic["type"]))
+    encoding = topic.get("serialization_format") or "cdr"
+    if encoding != "cdr":
+        return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are read")
+    language, text = definitions.get(type_name, ("", ""))
+    try:
+        known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
+    except DamagedMessage as damage:
+        return Channel(name, type_name, unreadable=str(damage))
+    given = topic.get("type_description_hash") or digest(known, type_name)
+    return Channel(
+        name, type_name, known, given, is_latched(str(topic.get("offered_qos_profiles", "")))
+    )
+
+
+def has_index(database: sqlite3.Connection) -> bool:
+    """Whether SQLite can give the messages in order of time without sorting them."""
+    plan = database.execute(
+        "EXPLAIN QUERY PLAN SELECT data FROM messages ORDER BY timestamp, id"
+    ).fetchall()
+    return not any("TEMP B-TREE" in str(step[-1]) for step in plan)

@@ -1,0 +1,164 @@
+"""ROS 2 bags whose files are cut off or damaged."""
+
+import random
+import sqlite3
+from pathlib import Path
+
+import pytest
+from made_mcaps import Written, numbered, parts, write_bag, written
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
+
+PAGE_BYTES = 4096
+
+
+def made(
+    folder: Path, sizes: tuple[int, ...] = (20, 500, 9000), count: int = 400
+) -> tuple[list[Written], Path]:
+    """A bag with messages of no zeros, of up to some pages each."""
+    chance = random.Random(1)
+    messages = [
+        Written("/a", 1000 + i, bytes(chance.choices(range(1, 256), k=chance.choice(sizes))))
+        for i in range(count)
+    ]
+    write_bag(folder, messages)
+    return messages, folder / f"{folder.name}.db3"
+
+
+@pytest.mark.parametrize(
+    ("sizes", "count"), [((20, 500, 9000), 400), ((100, 200), 3000), ((20_000, 30_000), 40)]
+)
+def test_of_a_cut_database_what_is_there_is_read(
+    tmp_path: Path, sizes: tuple[int, ...], count: int
+) -> None:
+    messages, file = made(tmp_path / "bag", sizes, count)
+    content = file.read_bytes()
+    counts = []
+    for tenth in (3, 4, 5, 6, 7, 8, 9):
+        file.write_bytes(content[: len(content) * tenth // 10 + tenth])
+        recording = open_rosbag2(tmp_path / "bag")
+        found = written(recording.read())
+        assert set(found) <= set(messages)
+        assert found == sorted(found, key=lambda message: message.stamp_ns)
+        assert len(found) + recording.loss.messages == len(messages)
+        assert "cut off or damaged" in " ".join(recording.loss.notes)
+        counts.append(len(found))
+        recording.close()
+    assert 0 < counts[0] < counts[2] < counts[4] < counts[6]
+
+
+def test_a_damaged_page_costs_its_own_messages(tmp_path: Path) -> None:
+    messages, file = made(tmp_path / "bag")
+    content = bytearray(file.read_bytes())
+    database = sqlite3.connect(file)
+    [(root,)] = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'")
+    database.close()
+    kinds = content[PAGE_BYTES::PAGE_BYTES]
+    leaves = [i for i, kind in enumerate(kinds, 2) if kind == 13 and i != root]
+    page = leaves[len(leaves) // 2]
+    content[(page - 1) * PAGE_BYTES : page * PAGE_BYTES] = b"\xff" * PAGE_BYTES
+    file.write_bytes(content)
+    recording = open_rosbag2(tmp_path / "bag")
+    found = written(recording.read())
+    assert set(found) < set(messages)
+    assert len(found) > len(messages) * 0.8
+    assert (found[0], found[-1]) == (messages[0], messages[-1])
+    assert len(found) + recording.loss.messages == len(messages)
+    recording.close()
+
+
+def test_any_bytes_of_a_database_may_be_wrong(tmp_path: Path) -> None:
+    _, file = made(tmp_path / "bag")
+    content = file.read_bytes()
+    chance = random.Random(2)
+    opened = 0
+    for _ in range(30):
+        damaged = bytearray(content)
+        for _ in range(chance.randint(1, 20)):
+            damaged[chance.randrange(100, len(damaged))] = chance.randrange(256)
+        file.write_bytes(damaged)
+        try:
+            recording = open_rosbag2(tmp_path / "bag")
+        except OpenError:
+            continue
+        stamps_ns = [entry.stamp_ns for entry in recording.read()]
+        assert stamps_ns == sorted(stamps_ns)
+        recording.stamps_ns()
+        recording.close()
+        opened += 1
+    assert opened > 10
+
+
+def test_one_broken_file_of_several_is_said(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", numbered(range(20)))
+    (tmp_path / "bag" / "bag_1.db3").write_bytes(b"nothing of a database" * 100)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    recording = open_rosbag2(tmp_path / "bag")
+    assert len(list(recording.read())) == 20
+    assert recording.loss.bytes == 2100
+    assert any(note.startswith("bag_1.db3: ") for note in recording.loss.notes)
+    recording.close()
+
+
+@pytest.mark.parametrize("content", [b"", b"SQLite format 3\x00", b"text" * 2000])
+def test_a_broken_file_alone_is_said_in_a_line(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.db3").write_bytes(content)
+    with pytest.raises(OpenError, match=r"a\.db3: no ROS 2 bag that can be read") as caught:
+        open_rosbag2(tmp_path / "a.db3")
+    assert "\n" not in str(caught.value)
+
+
+def test_what_a_killed_recorder_left_beside_its_database_is_read(tmp_path: Path) -> None:
+    messages = numbered(range(30), ["/a"])
+    write_bag(tmp_path / "bag", messages[:10])
+    file = tmp_path / "bag" / "bag.db3"
+    database = sqlite3.connect(file)
+    database.execute("PRAGMA journal_mode = WAL")
+    rows = [(1, stamp_ns, data) for _, stamp_ns, data in messages[10:]]
+    database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+    database.commit()
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    for name in ("bag.db3", "bag.db3-wal"):
+        (killed / name).write_bytes((tmp_path / "bag" / name).read_bytes())
+    database.close()
+    recording = open_rosbag2(killed)
+    assert written(recording.read()) == messages
+    recording.close()
+
+
+def test_of_a_cut_mcap_in_a_bag_the_whole_records_are_read(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(1000, 1300)), StoragePlugin.MCAP)
+    file = folder / "bag.mcap"
+    expected = [s for part in parts(file) for s in part.stamps_ns]
+    file.write_bytes(file.read_bytes()[:-1])
+    recording = open_rosbag2(folder)
+    assert [entry.stamp_ns for entry in recording.read()] == expected
+    assert recording.loss.messages == 0
+    assert recording.loss.notes[0].startswith("bag.mcap: its end is missing")
+    recording.close()
+
+
+@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
+def test_damaged_compressed_bags_raise_nothing(tmp_path: Path, mode: CompressionMode) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(300)), compression=(mode, CompressionFormat.ZSTD))
+    [file] = [f for f in folder.iterdir() if f.suffix != ".yaml"]
+    content = file.read_bytes()
+    chance = random.Random(3)
+    for _ in range(10):
+        damaged = bytearray(content)
+        place = chance.randrange(len(content) // 2, len(content))
+        damaged[place : place + 4] = b"?!?!"
+        file.write_bytes(damaged)
+        try:
+            recording = open_rosbag2(folder)
+        except OpenError:
+            continue
+        stamps_ns = [entry.stamp_ns for entry in recording.read()]
+        assert stamps_ns == sorted(stamps_ns)
+        assert len(stamps_ns) <= 300
+        recording.close()
