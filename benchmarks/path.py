@@ -26,7 +26,7 @@ HZ = 100
 STARTED_NS = 1_700_000_000_000_000_000
 CHECKPOINTS = (1_000, 6_000, 10_000, 30_000, 100_000, 300_000, 1_000_000)
 MOST_APPENDED = 100_000  # poses; more of them take longer than anybody waits
-WINDOW = 1_000  # messages before a checkpoint in which all is measured
+WINDOW = 400  # messages before a checkpoint in which all is measured
 DEFINITIONS = Definitions("ros1")
 COLORS = {
     "append and publish": (200, 50, 40),
