@@ -19,7 +19,7 @@ test: .venv-test/.ready
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'
 	$(call make_venv,$(PYTHON),.venv)
-	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless]'
+	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]'
 	touch $@
 
 .venv-test/.ready: pyproject.toml package.xml tests/constraints.txt tests/debian-packages.txt
@@ -30,7 +30,7 @@ test: .venv-test/.ready
 		$(call make_venv,$(PYTHON),--clear .venv-test); \
 	fi
 	.venv-test/bin/pip install --quiet --disable-pip-version-check \
-		-c tests/constraints.txt -e '.[desktop,test]'
+		-c tests/constraints.txt -e '.[desktop,sim,test]'
 	touch $@
 
 # Debian's python3 has no venv module until python3-venv is installed.

@@ -71,7 +71,7 @@ def test_the_real_drone_video(recordings):
 
 
 def test_demo_frames_and_size():
-    done = run("demo", *QUICK, "--json", "--frames", 12, "--size", "100x80")
+    done = run("demo", "landscape", *QUICK, "--json", "--frames", 12, "--size", "100x80")
     assert done.returncode == 0
     assert json.loads(done.stdout)["topics"]["/edges"]["messages"] == 12
 
@@ -153,7 +153,18 @@ def test_info_of_a_video(video):
 
 def test_nodes_lists_every_parameter_with_its_range():
     nodes = json.loads(run("nodes", "--json").stdout)
-    assert {"streamer", "camera", "demo", "fps_control", "filters", "edge_detector"} <= set(nodes)
+    assert {
+        "streamer",
+        "camera",
+        "husky",
+        "quadrotor",
+        "landscape",
+        "player",
+        "path",
+        "fps_control",
+        "filters",
+        "edge_detector",
+    } <= set(nodes)
     low = nodes["edge_detector"]["params"]["low"]
     assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 200, 0, 800)
     assert nodes["fps_control"]["outputs"] == {"image": "sensor_msgs/msg/Image"}

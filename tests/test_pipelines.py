@@ -37,8 +37,8 @@ def topics_of(graph):
 
 
 def test_the_image_pipeline_has_the_topics_of_the_ros_package():
-    assert topics_of(image_pipeline("demo")) == {
-        "demo": ({}, {"image": "/image_raw"}),
+    assert topics_of(image_pipeline("landscape")) == {
+        "landscape": ({}, {"image": "/image_raw"}),
         "fps_control": ({"image": "/image_raw"}, {"image": "/controlled_stream"}),
         "filters": ({"image": "/controlled_stream"}, {"image": "/processed_image"}),
         "edge_detector": (
@@ -49,7 +49,7 @@ def test_the_image_pipeline_has_the_topics_of_the_ros_package():
 
 
 def test_only_the_overlay_is_made_on_demand():
-    topics = image_pipeline("demo").topics
+    topics = image_pipeline("landscape").topics
     assert [name for name, topic in topics.items() if topic.on_demand] == ["/edges_overlay"]
 
 
@@ -66,21 +66,22 @@ def test_the_path_is_made_of_odometry_from_outside():
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
     path, found, after = parse_node(f"{own}:{name}")
     assert after is None
-    graph = topics_of(image_pipeline("demo").insert(load(path, found), "filters"))
-    assert list(graph) == ["demo", "fps_control", "filters", "negative", "edge_detector"]
+    graph = topics_of(image_pipeline("landscape").insert(load(path, found), "filters"))
+    assert list(graph) == ["landscape", "fps_control", "filters", "negative", "edge_detector"]
     assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
     assert graph["edge_detector"][0] == {"image": "/negative"}
 
 
 def test_it_may_stand_elsewhere(own):
-    path, found, after = parse_node(f"{own}:negative@demo")
-    graph = topics_of(image_pipeline("demo").insert(load(path, found), after))
+    path, found, after = parse_node(f"{own}:negative@landscape")
+    graph = topics_of(image_pipeline("landscape").insert(load(path, found), after))
     assert graph["negative"][0] == {"image": "/image_raw"}
     assert graph["fps_control"][0] == {"image": "/negative"}
 
 
 def test_at_the_end_it_takes_the_edges(own):
-    graph = topics_of(image_pipeline("demo").insert(load(str(own), "negative"), "edge_detector"))
+    before = image_pipeline("landscape")
+    graph = topics_of(before.insert(load(str(own), "negative"), "edge_detector"))
     assert graph["negative"][0] == {"image": "/edges"}
 
 
@@ -89,21 +90,21 @@ def test_a_node_that_publishes_something_else_leaves_the_images_as_they_were():
     def measure(image, params):
         return ParameterEvent()
 
-    graph = topics_of(image_pipeline("demo").insert(measure.declared, "filters"))
+    graph = topics_of(image_pipeline("landscape").insert(measure.declared, "filters"))
     assert graph["measure"] == ({"image": "/processed_image"}, {"settings": "/measure"})
     assert graph["edge_detector"][0] == {"image": "/processed_image"}
 
 
 def test_its_parameters_are_set_like_any_others(own):
-    graph = image_pipeline("demo").insert(load(str(own), "negative"), "filters")
+    graph = image_pipeline("landscape").insert(load(str(own), "negative"), "filters")
     assert graph.configured({"negative": {"amount": "5"}}).node("negative").params.amount == 5
     with pytest.raises(ParameterError, match=r"negative: amount=10: must be from 0 to 9"):
         graph.configured({"negative": {"amount": 10}})
 
 
 def test_what_is_not_there_is_answered_with_what_is(own):
-    graph = image_pipeline("demo")
-    with pytest.raises(UsageError, match=r"no node 'blur' here; there is demo, fps_control"):
+    graph = image_pipeline("landscape")
+    with pytest.raises(UsageError, match=r"no node 'blur' here; there is landscape, fps_control"):
         graph.configured({"blur": {}})
     with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; there are fps"):
         graph.configured({"fps_control": {"rate": 1}})
@@ -121,11 +122,11 @@ def test_two_nodes_cannot_publish_to_one_topic():
         return image
 
     with pytest.raises(UsageError, match="somebody publishes /edges already"):
-        image_pipeline("demo").insert(edges.declared, "filters")
+        image_pipeline("landscape").insert(edges.declared, "filters")
 
 
 def test_what_travels_on_topics_are_messages():
-    with pytest.raises(UsageError, match="float is no message; there is CameraInfo, .*Image"):
+    with pytest.raises(UsageError, match=r"float is no message; there is CameraInfo, .*Image"):
         node("measure", inputs={"image": Image}, outputs={"sharpness": float})
 
 

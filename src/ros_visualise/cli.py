@@ -17,6 +17,7 @@ from ros_visualise.errors import RosVisualiseError
 _RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
   ros-visualise demo
+  ros-visualise sim husky --world playpen --mission square
   ros-visualise video flight.mp4 --set filters.threshold=90
   ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
   ros-visualise camera rtsp://192.168.1.10/stream
@@ -75,8 +76,23 @@ def _add_playing(commands: Any) -> None:
     playing = _playing_options()
     playing.set_defaults(module="play")
     demo = commands.add_parser(
-        "demo", parents=[playing], help="a moving scene, with nothing to hand"
+        "demo", parents=[playing], help="a quadrotor over a field, with nothing to hand"
     )
+    demo.add_argument(
+        "scene",
+        nargs="?",
+        choices=("quadrotor", "husky", "landscape"),
+        help="a simulated robot, or a drawn landscape, which needs no MuJoCo",
+    )
+    sim = commands.add_parser("sim", parents=[playing], help="a simulated robot")
+    sim.add_argument("robot", choices=("husky", "quadrotor"))
+    sim.add_argument("--world", default="field", help="plane, playpen or field (%(default)s)")
+    sim.add_argument(
+        "--mission",
+        metavar="SHAPE|FILE",
+        help="square, figure_of_eight, lawn_mower, default, or a YAML file",
+    )
+    sim.add_argument("--seed", type=_seed, default=0, help="of all random errors (%(default)s)")
     video = commands.add_parser("video", parents=[playing], help="a video file")
     video.add_argument("input", metavar="FILE")
     camera = commands.add_parser("camera", parents=[playing], help="a camera")
@@ -87,7 +103,7 @@ def _add_playing(commands: Any) -> None:
         default="0",
         help="a device by path or number (default: 0), a stream's URL, or a test pattern",
     )
-    for command in (demo, video, camera):
+    for command in (demo, sim, video, camera):
         command.add_argument(
             "--size", metavar="WxH", default="", help="scale the images to this size"
         )
@@ -189,6 +205,7 @@ def _checked(
 _not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
 _positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
 _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
+_seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
 _port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
 
 

@@ -144,6 +144,15 @@ _OUTPUTS = {
 }
 
 
+_SOURCE_TOPICS = {
+    "image": "/image_raw",
+    "imu": "/imu/data",
+    "mag": "/imu/mag",
+    "truth": "/ground_truth/odom",
+}
+"""Outputs of sources whose topics are not called as they are."""
+
+
 def image_pipeline(source: str, **settings: Any) -> Graph:
     """``source`` -> fps_control -> filters -> edge_detector, on the topics of the ROS launch files.
 
@@ -163,9 +172,7 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     """
     if source is None:
         return Graph(_chained(added))
-    found = find(source)
-    first = Node(source, found, found.params(), {}, {"image": "/image_raw"})
-    return Graph((first, *_chained(added)))
+    return Graph((_placed(find(source)), *_chained(added)))
 
 
 def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
@@ -216,6 +223,19 @@ def recording_pipeline(
         port = _PATH_INPUTS[declared.outputs[odom]]
         nodes += (place(_built_in("path"), {port: outputs[odom]}),)
     return Graph(nodes)
+
+
+def simulation_pipeline(robot: str, **settings: Any) -> Graph:
+    """A simulated robot, its images through the image nodes, and its odometry to path.
+
+    Args:
+        robot: name of a declared source that simulates one.
+        settings: its parameters.
+    """
+    source = _placed(find(robot))
+    images = _chained([_built_in(name) for name in IMAGE_NODES], source.outputs["image"])
+    path = place(_built_in("path"), {"odom": source.outputs["odom"]})
+    return Graph((source, *images, path)).configured({robot: settings})
 
 
 _PATH_INPUTS: dict[type, str] = {
@@ -283,6 +303,13 @@ def place(declared: NodeType, inputs: Mapping[str, str]) -> Node:
     named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
     outputs = _OUTPUTS.get(declared.name, named)
     return Node(declared.name, declared, declared.params(), inputs, outputs)
+
+
+def _placed(source: NodeType | SourceType) -> Node:
+    """A source on its topics of the pipelines."""
+    inputs = {port: f"/{port}" for port in source.inputs}
+    outputs = {port: _SOURCE_TOPICS.get(port, f"/{port}") for port in source.outputs}
+    return Node(source.name, source, source.params(), inputs, outputs)
 
 
 def _topic(node: Node, port: str) -> Topic:

@@ -36,7 +36,7 @@ def runtime() -> Iterator[LocalRuntime]:
     """The demo through the filters to the edges, paused at its first image."""
     playback = Playback(hold=True)
     playback.pause()
-    running = LocalRuntime(image_pipeline("demo"), playback)
+    running = LocalRuntime(image_pipeline("landscape"), playback)
     running.start()
     yield running
     running.stop()

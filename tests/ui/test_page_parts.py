@@ -67,7 +67,7 @@ def test_a_slider_of_floats_has_round_steps(elements):
 
 
 def test_the_picture_shows_every_node_and_topic_below_what_leads_to_it():
-    graph = image_pipeline("demo")
+    graph = image_pipeline("landscape")
     picture = ET.fromstring(graph_picture(graph))
     heights = {text.text: float(text.get("y")) for text in picture.iter("text")}
     assert set(heights) == {node.name for node in graph.nodes} | set(graph.topics)
@@ -122,7 +122,7 @@ def test_the_table_tells_rates_drops_and_latency():
     node = {"dropped": {"rate": 4, "queue": 2}, "requested_hz": 25, "p50_ms": 1.26}
     topics = {"/controlled_stream": {"type": "sensor_msgs/msg/Image", "hz": 24.96, "wall_hz": 25.1}}
     report = {"topics": topics, "nodes": {"fps_control": node}}
-    table = topic_table(image_pipeline("demo"), report)
+    table = topic_table(image_pipeline("landscape"), report)
     for told in (">25.0<", ">2<", ">1.3<", "4 by rate, 2 by queue", "sensor_msgs/Image"):
         assert told in table
 

@@ -25,7 +25,7 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page
 page = Page(port=int(sys.argv[1]))
-runtime = LocalRuntime(image_pipeline("demo"), Playback(hold=True))
+runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
 runtime.start()
 page.open(runtime)
 print("open", page.url, flush=True)

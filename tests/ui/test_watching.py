@@ -7,7 +7,7 @@ import pytest
 from ros_visualise.pipelines import Graph, image_pipeline
 from ros_visualise.ui.watching import watch
 
-EMPTY, FULL = Graph(()), image_pipeline("demo")
+EMPTY, FULL = Graph(()), image_pipeline("landscape")
 
 
 class Told:
@@ -48,7 +48,7 @@ def test_a_view_that_follows_is_opened_once_even_on_nothing():
 
 
 def test_a_view_that_does_not_is_opened_anew_as_the_graph_changes():
-    other = image_pipeline("demo")
+    other = image_pipeline("landscape")
     told = Told([FULL, FULL, other])
     assert told.watch(reopens=True) == ["made", FULL, "closed", "made", other, "closed"]
 

@@ -35,7 +35,7 @@ def bar(pane, name):
     return next((shown, pane) for scale, shown in scales.items() if scale.spec.name == name)
 
 view = Windows()
-runtime = LocalRuntime(image_pipeline("demo", size="160x120"), Playback(hold=True))
+runtime = LocalRuntime(image_pipeline("landscape", size="160x120"), Playback(hold=True))
 runtime.start()
 view.open(runtime)
 seen = runtime.subscribe("/processed_image")
@@ -198,7 +198,7 @@ def test_a_closed_window_stays_closed_and_the_last_one_ends_the_view(on_screen):
 
 def test_quitting_ends_the_command_with_status_0(screen):
     process = subprocess.Popen(
-        [sys.executable, "-m", "ros_visualise", "demo", "--view", "windows"],
+        [sys.executable, "-m", "ros_visualise", "demo", "landscape", "--view", "windows"],
         env={**os.environ, "DISPLAY": screen},
         stderr=subprocess.PIPE,
         text=True,
@@ -216,7 +216,7 @@ def test_quitting_ends_the_command_with_status_0(screen):
 def test_without_a_screen_one_line_says_so(display):
     env = {k: v for k, v in os.environ.items() if k != "WAYLAND_DISPLAY"}
     done = subprocess.run(
-        [sys.executable, "-m", "ros_visualise", "demo", "--view", "windows"],
+        [sys.executable, "-m", "ros_visualise", "demo", "landscape", "--view", "windows"],
         env={**env, "DISPLAY": display},
         capture_output=True,
         text=True,

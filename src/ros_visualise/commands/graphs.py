@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -17,7 +18,9 @@ from ros_visualise.pipelines import (
     image_pipeline,
     parse_node,
     recording_pipeline,
+    simulation_pipeline,
 )
+from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.recordings import open_recording
 
 _NONE = "none"
@@ -62,7 +65,18 @@ def stepped_topic(graph: Graph) -> str:
 
 
 def _demo(args: Namespace) -> Graph:
-    return image_pipeline("demo", **_size(args))
+    wanted = args.scene or ("quadrotor" if find_spec("mujoco") else "landscape")
+    if wanted == "landscape":
+        return image_pipeline("landscape", **_size(args))
+    return simulation_pipeline(wanted, mission="default", **_camera_size(args))
+
+
+def _sim(args: Namespace) -> Graph:
+    mission = args.mission or _NONE
+    if mission == _NONE and args.view == "none" and args.duration is None and args.frames is None:
+        raise UsageError("the robot would stand for ever: add --mission square or --duration 60")
+    place = {"world": args.world, "mission": mission, "seed": args.seed}
+    return simulation_pipeline(args.robot, **place, **_camera_size(args))
 
 
 def _video(args: Namespace) -> Graph:
@@ -82,6 +96,7 @@ def _recording(args: Namespace) -> Graph:
 
 _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
     "demo": _demo,
+    "sim": _sim,
     "video": _video,
     "camera": _camera,
     "bag": _recording,
@@ -91,6 +106,11 @@ _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
 
 def _size(args: Namespace) -> dict[str, str]:
     return {"size": args.size} if args.size else {}
+
+
+def _camera_size(args: Namespace) -> dict[str, int]:
+    size = parse_size(args.size)
+    return {} if size is None else {"camera_width": size[0], "camera_height": size[1]}
 
 
 def _topic(name: str | None) -> str | None:

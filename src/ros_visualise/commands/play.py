@@ -39,7 +39,7 @@ def run(args: Namespace) -> int:
 def _run(args: Namespace, graph: Graph, view: View) -> int:
     playback = Playback(
         rate=1.0 if args.rate is None else args.rate,
-        loop=args.loop or (args.command == "demo" and view.stays),
+        loop=args.loop or (view.stays and args.command == "demo"),
         start_s=args.start or 0.0,
         duration_s=args.duration,
         frames=args.frames,

@@ -248,7 +248,7 @@ def load(path: str, name: str) -> NodeType:
 
 def _run_file(path: str) -> ModuleType:
     if not Path(path).is_file():
-        raise OpenError(f"{path}: no such file; give a node as FILE.py:NAME")
+        raise OpenError.missing(path, "give a node as FILE.py:NAME")
     spec = importlib.util.spec_from_file_location(f"own_{Path(path).stem}", path)
     if spec is None or spec.loader is None:
         raise OpenError(f"{path}: not a Python file; give a node as FILE.py:NAME")

@@ -33,7 +33,7 @@ class Streamer:
 
     def __init__(self, params: StreamerParams, playback: Playback) -> None:
         if not params.path:
-            raise OpenError("streamer: give the video file, path=FILE")
+            raise OpenError("streamer: give the video file, its parameter path")
         self._params, self._playback = params, playback
         self._calibration = Calibration(params.camera_info_url)
         self._video = Video(params.path, parse_size(params.size))

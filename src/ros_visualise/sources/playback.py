@@ -109,6 +109,11 @@ class Playback:
         return self._closed
 
     @property
+    def holds(self) -> bool:
+        """It is to stay when its source has nothing more to do: somebody looks on."""
+        return self._hold
+
+    @property
     def state(self) -> PlaybackState:
         """What it does now."""
         with self._changed:

@@ -1,4 +1,4 @@
-"""The node that plays the program's own scene."""
+"""The node that plays the program's own landscape."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from ros_visualise.sources.scene import Scene
 
 
 @dataclass(frozen=True)
-class DemoParams:
+class LandscapeParams:
     """How the scene is shown."""
 
     size: str = param("640x480", "size of the images, WIDTHxHEIGHT", restart=True)
     frame_id: str = param("camera_optical", "frame of the images", restart=True)
 
 
-@source("demo", params=DemoParams, outputs={"image": Image})
-class Demo:
+@source("landscape", params=LandscapeParams, outputs={"image": Image})
+class Landscape:
     """Fly over a landscape made by the program."""
 
-    def __init__(self, params: DemoParams, playback: Playback) -> None:
+    def __init__(self, params: LandscapeParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
         self._scene = Scene(parse_size(params.size) or (640, 480))
         playback.check_start(self._scene.duration_ns)

@@ -1,0 +1,94 @@
+"""A simulated robot as a source of messages: played, paused and sought like a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import Header, Image, PoseStamped, Transforms, Twist
+from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.streams import Output
+from ros_visualise.sources.playback import Playback
+
+_NO_MISSION = "none"
+
+
+class SimulatedRobot:
+    """Steps a simulation as its messages become due.
+
+    Its time begins anew where playing goes back; then what was asked of the robot is forgotten.
+
+    Args:
+        robot: ``husky`` or ``quadrotor``.
+        world, mission, seed, settings: as of `Simulation`; the mission ``none`` is none.
+        playback: how it is played; while nobody looks on, it ends with the mission.
+
+    Raises:
+        OpenError: no such world or mission, or MuJoCo is not there.
+    """
+
+    duration_ns = None
+
+    def __init__(
+        self,
+        robot: str,
+        world: str,
+        mission: str,
+        seed: int,
+        settings: RobotParams,
+        playback: Playback,
+    ) -> None:
+        self._arguments = robot, world, seed, None if mission == _NO_MISSION else mission, settings
+        self._playback = playback
+        self._simulation: Simulation | None = Simulation(*self._arguments)
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """The sensors' messages as they become due, stamped with the time of the playback."""
+        for stamp_ns, output in self._playback.run(self):
+            yield output.name, restamped(output.message, stamp_ns - output.stamp_ns)
+
+    def read(self, start_ns: int) -> Generator[tuple[int, Output], None, None]:
+        """(Simulated time, message), from that time on."""
+        simulation = self._begin(start_ns)
+        for output in simulation.run():
+            if output.stamp_ns >= start_ns or output.stamp_ns == 0:
+                yield output.stamp_ns, output
+            if self._playback.closed or (simulation.finished and not self._playback.holds):
+                return
+
+    def command(self, twist: Twist) -> None:
+        """Go with that velocity."""
+        self._now.command(twist)
+
+    def goto(self, goal: PoseStamped) -> None:
+        """Go to a pose in ``map``."""
+        self._now.goto(goal)
+
+    def act(self, action: str) -> None:
+        """Do what `Simulation.act` knows."""
+        self._now.act(action)
+
+    @property
+    def _now(self) -> Simulation:
+        assert self._simulation is not None
+        return self._simulation
+
+    def _begin(self, start_ns: int) -> Simulation:
+        """The simulation at a time: the present one, unless its time has passed."""
+        if self._now.time_ns > start_ns:
+            self._simulation = Simulation(*self._arguments)
+        return self._now
+
+
+def restamped(message: Any, shift_ns: int) -> Any:
+    """A message with its stamps moved."""
+    if isinstance(message, Transforms):
+        return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
+    header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)
+    if isinstance(message, Image) and message.camera_info is not None:
+        return replace(
+            message, header=header, camera_info=replace(message.camera_info, header=header)
+        )
+    return replace(message, header=header)
