@@ -12,6 +12,11 @@
 Anything else that is raised is a bug and prints its traceback.
 """
 
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
 
 class RosVisualiseError(Exception):
     """Base of all that this package raises on purpose."""
@@ -47,3 +52,9 @@ class ParameterError(UsageError):
 
 class OpenError(UsageError):
     """An input or a recording target that cannot be opened."""
+
+    @classmethod
+    def missing(cls, path: str | Path, advice: str = "check the path") -> OpenError:
+        """There is no such file; of a relative path it tells where it was looked for."""
+        folder = "" if os.path.isabs(path) else f" in {os.getcwd()}"
+        return cls(f"{path}: no such file{folder}; {advice}")

@@ -19,7 +19,7 @@ from ros_visualise.pipelines import IMAGE_NODES, Graph, Node, alone, chain, pars
 from ros_visualise.rate import WallClock
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.clock import ClockPublisher, ros_clock
-from ros_visualise.runtime.ros1.playing import playing_params
+from ros_visualise.runtime.ros1.playing import PlayingParams, playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
@@ -216,7 +216,7 @@ def _configured(graph: Graph, namespaces: Mapping[str, str], options: Iterable[s
     for node in graph.nodes:
         kind = type(node.params)
         if isinstance(node.type, SourceType):
-            kind = playing_params(kind)
+            kind = playing_params(node.type)
         values = starting_values(kind, namespaces[node.name], options)
         for name, value in values.items():
             if isinstance(value, str):
@@ -232,9 +232,10 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
     source = graph.source.type
     is_recording = isinstance(source, SourceType) and bool(source.ros)  # which makes the time
     params, duration_s = graph.source.params, float(session.option("duration", 0.0))
+    is_played = isinstance(params, PlayingParams)
     return Playback(
-        rate=params.rate,
-        loop=params.loop,
+        rate=params.rate if is_played else 1.0,
+        loop=is_played and params.loop,
         start_s=float(session.option("start", 0.0)),
         duration_s=duration_s or None,
         hold=stays and not duration_s,

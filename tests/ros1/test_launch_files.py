@@ -152,7 +152,7 @@ def check_declared(node: str, given: Mapping[str, Any]) -> None:
     """Each is declared; those that name nothing of the user's are as declared."""
     declared = find(node)
     is_source = isinstance(declared, SourceType)
-    defaults = (playing_params(declared.params) if is_source else declared.params)()
+    defaults = (playing_params(declared) if is_source else declared.params)()
     changed = update(defaults, given)
     named = {"path", "uri", "camera_info_url", "size"}
     for spec in specs(defaults):

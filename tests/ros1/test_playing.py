@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pytest
 
+from ros_visualise.nodes import SourceType
 from ros_visualise.params import Parameters, param, specs
 from ros_visualise.runtime.ros1.playing import PlaybackFollower, PlayingParams, playing_params
 from ros_visualise.runtime.ros1.topics import info_topic
@@ -15,9 +16,25 @@ class FileParams:
     path: str = param("", "the file", restart=True)
 
 
+def declared(live: bool) -> SourceType:
+    return SourceType("file", lambda *_: None, FileParams, {}, live)
+
+
 def test_a_source_is_declared_with_its_playback():
-    names = [spec.name for spec in specs(playing_params(FileParams))]
-    assert names == ["path", "rate", "loop", "paused"]
+    names = [spec.name for spec in specs(playing_params(declared(live=False)))]
+    assert names == ["path", "paused", "rate", "loop"]
+
+
+def test_a_live_source_can_be_held_but_has_no_speed():
+    params = playing_params(declared(live=True))
+    assert [spec.name for spec in specs(params)] == ["path", "paused"]
+    playback, parameters = Playback(), Parameters(params())
+    follower = PlaybackFollower(playback, parameters)
+    parameters.update({"paused": True})
+    assert not playback.state.playing
+    playback.play()
+    follower.follow()
+    assert not parameters.current.paused
 
 
 def test_parameters_drive_the_playback():

@@ -193,7 +193,7 @@ def test_a_change_from_elsewhere_is_published_and_put_on_the_parameter_server(se
         ({"ints": [IntParameter("count", 900)]}, "from 0 to 800"),
         ({"doubles": [DoubleParameter("count", 1.5)]}, "a whole number"),
         ({"bools": [BoolParameter("count", True)]}, "a whole number"),
-        ({"doubles": [DoubleParameter("open", float("nan"))]}, ""),
+        ({"doubles": [DoubleParameter("open", float("nan"))]}, "open=nan: must be"),
         ({"ints": [IntParameter("cuont", 3)]}, "count, free, ratio"),
     ],
 )
@@ -203,12 +203,21 @@ def test_what_is_refused_leaves_everything_and_is_said_once(
     before = parameters.current
     given = {"ints": [], **given}
     given["ints"] = [*given["ints"], IntParameter("free", 99)]
-    assert set_over_ros(server, **given) == as_ros(before)
+    with pytest.raises(rospy.ServiceException, match=allowed):
+        set_over_ros(server, **given)
     assert parameters.current is before
     warnings = [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
     assert len(warnings) == 1
     assert allowed in warnings[0]
     assert rospy.get_param(f"{server}/free") == 7
+
+
+def test_dynparam_ends_with_what_is_refused_and_why(server, parameters):
+    command = [*DYNPARAM, "set", server, "{count: 900, free: 99}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.returncode != 0
+    assert "count=900: must be from 0 to 800" in done.stderr
+    assert parameters.current == Every()
 
 
 def test_types_are_coerced_as_declared(server, parameters):

@@ -90,7 +90,7 @@ def _check_file(path: Path) -> None:
         if path.is_dir():
             raise OpenError(f"{path}: a folder; give a video file in it")
         if not path.exists():
-            raise OpenError(f"{path}: no such file; check the path")
+            raise OpenError.missing(path)
         if path.is_file() and path.stat().st_size == 0:
             raise OpenError(f"{path}: an empty file; copy or record it again")
     except PermissionError:

@@ -6,25 +6,32 @@ from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
 from typing import Any
 
-from ros_visualise.params import Parameters, Value, param
+from ros_visualise.nodes import SourceType
+from ros_visualise.params import Parameters, Value, param, specs
 from ros_visualise.sources.playback import Playback
 
 
 @dataclass(frozen=True)
-class PlayingParams:
+class LiveParams:
+    """How a live source is shown; its own parameters come beside these."""
+
+    paused: bool = param(False, "stop at the image shown now")
+
+
+@dataclass(frozen=True)
+class PlayingParams(LiveParams):
     """How a recording is played; a source's own parameters come beside these."""
 
     rate: float = param(
         1.0, "speed of playing; 0 is as fast as it goes", min=0, max=100, slider=(0, 4)
     )
     loop: bool = param(False, "start over at the end")
-    paused: bool = param(False, "stop at the image shown now")
 
 
-def playing_params(source_params: type) -> type:
+def playing_params(source: SourceType) -> type:
     """A source's parameters and those of its playback as one declaration."""
-    bases = (PlayingParams, source_params)
-    return make_dataclass(source_params.__name__, [], bases=bases, frozen=True)
+    bases = (LiveParams if source.live else PlayingParams, source.params)
+    return make_dataclass(source.params.__name__, [], bases=bases, frozen=True)
 
 
 class PlaybackFollower:
@@ -33,6 +40,7 @@ class PlaybackFollower:
     def __init__(self, playback: Playback, parameters: Parameters[Any]) -> None:
         self._playback = playback
         self._parameters = parameters
+        self._names = {spec.name for spec in specs(parameters.current)}
         if parameters.current.paused:
             playback.pause()
         self._seen = self._state()
@@ -47,14 +55,16 @@ class PlaybackFollower:
     def _state(self) -> dict[str, Value]:
         state = self._playback.state
         paused = not (state.playing or state.ended)
-        return {"rate": state.rate, "loop": state.loop, "paused": paused}
+        every = {"rate": state.rate, "loop": state.loop, "paused": paused}
+        return {name: value for name, value in every.items() if name in self._names}
 
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:
         state = self._state()
-        if current.rate != state["rate"]:
-            self._playback.set_rate(current.rate)
-        if current.loop != state["loop"]:
-            self._playback.set_loop(current.loop)
-        if "paused" in changed and current.paused != state["paused"]:
-            self._playback.pause() if current.paused else self._playback.play()
+        wanted = {name: getattr(current, name) for name in state}
+        if "rate" in state and wanted["rate"] != state["rate"]:
+            self._playback.set_rate(wanted["rate"])
+        if "loop" in state and wanted["loop"] != state["loop"]:
+            self._playback.set_loop(wanted["loop"])
+        if "paused" in changed and wanted["paused"] != state["paused"]:
+            self._playback.pause() if wanted["paused"] else self._playback.play()
         self._seen = self._state()

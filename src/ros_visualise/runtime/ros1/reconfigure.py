@@ -66,11 +66,16 @@ class ReconfigureServer:
         return rospy.Publisher(f"{self._namespace}/{name}", message_class, latch=True, queue_size=1)
 
     def _set(self, request: ReconfigureRequest) -> ReconfigureResponse:
-        """Answer a request with the values that hold after it."""
+        """Answer a request with the values that hold after it, or with what is wrong about it.
+
+        Raises:
+            rospy.ServiceException: it is refused; dynparam then ends with these words.
+        """
         try:
             self._parameters.update(from_config(self._specs, request.config))
         except ParameterError as error:
             log.warning("%s: %s", self._namespace.removeprefix("/"), error)
+            raise rospy.ServiceException(str(error)) from error
         return ReconfigureResponse(self._publish())
 
     def _follow(self) -> None:

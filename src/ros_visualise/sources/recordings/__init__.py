@@ -138,7 +138,7 @@ def is_recording(path: str | Path) -> bool:
 
 def _open_file(path: Path) -> Recording:
     if not path.exists():
-        raise OpenError(f"{path}: no such file; check the path")
+        raise OpenError.missing(path)
     if not path.is_file():
         raise OpenError(f"{path}: no file; a camera is shown by: ros-visualise camera {path}")
     head = _head(path)

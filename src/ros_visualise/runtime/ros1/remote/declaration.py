@@ -80,7 +80,7 @@ def our_own() -> list[tuple[ConfigDescription, Declaration]]:
     for node in find_all():
         kinds = [node.params]
         if isinstance(node, SourceType):
-            kinds.append(playing_params(node.params))
+            kinds.append(playing_params(node))
         found += [(describe(specs(kind)), Declaration(kind, node)) for kind in kinds if specs(kind)]
     return found
 

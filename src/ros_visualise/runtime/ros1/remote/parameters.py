@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +23,9 @@ log = logging.getLogger(__name__)
 
 _ANSWER_S = 2.0
 """A node that takes longer to answer counts as gone."""
+_GONE_S = 2.0
 _ECHO_S = 0.25
+_REFUSED = "responded with an error"  # rospy has one exception for this and for no answer at all
 _UNKNOWN = Declaration(NoParams)
 
 
@@ -46,7 +49,8 @@ class RemoteParameters(Parameters[Any]):
         self._came = threading.Condition()
         self._count = 0
         self._recent: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=64)
-        self._was_there = True
+        self._seen_s = time.monotonic()
+        self._is_missed = False
         self._description: ConfigDescription | None = None
         self._calls = threading.Lock()
         self._calling: threading.Thread | None = None
@@ -66,19 +70,25 @@ class RemoteParameters(Parameters[Any]):
         return bool(self._updates.get_num_connections())
 
     def follow(self) -> None:
-        """Say, once, that the node has gone or is back; to be called now and then."""
-        if self.is_there != self._was_there and self._ready.is_set():
-            self._was_there = self.is_there
-            if self._was_there:
-                log.info("%s is back", self._name)
-            else:
-                log.warning("%s is gone; its parameters come back with it", self._name)
+        """Say, once, that the node has gone or is back; to be called while the master is there.
+
+        Where all nodes end together this one does too, before it has missed another.
+        """
+        is_there = self.is_there
+        if is_there or not self._ready.is_set():
+            self._seen_s = time.monotonic()
+        if is_there and self._is_missed:
+            log.info("%s is back", self._name)
+            self._is_missed = False
+        elif not self._is_missed and time.monotonic() - self._seen_s > _GONE_S:
+            log.warning("%s is gone; its parameters come back with it", self._name)
+            self._is_missed = True
 
     def update(self, changes: Mapping[str, Any]) -> Any:
         """Have the node apply all changes or none; returns what then holds.
 
         Raises:
-            ParameterError: as `ros_visualise.params.update`.
+            ParameterError: as `ros_visualise.params.update`, or the node itself refuses.
             OpenError: the node does not answer.
         """
         if not self.wait(_ANSWER_S):
@@ -103,7 +113,7 @@ class RemoteParameters(Parameters[Any]):
     def _call(self, values: Mapping[str, Any]) -> Config:
         """Ask the node to set values; its answer, or an error in bounded time."""
         config = self.declaration.encode(specs(self.current), values)
-        answers: list[Config] = []
+        answers: list[Config | ParameterError] = []
         if self._calls.acquire(timeout=_ANSWER_S):
             try:
                 self._ask_aside(config, answers)
@@ -111,23 +121,27 @@ class RemoteParameters(Parameters[Any]):
                 self._calls.release()
         if not answers:
             raise self._no_answer()
+        if isinstance(answers[0], ParameterError):
+            raise answers[0]
         return answers[0]
 
     def _no_answer(self) -> OpenError:
         return OpenError(f"{self._name} does not answer; is it still running?")
 
-    def _ask_aside(self, config: Config, answers: list[Config]) -> None:
+    def _ask_aside(self, config: Config, answers: list[Config | ParameterError]) -> None:
         """Ask on a thread that is left behind when no answer comes."""
         if self._calling is None or not self._calling.is_alive():
             self._calling = threading.Thread(target=self._ask, args=(config, answers), daemon=True)
             self._calling.start()
             self._calling.join(_ANSWER_S)
 
-    def _ask(self, config: Config, answers: list[Config]) -> None:
+    def _ask(self, config: Config, answers: list[Config | ParameterError]) -> None:
         try:
             service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
             answers.append(service(config).config)
         except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+            if _REFUSED in str(error):
+                answers.append(ParameterError(f"{self._name} refuses: {error}"))
             log.debug("%s: %s", self._name, error)
 
     def _has_come(self, asked: int, answer: Mapping[str, Any]) -> bool:

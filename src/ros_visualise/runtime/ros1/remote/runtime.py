@@ -161,6 +161,7 @@ class RemoteRuntime:
             self._sight = self._discovery.look()
         except (OSError, HTTPException, XmlRpcError, rosgraph.MasterException) as error:
             log.debug("the ROS master does not answer: %s", error)
+            return
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
         self._meet(found)
         shown = [place for place in found if self._is_settled(place)]
