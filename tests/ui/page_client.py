@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import numpy as np
 import viser
 import zstandard
 from websockets.sync.client import connect
@@ -26,8 +27,12 @@ CAMERA = {
 }
 
 
+_POSES = {"SetPositionMessage": "position", "SetOrientationMessage": "wxyz"}
+
+
 class Client:
-    """Connects as a browser does and knows the elements that it was told of, by their labels."""
+    """Connects as a browser does and knows what it was told of: elements by their
+    labels, nodes of the scene by their names."""
 
     def __init__(self, port: int) -> None:
         protocol = f"viser-v{viser.__version__}"
@@ -36,6 +41,8 @@ class Client:
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
         self.images = 0
+        self.nodes: dict[str, dict[str, Any]] = {}
+        self.plots: dict[str, Any] = {}
         self._labels: dict[str, str] = {}
         self.send(CAMERA)
 
@@ -63,6 +70,9 @@ class Client:
                     self._take(message)
 
     def _take(self, message: dict[str, Any]) -> None:
+        self._take_node(message)
+        if "uuid" not in message:
+            return
         props = message.get("props") or message.get("updates") or {}
         if message["type"] == "GuiRemoveMessage":
             self.values.pop(self._labels.pop(message["uuid"], None), None)
@@ -72,10 +82,43 @@ class Client:
         elif "value" in props and message["uuid"] in self._labels:
             self.values[self._labels[message["uuid"]]] = props["value"]
         self.html += [props["content"]] if isinstance(props.get("content"), str) else []
+        if isinstance(props.get("data"), (list, tuple)):
+            self.plots[message["uuid"]] = props["data"]
         self.images += props.get("_data") is not None
+
+    def _take_node(self, message: dict[str, Any]) -> None:
+        name, kind = message.get("name"), message["type"]
+        if name is None:
+            return
+        if kind == "RemoveSceneNodeMessage":
+            self.nodes.pop(name, None)
+        elif kind in _POSES:
+            self.nodes.setdefault(name, {})[_POSES[kind]] = np.array(message[_POSES[kind]])
+        elif kind == "SetSceneNodeVisibilityMessage":
+            self.nodes.setdefault(name, {})["visible"] = message["visible"]
+        else:
+            props = message.get("props") or message.get("updates") or {}
+            self.nodes.setdefault(name, {}).update(props)
 
 
 def _decode(packet: bytes) -> list[dict[str, Any]]:
     length = int.from_bytes(packet[8:16], "little")
     packed = zstandard.ZstdDecompressor().decompress(packet[16 : 16 + length])
-    return msgspec.msgpack.decode(packed)["messages"]
+    content = msgspec.msgpack.decode(packed)
+    buffers, start = [], 16 + length
+    for size in content["binaryBufferLengths"]:
+        start += -start % 8
+        buffers.append(packet[start : start + size])
+        start += size
+    return [_filled(message, buffers) for message in content["messages"]]
+
+
+def _filled(value: Any, buffers: list[bytes]) -> Any:
+    """With flat arrays in the places of what was sent beside the messages."""
+    if isinstance(value, list):
+        return [_filled(one, buffers) for one in value]
+    if not isinstance(value, dict):
+        return value
+    if "__binary_index" in value:
+        return np.frombuffer(buffers[value["__binary_index"]], value["dtype"])
+    return {key: _filled(one, buffers) for key, one in value.items()}

@@ -1,0 +1,49 @@
+"""A runtime whose topics a test publishes on, and which tells what is asked for."""
+
+from collections import Counter
+from functools import partial
+
+from ros_visualise.nodes import NodeType, NoParams
+from ros_visualise.params import Parameters
+from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.topics import Subscription, Topic
+
+
+class Told:
+    """One node that publishes topics of these types."""
+
+    playback = None
+
+    def __init__(self, **kinds):
+        outputs = {f"/{name}": kind for name, kind in kinds.items()}
+        declared = NodeType("robot", None, NoParams, {}, outputs)
+        node = Node("robot", declared, NoParams(), {}, {name: name for name in outputs})
+        self.graph = Graph((node,))
+        self.parameters = {"robot": Parameters(NoParams())}
+        self.asked = Counter()
+        self._topics = {name: Topic(on_demand=False) for name in outputs}
+        self._number = 0
+
+    def say(self, **messages):
+        """Publish one message on each of these topics."""
+        for name, message in messages.items():
+            self._number += 1
+            self._topics[f"/{name}"].publish(Packet(self._number, message, 0))
+
+    def subscribe(self, topic, depth=1):
+        inbox = Inbox(lossless=False, keep=depth)
+        self._topics[topic].connect(inbox, latched=True)
+        self.asked[topic] += 1
+        return Subscription(inbox, partial(self._end, topic, inbox))
+
+    def report(self, window_s=None):
+        figures = {"type": "", "messages": 0, "hz": None, "wall_hz": None}
+        return {
+            "topics": dict.fromkeys(self.graph.topics, figures),
+            "nodes": {"robot": {"dropped": {}, "p50_ms": None}},
+        }
+
+    def _end(self, topic, inbox):
+        self._topics[topic].disconnect(inbox)
+        self.asked[topic] -= 1

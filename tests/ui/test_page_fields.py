@@ -1,0 +1,99 @@
+"""What is plotted of messages, and the picture of the tree of frames."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+from scene_messages import S, odometry
+
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.ui.page.fields import History, fields_of
+from ros_visualise.ui.page.tree import tree_picture
+from ros_visualise.ui.scene.links import Link
+
+
+def test_fields_are_called_as_in_the_ros_type():
+    fields = fields_of(odometry([1, 2, 3], 1.5))
+    assert fields["pose.pose.position.y"] == 2
+    assert fields["header.stamp"] == 1.5
+
+
+def test_messages_of_types_that_nobody_knows_have_fields():
+    definitions = Definitions("cdr")
+    definitions.define("my_msgs/msg/Battery", "float32 voltage\nuint8[3] cells\nstring name\n")
+    battery = definitions.types["my_msgs/msg/Battery"](12.5, np.array([1, 2, 3], np.uint8), "a")
+    data = definitions.write("my_msgs/msg/Battery", battery)
+    fields = fields_of(Recorded("my_msgs/msg/Battery", data, definitions, 7))
+    assert fields == {"voltage": 12.5, "cells[0]": 1, "cells[1]": 2, "cells[2]": 3}
+
+
+def test_a_history_holds_the_last_seconds():
+    history = History(["a"])
+    for step in range(100):
+        history.add(10**18 + step * S, {"a": step, "b": 0})
+    seconds, values = history.columns(10)
+    assert seconds.tolist() == list(range(89, 100))
+    assert values.tolist() == seconds.tolist()
+
+
+def test_a_history_is_bounded_and_thinned():
+    history = History(["a"])
+    for step in range(30_000):
+        history.add(step * S // 1000, {"a": step})
+    seconds, values = history.columns(1000)
+    assert 750 <= len(seconds) <= 1500
+    assert values[0] == 10_000
+
+
+def test_a_history_begins_anew_when_time_jumps_back_and_has_gaps_where_a_field_lacks():
+    history = History(["a"])
+    history.add(5 * S, {"a": 1})
+    history.add(6 * S, {"a": 2})
+    history.add(3 * S, {"a": 3})
+    history.add(4 * S, {})
+    seconds, values = history.columns(10)
+    assert seconds.tolist() == [0, 1]
+    assert values[0] == 3
+    assert np.isnan(values[1])
+
+
+def test_nothing_has_no_history():
+    assert [len(column) for column in History(["a", "b"]).columns(10)] == [0, 0, 0]
+
+
+TREE = [
+    Link("odom", "base_link", False, 5 * S, 50.0),
+    Link("base_link", "camera", True, 0, None),
+    Link("base_link", "<laser>", True, 0, None),
+    Link("map", "odom", False, 2 * S, 10.0),
+]
+
+
+def texts_of(links):
+    return {text.text: text for text in ET.fromstring(tree_picture(links)).iter("text")}
+
+
+def test_the_tree_shows_frames_below_their_parents_and_what_is_known_of_each():
+    texts = texts_of(TREE)
+    y = {name: float(text.get("y")) for name, text in texts.items()}
+    assert y["map"] < y["odom"] < y["base_link"] < y["camera"] == y["<laser>"]
+    assert {"50.0 Hz", "10.0 Hz", "3.0 s ago", "static"} <= set(texts)
+
+
+def test_frames_of_one_row_do_not_overlap():
+    names = [f"a_rather_long_frame_{number}" for number in range(12)]
+    texts = texts_of([Link("base", name, True, 0, None) for name in names])
+    x = sorted(float(texts[name].get("x")) for name in names)
+    assert min(np.diff(x)) > 6.3 * len(names[0])
+
+
+def test_several_trees_and_none_are_pictured():
+    texts = texts_of([Link("a", "b", True, 0, None), Link("c", "d", True, 0, None)])
+    assert {"a", "b", "c", "d"} <= set(texts)
+    assert "no transforms" in tree_picture([])
+
+
+def test_frames_that_go_round_are_pictured():
+    assert {"a", "b"} <= set(
+        texts_of([Link("a", "b", True, 0, None), Link("b", "a", True, 0, None)])
+    )

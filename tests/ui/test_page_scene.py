@@ -1,0 +1,154 @@
+"""The page of a robot: the scene, its controls, plots of fields, and points over images."""
+
+import re
+import time
+
+import numpy as np
+import pytest
+from page_client import Client
+from scene_messages import cloud, image, odometry, tf, transform
+from scene_runtime import Told
+
+from ros_visualise.data import Image, Odometry, PointCloud, Transforms
+from ros_visualise.ui.page import Page
+
+DEPTH = np.stack([np.zeros(9), np.zeros(9), np.full(9, 5.0)], axis=1)
+ROBOT = {"tf": Transforms, "tf_static": Transforms, "points": PointCloud, "odom": Odometry}
+
+
+@pytest.fixture
+def runtime():
+    return Told(**ROBOT, image=Image)
+
+
+@pytest.fixture
+def page(runtime, port):
+    page = Page(port=port)
+    page.open(runtime)
+    yield page
+    page.close()
+
+
+@pytest.fixture
+def client(page, port):
+    client = Client(port)
+    yield client
+    client.socket.close()
+
+
+def wait_until(check):
+    end_s = time.monotonic() + 20
+    while not check():
+        assert time.monotonic() < end_s, "it did not come about"
+        time.sleep(0.01)
+
+
+def test_what_is_published_is_drawn(client, runtime):
+    runtime.say(tf_static=tf(transform("base_link", "lidar", [0, 0, 1])))
+    runtime.say(tf=tf(transform("odom", "base_link", [3, 0, 0], 1)))
+    runtime.say(points=cloud(DEPTH), odom=odometry([3, 0, 0]))
+    drawn = client.nodes
+    client.read_until(
+        lambda: len(drawn.get("/world/topics/points/points", {}).get("points", ())) == 27
+    )
+    assert np.allclose(drawn["/world/topics/points"]["position"], [3, 0, 1])
+    client.read_until(lambda: "/world/topics/odom/axes" in drawn)
+
+
+def test_nothing_but_transforms_is_asked_for_while_nobody_looks(page, runtime, port):
+    wait_until(lambda: runtime.asked["/tf"] == 1)
+    runtime.say(tf_static=tf(transform("map", "lidar", [1, 0, 0])))
+    runtime.say(tf_static=tf(transform("map", "odom", [2, 0, 0])), points=cloud(DEPTH))
+    scene = page._desk._scene
+    wait_until(lambda: scene.frames.names == ["lidar", "map", "odom"])
+    assert [runtime.asked[topic] for topic in ("/points", "/odom", "/image")] == [0, 0, 0]
+    client = Client(port)
+    wait_until(lambda: runtime.asked["/points"] == 1)
+    client.read_until(lambda: "/world/topics/points/points" in client.nodes)
+    client.socket.close()
+    wait_until(lambda: sum(runtime.asked[t] for t in ("/points", "/odom", "/image")) == 0)
+    assert runtime.asked["/tf"] == 1
+
+
+def test_a_hidden_topic_is_not_asked_for(client, runtime):
+    client.read_until(lambda: runtime.asked["/points"] == 1)
+    client.set("/points", False)
+    client.read_until(lambda: runtime.asked["/points"] == 0)
+    client.set("/points", True)
+    client.read_until(lambda: runtime.asked["/points"] == 1)
+
+
+def test_the_controls_reach_the_scene(client, runtime, page):
+    scene = page._desk._scene
+    runtime.say(tf=tf(transform("map", "odom", [1, 0, 0], 1)))
+    client.read_until(lambda: any("drawn in <b>map</b>" in text for text in client.html))
+    client.set("fixed frame", "odom")
+    client.set("point size", 0.3)
+    client.set("follow the robot", False)
+    client.set("colour by", "height")
+    client.read_until(lambda: scene.frames.fixed == "odom" and scene.look.point_size == 0.3)
+    client.read_until(lambda: not scene.view.follows)
+    client.set("fixed frame", "auto")
+    client.read_until(lambda: scene.frames.fixed == "map")
+
+
+def test_what_has_no_transform_is_told(client, runtime):
+    runtime.say(tf=tf(transform("map", "odom", [1, 0, 0], 1)), points=cloud(DEPTH, "<b>"))
+    client.read_until(
+        lambda: any("/points: " in text and "&lt;b&gt;" in text for text in client.html)
+    )
+
+
+def test_the_tree_of_frames_is_pictured(client, runtime):
+    runtime.say(
+        tf=tf(transform("map", "odom", [1, 0, 0], 1), transform("odom", "base_link", [0, 0, 0], 1))
+    )
+    client.read_until(
+        lambda: any("rv-tree" in text and ">base_link<" in text for text in client.html)
+    )
+
+
+def test_a_field_is_plotted_once_its_topic_is_chosen(client, runtime):
+    assert runtime.asked["/odom"] <= 1
+    client.read_until(lambda: "topic" in client.values)
+    client.set("topic", "/odom")
+    client.read_until(lambda: runtime.asked["/odom"] == 2)
+    runtime.say(odom=odometry([0, 0, 0], 0.5))
+    client.read_until(lambda: client.values["field 1"] == "pose.pose.position.x")
+    client.set("field 2", "pose.pose.position.y")
+    plots = client.plots
+    client.read_until(lambda: any(len(plot) == 3 for plot in plots.values()))
+    for step in range(40):
+        runtime.say(odom=odometry([step, -step, 0], 1 + step / 10))
+    client.read_until(lambda: any(len(plot) == 3 and len(plot[0]) >= 40 for plot in plots.values()))
+    x, position_x, position_y = next(plot for plot in plots.values() if len(plot) == 3)
+    assert np.allclose(np.diff(x[-40:]), 0.1)
+    assert np.allclose(position_x[-40:], np.arange(40))
+    assert np.allclose(position_y, -np.array(position_x))
+    client.set("topic", "–")
+    client.read_until(lambda: runtime.asked["/odom"] == 1)
+
+
+def test_points_are_drawn_over_images_on_demand(client, runtime):
+    runtime.say(tf_static=tf(transform("base_link", "lidar", [0, 0, 0])))
+    runtime.say(tf_static=tf(transform("base_link", "camera", [0, 0, 0])))
+    runtime.say(points=cloud(DEPTH), image=image())
+    client.read_until(lambda: runtime.asked["/points"] == 1)
+    client.set("overlay", "/points")
+    client.read_until(lambda: runtime.asked["/points"] == 2)
+    client.set("overlay", "none")
+    client.read_until(lambda: runtime.asked["/points"] == 1)
+
+
+def test_images_alone_fill_the_page(port):
+    page = Page(port=port)
+    page.open(Told(image=Image))
+    client = Client(port)
+    client.read_until(lambda: any("100% + 116px" in text for text in client.html))
+    assert not any("100vh" in text for text in client.html)
+    client.socket.close()
+    page.close()
+
+
+def test_beside_a_scene_windows_share_a_column(client):
+    client.read_until(lambda: any(re.search("min-height: .*100vh", text) for text in client.html))
