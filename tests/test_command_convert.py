@@ -252,7 +252,7 @@ def test_a_kitti_drive_becomes_a_bag(recordings: Path, tmp_path: Path) -> None:
 RECORD = f"""
 import sys
 sys.path.insert(0, {str(Path(__file__).parent)!r})
-from test_convert import TYPES, S, imu, one_map, open_recorder
+from {Path(__file__).stem} import TYPES, S, imu, one_map, open_recorder
 
 recorder = open_recorder(sys.argv[1], TYPES)
 recorder.write("/map", one_map(S))
