@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -289,7 +290,7 @@ def test_ctrl_c_leaves_a_file_that_can_be_read(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ros_visualise", "convert", str(recorder.path), str(target)]
     with subprocess.Popen([*command, "--compression", "bz2"], stderr=subprocess.PIPE) as process:
         while process.poll() is None and not _has_begun(target):
-            pass
+            time.sleep(0.01)
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=30)
     assert process.returncode == 130
