@@ -278,6 +278,15 @@ def test_types_of_ros_need_no_definition_and_others_do(tmp_path: Path) -> None:
 
 
 @each_storage
+def test_a_bag_without_messages_is_empty(tmp_path: Path, storage: StoragePlugin) -> None:
+    write_bag(tmp_path / "bag", [], storage)
+    found, recording = read(tmp_path / "bag")
+    assert (found, recording.start_ns, recording.end_ns) == ([], 0, 0)
+    assert recording.stamps_ns() == {}
+    assert not recording.loss
+
+
+@each_storage
 def test_closing_ends_reading(tmp_path: Path, storage: StoragePlugin) -> None:
     write_bag(tmp_path / "bag", numbered(range(500)), storage)
     recording = open_rosbag2(tmp_path / "bag")

@@ -21,6 +21,7 @@ from ros_visualise.sources.recordings.sqlite3_tables import channels, connect, h
 from ros_visualise.sources.recordings.storage import Channel, Query, add_note
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
+_MOST_AT_ONCE, _BYTES_AT_ONCE = 256, 1 << 18  # rows that are fetched while holding the lock
 _ROW = np.dtype([("id", "<i8"), ("stamp_ns", "<i8"), ("topic", "<i8")])
 
 _Rows = npt.NDArray[np.void]
@@ -55,6 +56,11 @@ class SqliteFile:
         except sqlite3.Error as error:
             self.close()
             raise OpenError(f"{path}: no ROS 2 bag that can be read: {error}") from None
+        self._readable = {
+            number: (channel.topic, channel.type_name, channel.definitions)
+            for number, channel in self.channels.items()
+            if channel.definitions
+        }
         self.counts, spans_ns = self._survey()
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
@@ -72,8 +78,10 @@ class SqliteFile:
         last = (_EARLIEST_NS, _EARLIEST_NS)
         try:
             for number, stamp_ns, topic, data in self._ordered(query):
-                last = (stamp_ns, number)
+                if (stamp_ns, number) <= last:
+                    raise sqlite3.DatabaseError("its index is not in order")
                 yield self._entry(topic, stamp_ns, data)
+                last = (stamp_ns, number)
         except sqlite3.DatabaseError as error:
             self._salvage(error)
         yield from self._salvaged(query, last)
@@ -105,7 +113,7 @@ class SqliteFile:
         topics, numbers = np.unique(rows["topic"], return_counts=True)
         counts = dict(zip(topics.tolist(), numbers.tolist(), strict=True))
         stamps_ns = rows["stamp_ns"]
-        return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] * bool(len(rows))
+        return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] if len(rows) else []
 
     def _counted(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
         """The same by SQLite's own counting.
@@ -117,22 +125,26 @@ class SqliteFile:
             "SELECT topic_id, count(*), min(timestamp), max(timestamp)"
             " FROM messages NOT INDEXED GROUP BY topic_id"
         ).fetchall()
+        if not all(isinstance(value, int) for row in found for value in row):
+            raise sqlite3.DatabaseError("its rows are damaged")
         counts = {topic: count for topic, count, _, _ in found}
         [(indexed,)] = self._database.execute("SELECT count(*) FROM messages")
         if indexed != sum(counts.values()):
             raise sqlite3.DatabaseError("its index lacks messages")
-        return counts, [(min(r[2] for r in found), max(r[3] for r in found))] * bool(found)
+        return counts, [(min(r[2] for r in found), max(r[3] for r in found))] if found else []
 
-    def _ordered(self, query: Query) -> Iterator[tuple[int, int, int, Any]]:
+    def _ordered(self, query: Query) -> Iterator[Any]:
         """What is asked for, by SQLite's index; nothing where that does not serve."""
         if self._rows is not None:
-            return
+            return iter(())
         topics = self._topics(query)
-        yield from self._select(
+        message_bytes = self.size // max(1, sum(self.counts.values()))
+        return self._select(
             "SELECT id, timestamp, topic_id, data FROM messages"
             f" WHERE timestamp >= ? AND timestamp < ? AND topic_id IN ({_marks(topics)})"
             " ORDER BY timestamp, id",
             (max(query.start_ns, _EARLIEST_NS), min(query.stop_ns, _LATEST_NS), *topics),
+            at_once=min(_MOST_AT_ONCE, 1 + _BYTES_AT_ONCE // max(1, message_bytes)),
         )
 
     def _salvaged(self, query: Query, last: tuple[int, int]) -> Iterator[Entry]:
@@ -155,26 +167,27 @@ class SqliteFile:
                 self._lost.add(number)
                 self._loss.messages += 1
 
-    def _select(self, sql: str, values: Collection[int] = ()) -> Iterator[Any]:
+    def _select(self, sql: str, values: Collection[int] = (), at_once: int = 1) -> Iterator[Any]:
         """Rows one by one; they end when the file is closed."""
         cursor = None
-        while True:
+        rows = [()]
+        while rows:
             with self._lock:
                 if self._is_closed:
                     return
                 try:
                     cursor = cursor or self._database.execute(sql, tuple(values))
-                    row = cursor.fetchone()
+                    rows = cursor.fetchmany(at_once)
                 except sqlite3.OperationalError:
                     if self._is_closed:
                         return
                     raise
-            if row is None:
-                return
-            yield row
+            yield from rows
 
     def _salvage(self, error: sqlite3.Error | None) -> _Rows:
         """Find the rows one by one from now on, instead of by SQLite's index."""
+        if self._rows is not None:
+            return self._rows
         rows, gap = self._scan()
         rows = self._without_cut(rows)
         self._rows = rows[np.lexsort((rows["id"], rows["stamp_ns"]))]
@@ -229,11 +242,9 @@ class SqliteFile:
         return np.array(found, _ROW), True
 
     def _entry(self, topic: int, stamp_ns: int, data: Any) -> Entry:
-        channel = self.channels[topic]
-        assert channel.definitions is not None
+        name, type_name, definitions = self._readable[topic]
         data = data if isinstance(data, bytes) else b""
-        message = Recorded(channel.type_name, data, channel.definitions, stamp_ns)
-        return Entry(channel.topic, stamp_ns, message)
+        return Entry(name, stamp_ns, Recorded(type_name, data, definitions, stamp_ns))
 
     def _topics(self, query: Query) -> list[int]:
         return [number for number, channel in self.channels.items() if query.asks_for(channel)]
