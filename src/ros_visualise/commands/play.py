@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import shutil
 import signal
 import sys
 from argparse import Namespace
@@ -79,9 +80,13 @@ def _start_recordings(
     except RosVisualiseError:
         for recording in recordings:
             runtime.stop_recording(recording)
-            recording.path.unlink(missing_ok=True)
+            _remove(recording.path)
         raise
     return recordings
+
+
+def _remove(path: Path) -> None:
+    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def _refuse_double_use(targets: list[str], source: str | None) -> None:

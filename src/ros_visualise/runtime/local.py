@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -55,22 +55,24 @@ class LocalRuntime:
         self._nodes = [self._join(n) for n in graph.nodes if isinstance(n.type, NodeType)]
         works = [self._source.run] if self._source else []
         works += [node.run for node in self._nodes]
-        self._threads = [threading.Thread(target=work, daemon=True) for work in works]
+        self._running = 0
+        self._ended = threading.Condition()  # joining a thread does not outlive a Ctrl-C
+        self._threads = [
+            threading.Thread(target=self._run, args=(work,), daemon=True) for work in works
+        ]
         for name, parameters in self.parameters.items():
             parameters.on_change(partial(self._parameters_changed, name))
 
     def start(self) -> None:
         """Begin; the source is open already."""
+        self._running = len(self._threads)
         for thread in self._threads:
             thread.start()
 
     def wait(self, timeout_s: float) -> bool:
         """Wait for the end of the stream; True when everything has passed every node."""
-        deadline_s = time.monotonic() + timeout_s
-        alive = [thread for thread in self._threads if thread.is_alive()]
-        for thread in alive:
-            thread.join(max(deadline_s - time.monotonic(), 0))
-        return not any(thread.is_alive() for thread in alive)
+        with self._ended:
+            return self._ended.wait_for(lambda: self._running == 0, timeout_s)
 
     def stop(self) -> None:
         """End now and close all recordings; what is still on its way to a node is let go."""
@@ -173,6 +175,14 @@ class LocalRuntime:
         for port, topic in node.inputs.items():
             self._topics[topic].connect(SourceInput(source, port))
         return source
+
+    def _run(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        finally:
+            with self._ended:
+                self._running -= 1
+                self._ended.notify_all()
 
     def _join(self, node: Node) -> NodeThread:
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}

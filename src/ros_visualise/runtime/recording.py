@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
-from ros_visualise.errors import RecordingError
+from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.queues import Packet
@@ -194,8 +194,12 @@ class RecorderThread:
         is_recorded = isinstance(message, Recorded)
         self._stamp_ns = message.stamp_ns if is_recorded else message.header.stamp_ns
         self._write_events()
-        self._recorder.write(topic, message)
-        self.written += 1
+        try:
+            self._recorder.write(topic, message)
+            self.written += 1
+        except DamagedMessage as error:
+            self.dropped += 1
+            log.warning("%s: %s: %s", self.path, topic, error)
 
     def _write_events(self) -> None:
         while self._events:
