@@ -6,7 +6,7 @@ import logging
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -31,7 +31,7 @@ from ros_visualise.ui.watching import watch
 log = logging.getLogger(__name__)
 
 _SPIN_S = 0.1
-_OPTIONS = ("view", "host", "port", "window", "image_transport", "start", "duration")
+_OPTIONS = ("view", "host", "port", "window", "image_transport", "start", "duration", "clock")
 """Private parameters that every executable reads once, beside those that its node declares."""
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 _PATIENCE_S = 20.0
@@ -122,7 +122,7 @@ def _run_player() -> int:
     if image := _chosen_image(declared):
         outputs[image] = "/image_raw"
     graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
-    options = (*_OPTIONS, "path", "topics", "image", "clock", "wait_for")
+    options = (*_OPTIONS, "path", "topics", "image", "wait_for")
     return _run_graph(graph, {"player": ""}, options, partial(_conduct, recording.start_ns))
 
 
@@ -147,17 +147,23 @@ def _chosen_image(declared: SourceType) -> str | None:
 @contextmanager
 def _conduct(start_ns: int, process: Process) -> Iterator[None]:
     """Publish the recording's time, and begin when those who are to see it all are there."""
-    playback = process.runtime.playback
-    if playback is None or not session.option("clock", True):
-        clock = None
-    else:
-        clock = ClockPublisher(lambda: start_ns + playback.time_ns())
-    try:
+    with _publish_time(process, lambda playback: start_ns + playback.time_ns()):
         _wait_for_subscribers(process, _named_topics("wait_for", "none"))
         yield
-    finally:
-        if clock is not None:
-            clock.close()
+
+
+@contextmanager
+def _publish_time(
+    process: Process, now_ns: Callable[[Playback], int] = Playback.stamp_ns
+) -> Iterator[None]:
+    """Publish the time that a source makes, unless it was asked not to."""
+    playback = process.runtime.playback
+    makes_time = process.runtime.graph.makes_time and session.option("clock", True)
+    if playback is None or not makes_time:
+        yield
+    else:
+        with closing(ClockPublisher(lambda: now_ns(playback))):
+            yield
 
 
 def _wait_for_subscribers(process: Process, topics: Sequence[str]) -> None:
@@ -173,7 +179,7 @@ def _run_graph(
     graph: Graph,
     namespaces: Mapping[str, str],
     options: Iterable[str] = (),
-    conduct: Callable[[Process], AbstractContextManager[None]] = lambda _: nullcontext(),
+    conduct: Callable[[Process], AbstractContextManager[None]] = _publish_time,
 ) -> int:
     """Run a graph until it ends; ``conduct`` surrounds its running."""
     view = _open_view()
@@ -226,11 +232,11 @@ def _configured(graph: Graph, namespaces: Mapping[str, str], options: Iterable[s
 
 
 def _playback(graph: Graph, stays: bool) -> Playback | None:
-    """How the source is played; while somebody looks, it stays at its end."""
+    """How the source is played; while somebody looks or can command it, it stays at its end."""
     if graph.source is None:
         return None
     source = graph.source.type
-    is_recording = isinstance(source, SourceType) and bool(source.ros)  # which makes the time
+    assert isinstance(source, SourceType)
     params, duration_s = graph.source.params, float(session.option("duration", 0.0))
     is_played = isinstance(params, PlayingParams)
     return Playback(
@@ -238,9 +244,9 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
         loop=is_played and params.loop,
         start_s=float(session.option("start", 0.0)),
         duration_s=duration_s or None,
-        hold=stays and not duration_s,
-        live_stamps=True,
-        clock=WallClock() if is_recording else ros_clock(),
+        hold=(stays or bool(source.inputs)) and not duration_s,
+        live_stamps=not source.makes_time,
+        clock=WallClock() if source.makes_time else ros_clock(),
     )
 
 

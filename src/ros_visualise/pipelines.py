@@ -68,6 +68,12 @@ class Graph:
         return source is None or (isinstance(source.type, SourceType) and source.type.live)
 
     @property
+    def makes_time(self) -> bool:
+        """Whether its source tells what time it is."""
+        source = self.source
+        return source is not None and isinstance(source.type, SourceType) and source.type.makes_time
+
+    @property
     def inputs(self) -> dict[str, type]:
         """The topics that come from outside, and the type of their messages."""
         return {

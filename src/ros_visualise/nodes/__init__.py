@@ -20,8 +20,10 @@ message, or with None: nothing for this one.
 
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
-closed; ``close()``; and where needed ``report()``, actions, and ``receive(port, message)`` for the
-inputs that it declares. Actions and ``receive`` are called from other threads than ``messages``.
+closed; ``close()``; and where needed ``report()``, actions, ``receive(port, message)`` for the
+inputs that it declares, and ``spare(wants)``, called before ``messages``: ``wants(output)`` tells
+whether anybody listens to what is dear to make. Actions and ``receive`` are called from other
+threads than ``messages``.
 """
 
 from __future__ import annotations
@@ -77,7 +79,9 @@ class NodeType:
 class SourceType:
     """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera.
 
-    ``ros`` are the types of those outputs for which their class does not say it, as of a recording.
+    ``makes_time`` where its messages tell what time it is, as those of a recording and of a
+    simulation; else they are stamped with the time that there is. ``ros`` are the types of those
+    outputs for which their class does not say it, as of a recording.
     """
 
     name: str
@@ -91,6 +95,7 @@ class SourceType:
     latched: frozenset[str] = frozenset()
     actions: Mapping[str, str] = field(default_factory=dict)
     ros: Mapping[str, TopicType] = field(default_factory=dict)
+    makes_time: bool = False
 
 
 class Source(Protocol):
@@ -104,6 +109,9 @@ class Source(Protocol):
 
     def receive(self, port: str, message: Any) -> None:
         """Take a message of an input; may be called from any thread."""
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        """Make no message for which nobody asks; ``wants`` tells of an output by its name."""
 
     def report(self) -> dict[str, Any]:
         """Figures of its own for the run report."""
@@ -119,6 +127,9 @@ class _Optional:
         return None
 
     def receive(self, port: str, message: Any) -> None:
+        pass
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
         pass
 
     def report(self) -> dict[str, Any]:
@@ -182,6 +193,7 @@ def source(
     on_demand: tuple[str, ...] = (),
     latched: tuple[str, ...] = (),
     live: bool = False,
+    makes_time: bool = False,
 ) -> Callable[[T], T]:
     """Declare the decorated class as a source; see the module's docstring."""
 
@@ -197,6 +209,7 @@ def source(
             on_demand=frozenset(on_demand),
             latched=frozenset(latched),
             actions=_actions_of(target),
+            makes_time=makes_time,
         )
         return target
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +53,7 @@ class HuskyNodeParams(HuskyParams):
     inputs={"cmd_vel": Twist, "goal": PoseStamped},
     outputs=_OUTPUTS,
     latched=("tf_static", "robot_description"),
+    makes_time=True,
 )
 class Husky:
     """A simulated rover, a skid-steered Husky."""
@@ -61,6 +62,10 @@ class Husky:
         self._robot = SimulatedRobot(
             "husky", params.world, params.mission, params.seed, params, playback
         )
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        """Render and scan only while somebody listens."""
+        self._robot.wants = wants
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """What its sensors measure, each when its time has come."""

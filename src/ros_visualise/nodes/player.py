@@ -14,7 +14,7 @@ from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import PlayableRecording
 
 
-@source("player", params=NoParams, outputs={})
+@source("player", params=NoParams, outputs={}, makes_time=True)
 class Player:
     """Play a recording; it has an output for each topic."""
 

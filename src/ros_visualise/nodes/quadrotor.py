@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -57,6 +57,7 @@ class QuadrotorNodeParams(QuadrotorParams):
     inputs={"cmd_vel": Twist, "goal": PoseStamped},
     outputs=_OUTPUTS,
     latched=("tf_static", "robot_description"),
+    makes_time=True,
 )
 class Quadrotor:
     """A simulated quadrotor that looks down."""
@@ -65,6 +66,10 @@ class Quadrotor:
         self._robot = SimulatedRobot(
             "quadrotor", params.world, params.mission, params.seed, params, playback
         )
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        """Render and scan only while somebody listens."""
+        self._robot.wants = wants
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """What its sensors measure, each when its time has come."""

@@ -67,6 +67,7 @@ class Topic:
         self.on_demand = on_demand
         self._stats = TopicStats()
         self._listeners: tuple[Consumer, ...] = ()
+        self._asked: dict[Consumer, Callable[[], bool]] = {}
         self._last: Packet | None = None
         self._last_s = -math.inf
         self._finished = False
@@ -81,6 +82,12 @@ class Topic:
     def wanted(self) -> bool:
         """Whether a report tells of it: an output on demand only when somebody wanted it."""
         return not self.on_demand or bool(self._listeners) or self._stats.messages > 0
+
+    @property
+    def awaited(self) -> bool:
+        """Whether anybody waits for the next message; by itself a topic is counted all the same."""
+        asked = [self._asked.get(listener) for listener in self._listeners]
+        return not asked or any(ask is None or ask() for ask in asked)
 
     def publish(self, packet: Packet) -> None:
         """Hand on a packet."""
@@ -99,9 +106,19 @@ class Topic:
         for listener in self._listeners:
             listener.close()
 
-    def connect(self, listener: Consumer, latched: bool = False) -> None:
-        """Add a listener; ``latched``: give it the last message at once."""
+    def connect(
+        self, listener: Consumer, latched: bool = False, wants: Callable[[], bool] | None = None
+    ) -> None:
+        """Add a listener.
+
+        Args:
+            listener: gets every message from now on.
+            latched: give it the last one at once.
+            wants: whether it has a use for them just now; None: always.
+        """
         with self._lock:
+            if wants is not None:
+                self._asked[listener] = wants
             self._listeners += (listener,)
             if latched and self._last is not None:
                 listener.put(self._last)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -25,11 +25,15 @@ class SimulatedRobot:
         world, mission, seed, settings: as of `Simulation`; the mission ``none`` is none.
         playback: how it is played; while nobody looks on, it ends with the mission.
 
+    Attributes:
+        wants: whether anybody listens to that output; None: to all of them.
+
     Raises:
         OpenError: no such world or mission, or MuJoCo is not there.
     """
 
     duration_ns = None
+    wants: Callable[[str], bool] | None = None
 
     def __init__(
         self,
@@ -42,7 +46,7 @@ class SimulatedRobot:
     ) -> None:
         self._arguments = robot, world, seed, None if mission == _NO_MISSION else mission, settings
         self._playback = playback
-        self._simulation: Simulation | None = Simulation(*self._arguments)
+        self._simulation: Simulation | None = self._make()
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The sensors' messages as they become due, stamped with the time of the playback."""
@@ -78,8 +82,11 @@ class SimulatedRobot:
     def _begin(self, start_ns: int) -> Simulation:
         """The simulation at a time: the present one, unless its time has passed."""
         if self._now.time_ns > start_ns:
-            self._simulation = Simulation(*self._arguments)
+            self._simulation = self._make()
         return self._now
+
+    def _make(self) -> Simulation:
+        return Simulation(*self._arguments, lambda output: self.wants is None or self.wants(output))
 
 
 def restamped(message: Any, shift_ns: int) -> Any:

@@ -93,7 +93,7 @@ class Playback:
         self._awaited_ns: int | None = (
             None  # where on that line the next message is, if it is known
         )
-        self._base_ns: int | None = None  # the stamp of that line's start
+        self._base_ns: int | None = None  # the stamp of that line's start, once it is known
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._fresh = True  # the next message is shown at once, and time goes on from it
         self._played_ns = self._played_frames = 0
@@ -127,10 +127,12 @@ class Playback:
     def time_ns(self) -> int:
         """Time since the source's start, which goes on between its messages as it plays."""
         with self._changed:
-            reached_ns = self._time.place_ns() if self._time.rate else self._line_ns
-            limit_ns = self._line_ns if self._awaited_ns is None else self._awaited_ns
-            line_ns = max(self._line_ns, min(reached_ns, limit_ns))
-            return self._position_ns + line_ns - self._line_ns
+            return self._position_ns + self._reached_ns() - self._line_ns
+
+    def stamp_ns(self) -> int:
+        """The stamp that goes with `time_ns`, where messages are stamped with their place."""
+        with self._changed:
+            return self._origin_ns() + self._reached_ns()
 
     def play(self) -> None:
         """Go on; at the end, start over."""
@@ -252,8 +254,7 @@ class Playback:
 
     def _begin(self, recording: Playable[T]) -> int | None:
         with self._changed:
-            if self._base_ns is None:
-                self._base_ns = self._clock.now_ns() if self._time.rate else 0
+            self._origin_ns()
             self._duration_ns, self._fresh = recording.duration_ns, True
             return None if self._closed else self._position_ns
 
@@ -269,9 +270,19 @@ class Playback:
         return True
 
     def _stamp_ns(self) -> int:
-        if self._live_stamps:
-            return self._due_at_ns
-        return (self._base_ns or 0) + self._line_ns
+        return self._due_at_ns if self._live_stamps else self._origin_ns() + self._line_ns
+
+    def _origin_ns(self) -> int:
+        """The stamp of the start of the line of all loops: the time at which it was first asked."""
+        if self._base_ns is None:
+            self._base_ns = self._clock.now_ns() if self._time.rate else 0
+        return self._base_ns
+
+    def _reached_ns(self) -> int:
+        """The place on that line that is reached now; it waits for the next message."""
+        reached_ns = self._time.place_ns() if self._time.rate else self._line_ns
+        limit_ns = self._line_ns if self._awaited_ns is None else self._awaited_ns
+        return max(self._line_ns, min(reached_ns, limit_ns))
 
     def _wait_turn(self, time_ns: int, is_frame: bool) -> bool:
         """Wait until the message of that time is due; whether it may pass."""

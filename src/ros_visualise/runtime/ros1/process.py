@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ros_visualise.data import Image
+from ros_visualise.data import Image, Text
 from ros_visualise.errors import UsageError
 from ros_visualise.nodes import SourceType
 from ros_visualise.pipelines import Graph, Node
@@ -19,7 +19,13 @@ from ros_visualise.runtime.ros1.playing import PlaybackFollower
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 from ros_visualise.runtime.ros1.recorded import RecordedOutput
 from ros_visualise.runtime.ros1.services import ActionServices
-from ros_visualise.runtime.ros1.topics import ImageInput, ImageOutput, Input, Output
+from ros_visualise.runtime.ros1.topics import (
+    DescriptionOutput,
+    ImageInput,
+    ImageOutput,
+    Input,
+    Output,
+)
 from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
@@ -118,9 +124,11 @@ class Process:
             is_camera = isinstance(publisher.type, SourceType)
             waits = partial(self._is_in_haste, is_camera)
             output = ImageOutput(self._declared[name], name, is_camera, waits)
+        elif topic.type is Text and topic.ros.latched:
+            output = DescriptionOutput(self._declared[name])
         else:
             output = Output(self._declared[name], topic.type, topic.ros.latched)
-        self.runtime.topic(name).connect(output)
+        self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
 
     def _is_as_recorded(self, player: Node, name: str) -> bool:

@@ -12,8 +12,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import CameraInfo, CompressedImage, Image
-from ros_visualise.errors import DamagedMessage
+import rospy
+
+from ros_visualise.data import CameraInfo, CompressedImage, Image, Text
+from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
@@ -64,13 +66,18 @@ class Output:
         return self._publisher.connections
 
     @property
+    def awaited(self) -> bool:
+        """Whether anybody has a use for the next message."""
+        return self._latched or self.connections > 0
+
+    @property
     def dropped(self) -> int:
         """Messages that subscribers had no time for."""
         return self._publisher.dropped
 
     def put(self, packet: Packet) -> None:
         """Publish a message."""
-        if packet.message is not None and (self._latched or self._publisher.connections):
+        if packet.message is not None and self.awaited:
             self._publisher.publish(to_message(packet.message, TYPES))
 
     def close(self) -> None:
@@ -83,6 +90,26 @@ class Output:
     def wait_for_room(self, timeout_s: float) -> None:
         """Wait until a subscriber, if there are any, could be sent another message."""
         self._publisher.wait_for_room(timeout_s)
+
+
+class DescriptionOutput(Output):
+    """Publishes a robot's description, and sets the parameter of that name.
+
+    ROS 1 looks for it on the parameter server, ROS 2 on a topic.
+    """
+
+    def __init__(self, name: str) -> None:
+        super().__init__(name, Text, latched=True)
+
+    def put(self, packet: Packet) -> None:
+        """Publish a description."""
+        if packet.message is None:
+            return
+        try:
+            rospy.set_param(self.name, packet.message.text)
+        except OSError as error:
+            log.debug("the parameter server does not answer: %s", error)
+        super().put(packet)
 
 
 class ImageOutput(Output):
@@ -113,6 +140,11 @@ class ImageOutput(Output):
         """Whether anybody wants the calibration."""
         return bool(self._info.connections)
 
+    @property
+    def awaited(self) -> bool:
+        """Whether anybody wants the image, its calibration, or a JPEG of it."""
+        return super().awaited or self.wants_info or self._compressed.connections > 0
+
     def put(self, packet: Packet) -> None:
         """Publish an image."""
         if packet.message is None:
@@ -125,7 +157,8 @@ class ImageOutput(Output):
         packet = packet._replace(message=image)
         if self._info.connections:
             self._publish_info(image)
-        super().put(packet)
+        if self.connections:
+            super().put(packet)
         if self._compressed.connections:
             self._to_compress.put(packet)
         if self._waits():
@@ -177,7 +210,11 @@ class Input:
             self._say(str(error))
             return
         self._number += 1
-        self._topic.publish(Packet(self._number, data, time.monotonic_ns()))
+        try:
+            self._topic.publish(Packet(self._number, data, time.monotonic_ns()))
+        except RosVisualiseError as error:  # a source refuses it
+            self.refused += 1
+            self._say(str(error))
 
     def _read(self, message: Any) -> Any:
         return from_message(message, self._data_class)
