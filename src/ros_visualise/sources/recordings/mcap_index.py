@@ -76,7 +76,8 @@ class Index:
         is_chunk: bool = True,
     ) -> None:
         """Add a piece: where it is in the file, and what it holds as far as that is known."""
-        start_ns, end_ns = (min(stamp, _STAMP_LIMIT) for stamp in span_ns)
+        start_ns = min(span_ns[0], _STAMP_LIMIT)
+        end_ns = min(span_ns[1], _STAMP_LIMIT)
         number = UNKNOWN if channels is None else self._number(frozenset(channels))
         self._rows += _PACK_ROW.pack(offset, length, start_ns, end_ns, messages, number, is_chunk)
 

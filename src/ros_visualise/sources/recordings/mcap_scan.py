@@ -32,7 +32,7 @@ from ros_visualise.sources.recordings.mcap_walk import Record, walk
 from ros_visualise.sources.recordings.storage import add_note
 
 _RUN_BYTES = 1 << 20
-_MESSAGE_HEAD = struct.Struct("<HIQ")
+_MESSAGE_HEAD = struct.Struct("<H4xQ")
 
 
 def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
@@ -111,14 +111,16 @@ class _Pieces:
         return self._whole(record)[HEAD_BYTES:]
 
     def _add_message(self, record: Record) -> None:
-        channel, _, stamp_ns = _MESSAGE_HEAD.unpack_from(record.head, HEAD_BYTES)
+        found = record.messages or [_MESSAGE_HEAD.unpack_from(record.head, HEAD_BYTES)]
+        channels, stamps_ns = zip(*found, strict=True)
         run = self._run
         if run is None or run.end != record.start or run.end - run.start > _RUN_BYTES:
             self._end_run()
-            self._run = run = _Piece(record.start, record.end, record.end, (stamp_ns, stamp_ns))
+            span_ns = (stamps_ns[0], stamps_ns[0])
+            self._run = run = _Piece(record.start, record.end, record.end, span_ns)
         run.end = record.end
-        run.span_ns = (min(run.span_ns[0], stamp_ns), max(run.span_ns[1], stamp_ns))
-        run.counts[channel] += 1
+        run.span_ns = (min(run.span_ns[0], *stamps_ns), max(run.span_ns[1], *stamps_ns))
+        run.counts.update(channels)
 
     def _end_run(self) -> None:
         if self._run is not None:

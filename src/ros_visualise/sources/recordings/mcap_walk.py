@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import struct
+from collections.abc import Iterator, Sequence
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
@@ -43,15 +44,22 @@ _LEAST, _MOST = (
 )
 _CHAIN = 3  # that many whole records in a row do not come about by chance
 _SEARCH_BYTES = 1 << 20
+_RUN_BYTES = 1 << 20
+_SMALL_BYTES = 1 << 16
+_MESSAGE = struct.Struct("<BQHIQ")
 
 
 class Record(NamedTuple):
-    """A record from ``start`` to ``end`` of the file, and its first bytes."""
+    """A record from ``start`` to ``end`` of the file, and its first bytes.
+
+    Small messages that follow one another come as one, with their channels and log times.
+    """
 
     start: int
     end: int
     kind: int
     head: bytes
+    messages: Sequence[tuple[int, int]] = ()
 
 
 def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
@@ -63,7 +71,14 @@ def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
         if record is not None:
             if last is not None:
                 yield last
-            last, position = record, record.end
+            last = record
+            if record.kind == Opcode.MESSAGE:
+                run = _run(file, record, size)
+                if run is not None:
+                    yield run
+                    last, position = None, run.end
+                    continue
+            position = record.end
             if record.kind == Opcode.FOOTER:
                 break
             continue
@@ -96,6 +111,32 @@ def _record(file: BinaryIO, start: int, size: int) -> Record | None:
     if end > size or not _is_likely(kind, length, head):
         return None
     return Record(start, end, kind, head)
+
+
+def _run(file: BinaryIO, first: Record, size: int) -> Record | None:
+    """The messages from a small one on that are each followed by another, if there are any."""
+    if first.end - first.start > _SMALL_BYTES:
+        return None
+    file.seek(first.start)
+    block = file.read(_RUN_BYTES)
+    limit, left = len(block) - _MESSAGE.size, size - first.start
+    unpack, kind_message, least = (
+        _MESSAGE.unpack_from,
+        int(Opcode.MESSAGE),
+        _LENGTHS[Opcode.MESSAGE][0],
+    )
+    found: list[tuple[int, int]] = []
+    start = after = 0
+    while after <= limit:
+        kind, length, channel, _, stamp_ns = unpack(block, after)
+        end = after + HEAD_BYTES + length
+        if kind != kind_message or length < least or end > left:
+            break
+        found.append((channel, stamp_ns))
+        start, after = after, end
+    if len(found) < 2:
+        return None
+    return Record(first.start, first.start + start, kind_message, first.head, found[:-1])
 
 
 def _is_likely(kind: int, length: int, head: bytes) -> bool:
