@@ -29,7 +29,7 @@ class Workspace:
         """The environment after ``source SPACE/setup.bash``."""
         command = f'source "{self.folder / space}/setup.bash" && env -0'
         done = subprocess.run(
-            ["bash", "-c", command], env=self._outside, text=True, capture_output=True, timeout=30
+            ["bash", "-c", command], env=self._outside, text=True, capture_output=True, timeout=60
         )
         assert done.returncode == 0, done.stderr
         return dict(line.split("=", 1) for line in done.stdout.split("\0") if line)
@@ -42,6 +42,6 @@ class Workspace:
             text=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
-            timeout=100,
+            timeout=300,
         )
         assert done.returncode == 0, done.stdout

@@ -38,14 +38,14 @@ class Peer:
 
     def wait(self) -> int:
         """Wait until it ends by itself; its exit status."""
-        return self.process.wait(20)
+        return self.process.wait(60)
 
     def stop(self) -> None:
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGCONT)
             self.process.kill()
             self.process.wait()
-        self._reader.join(10)
+        self._reader.join(60)
         assert self.process.stdout is not None
         self.process.stdout.close()
 

@@ -15,10 +15,10 @@ from typing import Any
 import pytest
 
 NODES = Path(__file__).parents[2] / "nodes"
-_PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
-def wait_for(condition: Callable[[], Any], what: str, patience_s: float = _PATIENCE_S) -> Any:
+def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
     """What the condition gives as soon as it gives something."""
     end_s = time.monotonic() + patience_s
     while time.monotonic() < end_s:
@@ -57,7 +57,7 @@ class Master:
         options = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, **options}
         return subprocess.Popen(command, env=self.environment, text=True, **options)
 
-    def call(self, *command: str, timeout_s: float = 30.0) -> str:
+    def call(self, *command: str, timeout_s: float = PATIENCE_S) -> str:
         """The output of a command that ends by itself."""
         done = subprocess.run(
             command, env=self.environment, text=True, capture_output=True, timeout=timeout_s
@@ -82,7 +82,7 @@ def end(process: subprocess.Popen[str]) -> str:
     if process.poll() is None:
         process.terminate()
     try:
-        return process.communicate(timeout=10)[0] or ""
+        return process.communicate(timeout=20)[0] or ""
     except subprocess.TimeoutExpired:
         process.kill()
         return process.communicate()[0] or ""

@@ -76,11 +76,16 @@ def playing(request: pytest.FixtureRequest, video: Path, ros_master: Master) -> 
     remote = RemoteRuntime()
     try:
         wait_for(lambda: set(remote.graph.topics) >= TOPICS, "all topics")
-        wait_for(lambda: {prefix + node for node in NODES} <= set(remote.parameters), "all nodes")
+        wait_for(lambda: all(known(remote, prefix + node) for node in NODES), "all nodes")
         yield Running(remote, images, prefix)
     finally:
         remote.close()
         nodes.stop()
+
+
+def known(runtime: Runtime, node: str) -> bool:
+    """Whether a node has told of its parameters."""
+    return node in runtime.parameters and bool(vars(runtime.parameters[node].current))
 
 
 @pytest.fixture
@@ -116,10 +121,11 @@ def test_every_topic_has_the_pixels_that_the_nodes_make(running: Running, topic:
     wanted = expected(running.images, topic)
     received = running.take(topic, 20)
     numbers = [wanted[key(image)] for image in received]
-    steps = {(after - before) % FRAMES for before, after in itertools.pairwise(numbers)}
-    if len(wanted) == FRAMES:
-        assert steps <= {1, 2, 3}  # in order; now and then one is left out for a newer one
     stamps = [image.header.stamp_ns for image in received]
+    if len(wanted) == FRAMES:  # in order; now and then some are left out for a newer one
+        for (before, then), (after, now) in itertools.pairwise(zip(numbers, stamps, strict=True)):
+            passed = round((now - then) / 40e6)
+            assert 0 < (after - before) % FRAMES <= passed or passed >= FRAMES
     assert sorted(set(stamps)) == stamps
     assert {image.header.frame_id for image in received} == {"camera_optical"}
     assert {image.encoding for image in received} == {
@@ -184,10 +190,11 @@ def test_rate_control_lets_the_requested_rate_pass(running: Running):
     subscription = running.runtime.subscribe("/controlled_stream")
     for _ in range(3):
         wait_for(lambda: subscription.take(1), "images")
-    stamps = [wait_for(lambda: subscription.take(1), "images").header.stamp_ns for _ in range(6)]
+    stamps = [wait_for(lambda: subscription.take(1), "images").header.stamp_ns for _ in range(10)]
     subscription.close()
-    mean_s = (stamps[-1] - stamps[0]) / 5e9
-    assert mean_s == pytest.approx(0.2, abs=0.02)
+    gaps_s = np.diff(stamps) / 1e9
+    assert gaps_s.min() > 0.15
+    assert np.median(gaps_s) == pytest.approx(0.2, abs=0.02)  # here one may be missed
 
 
 def test_the_report_counts_every_node_and_topic(running: Running):

@@ -48,6 +48,9 @@ class Heard:
         wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
         return self.messages
 
+    def since(self, stamp: rospy.Time) -> list[Any]:
+        return [message for message in self.messages if message.header.stamp >= stamp]
+
 
 @pytest.fixture
 def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
@@ -85,9 +88,14 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def play(node: str = "streamer") -> None:
     """Let a source that waits begin."""
-    client = Client(f"/{node}", timeout=10)
+    client = Client(f"/{node}", timeout=60)
     client.update_configuration({"paused": False})
     client.close()
+
+
+def until_heard(publisher: rospy.Publisher, message: Any, heard: Heard) -> Any:
+    """The first that comes of a message, which is sent until all are connected at both ends."""
+    return wait_for(lambda: publisher.publish(message) or heard.messages, "an answer")[0]
 
 
 def image_of(pixels: np.ndarray, stamp_s: float, frame_id: str = "cam") -> Image:
@@ -110,23 +118,22 @@ def test_a_video_is_published_once_to_its_end(start, hear, video):
     wait_for(lambda: images.subscriber.get_num_connections(), "the streamer")
     wait_for(lambda: infos.subscriber.get_num_connections(), "the streamer")
     before = rospy.Time.now()
-    images.messages.clear()  # the image that a paused video shows
-    infos.messages.clear()
     play()
-    assert streamer.wait(20) == 0
-    time.sleep(0.3)
-    received = images.messages
+    assert streamer.wait(60) == 0
+    wait_for(lambda: not images.subscriber.get_num_connections(), "the last image")
+    wait_for(lambda: not infos.subscriber.get_num_connections(), "the last calibration")
+    received = images.since(before)  # without the one that a paused video shows
     assert len(received) == FRAMES - 1
     for message, pixels in zip(received, numbered(FRAMES, 160, 120)[1:], strict=True):
         assert (message.encoding, message.step) == ("bgr8", 480)
         assert message.header.frame_id == "camera_optical"
-        assert message.header.stamp >= before
         np.testing.assert_array_equal(pixels_of(message), pixels)
     seqs = [message.header.seq for message in received]
     assert seqs == list(range(seqs[0], seqs[0] + FRAMES - 1))
     gaps_s = np.diff([message.header.stamp.to_sec() for message in received])
-    np.testing.assert_allclose(gaps_s, 0.04, atol=1e-4)
-    assert [m.header.stamp for m in infos.messages] == [m.header.stamp for m in received]
+    assert gaps_s.min() > 0
+    assert np.median(gaps_s) == pytest.approx(0.04, abs=1e-4)
+    assert [m.header.stamp for m in infos.since(before)] == [m.header.stamp for m in received]
     assert not any(infos.messages[0].K)  # not calibrated
 
 
@@ -167,11 +174,9 @@ def test_compressed_images_are_made_for_whoever_wants_them(start, hear, video):
 def test_nothing_is_sent_that_nobody_wants(start, ros_master, video):
     start("streamer", f"_path:={video}", "_loop:=true")
     start("fps_control")
-    before = published(ros_master, "/fps_control")
-    time.sleep(1)
-    after = published(ros_master, "/fps_control")
-    assert after["/controlled_stream"] == before["/controlled_stream"] == 0
-    assert published(ros_master, "/streamer")["/image_raw"] > 0
+    some = 20 * 3 * 160 * 120  # bytes of images
+    wait_for(lambda: published(ros_master, "/streamer")["/image_raw"] > some, "images")
+    assert published(ros_master, "/fps_control")["/controlled_stream"] == 0
 
 
 def published(master: Master, node: str) -> dict[str, int]:
@@ -187,8 +192,8 @@ def test_topics_can_cross(start, hear, publish):
     start("fps_control", "image_raw:=/cam/a", "controlled_stream:=/image_raw")
     heard = hear("/image_raw", Image)
     wait_for(lambda: heard.subscriber.get_num_connections(), "fps_control")
-    publish("/cam/a", Image).publish(image_of(np.full((4, 6, 3), 9, np.uint8), 12.5))
-    [message] = heard.wait()
+    cross = image_of(np.full((4, 6, 3), 9, np.uint8), 12.5)
+    message = until_heard(publish("/cam/a", Image), cross, heard)
     assert message.header.stamp == rospy.Time(12.5)
     assert message.header.frame_id == "cam"
 
@@ -203,12 +208,16 @@ def test_odd_images_of_others_are_taken_or_refused_with_a_word(start, hear, publ
     broken.data = broken.data[:-1]
     strange = image_of(np.zeros((8, 8), np.uint8), 3)
     strange.encoding = "32FC7"
-    for message in (broken, strange, good):
+    for message in (broken, strange):
         source.publish(message)
-    edges.wait()
+    until_heard(source, good, edges)
     assert node.poll() is None
-    said = [message.msg for message in log.messages if message.name == "/edge_detector"]
-    assert any("/processed_image" in text and "63" in text for text in said)
+
+    def says() -> bool:
+        said = [message.msg for message in log.messages if message.name == "/edge_detector"]
+        return any("/processed_image" in text and "63" in text for text in said)
+
+    wait_for(says, "a word about the broken image")
 
 
 def test_a_node_reports_to_diagnostics(start, hear, video):
@@ -247,7 +256,7 @@ def test_a_node_reports_to_diagnostics(start, hear, video):
 )
 def test_wrong_use_is_one_line_and_status_2(start, name, args, says):
     node = start(name, *args, wait=False)
-    said = node.communicate(timeout=20)[0]
+    said = node.communicate(timeout=60)[0]
     assert node.returncode == 2
     assert says in said
     assert "Traceback" not in said
@@ -265,7 +274,7 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
     try:
         said = node.stdout.readline()
         node.send_signal(signal.SIGINT)
-        rest, _ = node.communicate(timeout=10)
+        rest, _ = node.communicate(timeout=60)
     finally:
         end(node)
     assert said.strip().endswith("start one with: roscore")
@@ -278,28 +287,31 @@ def test_a_node_of_ones_own(start, hear, publish):
     example = f"{ROOT / 'examples' / '01_own_filter.py'}:posterize"
     start("node", example, "image:=/image_raw", node="posterize")
     wait_for(lambda: heard.subscriber.get_num_connections(), "posterize")
-    publish("/image_raw", Image).publish(image_of(np.full((4, 6, 3), 9, np.uint8), 3))
-    [message] = heard.wait()
+    own = image_of(np.full((4, 6, 3), 9, np.uint8), 3)
+    message = until_heard(publish("/image_raw", Image), own, heard)
     assert message.header.stamp == rospy.Time(3)
 
 
 def test_a_path_is_there_for_latecomers(start, hear, publish):
     start("path")
     odom = publish("odom", Odometry)
+    early = hear("path", PathMessage)
     for number in range(30):
         message = Odometry()
         message.header.stamp, message.header.frame_id = rospy.Time(1 + number), "odom"
         message.pose.pose.position.x = float(number)
         message.pose.pose.orientation.w = 1.0
         odom.publish(message)
-        time.sleep(0.01)
-    early = hear("path", PathMessage)
-    wait_for(lambda: early.messages and len(early.messages[-1].poses) == 30, "the whole path")
+        wait_for(lambda number=number: length(early) == number + 1, "a longer path")
     late = hear("path", PathMessage)
     path = late.wait()[-1]
     assert path.header.frame_id == "odom"
     assert [pose.pose.position.x for pose in path.poses] == [float(n) for n in range(30)]
     assert [pose.header.stamp.secs for pose in path.poses] == [1 + n for n in range(30)]
+
+
+def length(paths: Heard) -> int:
+    return len(paths.messages[-1].poses) if paths.messages else 0
 
 
 def test_without_a_screen_a_node_says_so_once_and_runs(
@@ -309,10 +321,10 @@ def test_without_a_screen_a_node_says_so_once_and_runs(
     node = start("edge_detector", "_view:=windows")
     edges = hear("edges", Image)
     wait_for(lambda: edges.subscriber.get_num_connections(), "edge_detector")
-    publish("processed_image", Image).publish(image_of(np.zeros((8, 8), np.uint8), 1))
-    edges.wait()
+    dark = image_of(np.zeros((8, 8), np.uint8), 1)
+    until_heard(publish("processed_image", Image), dark, edges)
     node.terminate()
-    said = node.communicate(timeout=10)[0]
+    said = node.communicate(timeout=60)[0]
     assert said.count("running without") == 1
 
 
@@ -323,17 +335,17 @@ def test_simulated_time_paces_and_stamps(start, hear, publish, video, ros_master
         start("streamer", f"_path:={video}", wait=False)
         clock = publish("/clock", Clock)
         now_s = 100.0
-        end_s = time.monotonic() + 20
+        end_s = time.monotonic() + 60
         while len(images.messages) < 5 and time.monotonic() < end_s:
             clock.publish(Clock(rospy.Time(now_s)))
             now_s += 0.01
-            time.sleep(0.005)
+            time.sleep(0.02)
         stamps = [message.header.stamp.to_sec() for message in images.messages[:5]]
         assert len(stamps) == 5
         assert all(100 <= stamp <= now_s for stamp in stamps)
         np.testing.assert_allclose(np.diff(stamps), 0.04, atol=0.011)
-        count = len(images.messages)
+        due = 1 + (now_s - stamps[0]) / 0.04
         time.sleep(0.5)  # while simulated time stands still
-        assert len(images.messages) <= count + 1
+        assert len(images.messages) <= due + 1
     finally:
         rospy.delete_param("/use_sim_time")

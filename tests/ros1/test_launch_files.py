@@ -243,7 +243,7 @@ def test_optional_tools_are_optional(name):
 
 @pytest.mark.parametrize(
     ("config", "outside"),
-    [("video", set()), ("bag", {"/velodyne_points"}), ("path", {"/odom"})],
+    [("video", set()), ("bag", {"/velodyne_points", "/scan", "/odom"}), ("path", {"/odom"})],
 )
 def test_rviz_shows_topics_of_the_graph(config, outside):
     text = (PACKAGE / "config" / f"{config}.rviz").read_text()

@@ -29,7 +29,7 @@ class Pair:
         with socket.create_server(("127.0.0.1", 0)) as server:
             self.there = socket.create_connection(server.getsockname())
             here, _ = server.accept()
-        self.there.settimeout(20)
+        self.there.settimeout(60)
         self.connection = TCPROSTransport(TCPROSPub("/images", Image), "/images")
         self.connection.set_socket(here, "/viewer")
         self.outbox = Outbox(self.connection)
@@ -90,7 +90,7 @@ def test_who_reads_gets_all(pair):
     for number in range(1, 50):
         assert not pair.offer(number % 250)
         assert pair.read() == number
-        assert pair.outbox.flush(10)
+        assert pair.outbox.flush(60)
 
 
 def test_small_messages_need_no_thread(pair):
@@ -108,8 +108,8 @@ def test_flush_waits_for_who_reads_and_not_for_who_does_not(pair):
     assert time.monotonic() - start_s >= 0.05
     thread = threading.Thread(target=lambda: [None for _ in iter(pair.read, last)])
     thread.start()
-    assert pair.outbox.flush(20)
-    thread.join(20)
+    assert pair.outbox.flush(60)
+    thread.join(60)
     assert not thread.is_alive()
 
 
@@ -123,7 +123,7 @@ def test_what_is_published_is_held_until_it_is_sent_and_no_longer(pair):
     assert held() is not None
     while pair.read() != 200:
         pass
-    assert pair.outbox.flush(20)
+    assert pair.outbox.flush(60)
     wait_for(lambda: held() is None, "the buffer to be let go")
 
 
@@ -135,7 +135,7 @@ def test_a_closed_connection_lets_go_of_everything(pair, busy):
         fill(pair)
     pair.connection.close()
     assert told == [pair.outbox]
-    assert pair.outbox.flush(20)
+    assert pair.outbox.flush(60)
     wait_for(lambda: not senders(), "the sender to end")
     pixels = np.zeros(SIZE, np.uint8)
     held = weakref.ref(pixels)

@@ -22,7 +22,7 @@ def built(workspace: Workspace) -> Workspace:
 
 
 def call(environment: dict[str, str], *command: str) -> str:
-    done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=60)
+    done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -117,6 +117,6 @@ def test_catkin_lint_is_content(built):
         env=built.environment,
         text=True,
         capture_output=True,
-        timeout=60,
+        timeout=120,
     )
     assert done.returncode == 0, done.stdout

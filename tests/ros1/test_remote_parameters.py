@@ -15,7 +15,7 @@ import pytest
 import rospy
 from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import ConfigDescription, Group, ParamDescription
-from ros_graph import wait_for
+from ros_graph import PATIENCE_S, wait_for
 
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.nodes import find
@@ -34,8 +34,6 @@ QUIET = [
 pytestmark = [pytest.mark.usefixtures("ros_master"), *QUIET]
 
 wait_until = partial(wait_for, what="it to come about")
-
-PATIENCE_S = 20.0
 
 SERVING = """
 import rospy

@@ -32,7 +32,7 @@ class Launched:
 
     def wait_for_images(self) -> None:
         """Until images come to the last node."""
-        wait_for(lambda: self._find_nodes() >= NODES, "all nodes", 40)
+        wait_for(lambda: self._find_nodes() >= NODES, "all nodes", 120)
         wait_for(lambda: self.published("/filters") > 0, "images")
 
     def published(self, node: str) -> int:
@@ -88,7 +88,7 @@ def launched(workspace: Master, recordings: Path) -> Iterator[Launched]:
 def test_ctrl_c_ends_every_node(launched):
     launched.process.send_signal(signal.SIGINT)
     wait_for(lambda: not launched.alive(), "the nodes to end")
-    said = launched.process.communicate(timeout=10)[0]
+    said = launched.process.communicate(timeout=60)[0]
     assert "escalat" not in said
     assert "has died" not in said
 
@@ -97,18 +97,18 @@ def test_nodes_end_without_their_master(launched):
     [master] = [pid for pid in children(launched.process.pid) if "rosmaster" in command_of(pid)]
     os.kill(master, signal.SIGKILL)
     wait_for(lambda: not launched.alive(), "the nodes to end")
-    said = launched.process.communicate(timeout=20)[0]
+    said = launched.process.communicate(timeout=60)[0]
     assert "escalat" not in said
 
 
 def test_rosnode_kill_ends_every_node(launched):
     killed = subprocess.run(
-        ["rosnode", "kill", *NODES], env=launched.environment, capture_output=True, timeout=30
+        ["rosnode", "kill", *NODES], env=launched.environment, capture_output=True, timeout=90
     )
     assert killed.returncode == 0
     wait_for(lambda: not launched.alive(), "the nodes to end")
     launched.process.send_signal(signal.SIGINT)
-    said = launched.process.communicate(timeout=10)[0]
+    said = launched.process.communicate(timeout=60)[0]
     assert "has died" not in said
 
 

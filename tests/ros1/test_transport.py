@@ -89,7 +89,7 @@ def test_rospy_in_another_process_gets_ours(opened, peers):
     connect(publisher)
     for number in range(1, 21):
         publisher.publish(numbered(number, MEGABYTE))
-        publisher.flush(10)
+        publisher.flush(60)
     wait_for(lambda: len(peer.told) == 20, "20 messages")
     assert peer.told == [[n, n, MEGABYTE, True] for n in range(1, 21)]
     assert publisher.dropped == 0
@@ -215,7 +215,7 @@ def test_many_threads_may_publish(opened):
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(30)
+        thread.join(60)
     wait_for(lambda: len(got) + publisher.dropped == 400, "all that were not dropped")
     assert len(set(numbers(got))) == len(got)
     counted = [message.header.seq for message in got]

@@ -56,7 +56,7 @@ def test_rostopic_reads(publisher, ros_master):
     with running(ros_master, *echo) as process:
         connect(publisher)
         publisher.publish(message(3))
-        said = process.communicate(timeout=20)[0]
+        said = process.communicate(timeout=60)[0]
     assert f"height: {HEIGHT}" in said
     assert 'frame_id: "camera"' in said
     assert "secs: 3" in said
@@ -82,9 +82,9 @@ def test_rosbag_records_the_bytes(publisher, ros_master, tmp_path: Path):
         connect(publisher)
         for number in range(COUNT):
             publisher.publish(message(number))
-            publisher.flush(10)
+            publisher.flush(60)
             time.sleep(0.02)
-        process.communicate(timeout=20)
+        process.communicate(timeout=60)
     with rosbag.Bag(str(path)) as bag:
         found = [read for _, read, _ in bag.read_messages()]
     assert [read.header.stamp.secs for read in found] == list(range(COUNT))
@@ -117,13 +117,12 @@ def test_a_relay_in_cpp_passes_all_on(publisher, ros_master):
         connect(publisher)
         publish_until(publisher, lambda: got, "the first one")
         wait_for(lambda: subscriber.connections == 1, "the relay")
-        time.sleep(0.1)
-        got.clear()
-        for number in range(COUNT):
+        for number in range(COUNT, 2 * COUNT):
             publisher.publish(message(number))
-            wait_for(lambda number=number: len(got) > number, "the next one")
+            wait_for(lambda number=number: got[-1].header.stamp.secs == number, "the next one")
     subscriber.close()
-    for number, read in enumerate(got):
+    passed = [read for read in got if read.header.stamp.secs >= COUNT]  # the first ones came late
+    for number, read in enumerate(passed, COUNT):
         assert (read.header.stamp.secs, read.header.frame_id) == (number, "camera")
         np.testing.assert_array_equal(read.data, picture(number).reshape(-1))
 
