@@ -168,6 +168,16 @@ def test_what_cannot_be_placed_is_not_drawn_and_says_why(scene, look, clock):
     look("topics/points", lambda node: node["visible"])
 
 
+def test_what_contradicts_itself_is_told_and_the_rest_is_drawn(scene, look):
+    flat = np.zeros(3, [("x", np.float32), ("y", np.float32)])
+    draw(scene, flat=PointCloud(flat, header=Header(S, "map")), points=cloud(LINE, "map"))
+    look("topics/points/points", has("points", 33))
+    assert "z" in scene.problems["/flat"]
+    pose = PoseWithCovarianceStamped(np.zeros(3), np.zeros(4), header=Header(S, "map"))
+    draw(scene, pose=pose)
+    assert "quaternion" in scene.problems["/pose"]
+
+
 def test_a_topic_can_be_hidden(scene, look):
     scene.follow({"/points": PointCloud})
     draw(scene, points=cloud(LINE))
@@ -244,6 +254,14 @@ def test_fixes_are_on_a_plane_with_the_first_one_in_its_middle(scene, look):
     look("topics/fix", is_at([0, 0, -9]))
     node = look("topics/fix/fix", lambda node: node["position"][1] > 1)
     assert np.allclose(node["position"], [0, 111.2, 0], atol=0.3)
+
+
+def test_the_first_fix_is_where_its_frame_is(scene, look):
+    draw(scene, tf=tf(transform("map", "gps", [7, 8, 2], 1)))
+    for latitude in (48.0, 48.001):
+        draw(scene, fix=NavSatFix(latitude, 11.0, 500.0, header=Header(S, "gps")))
+    node = look("topics/fix/fix", lambda node: node["position"][1] > 9)
+    assert np.allclose(node["position"], [7, 119.2, 2], atol=0.3)
 
 
 def test_no_fix_and_no_number_are_not_drawn(scene, look):

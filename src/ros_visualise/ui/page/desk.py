@@ -13,6 +13,7 @@ import viser
 
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
@@ -99,6 +100,7 @@ class Desk:
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
+        self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._worker)
         self._space_folder = gui.add_folder("3D")
         self._space = Space(gui, self._space_folder, self._scene, self._worker)
         self._frames_folder = gui.add_folder("frames", expand_by_default=False)

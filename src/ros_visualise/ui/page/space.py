@@ -34,7 +34,7 @@ class Space:
             self._frame.on_update(self._frame_chosen)
             self._add_view()
             self._note = gui.add_html("", visible=False)
-            self._topics = gui.add_folder("drawn")
+            self._topics = gui.add_folder("topics drawn", expand_by_default=False)
             with gui.add_folder("looks", expand_by_default=False):
                 self._add_looks()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -50,6 +51,7 @@ class Window:
             if images:
                 self._add_picture(runtime, images, len(main))
             self._add_folders([spec for spec in declared if spec.group])
+            self._add_actions(runtime, node)
 
     @property
     def visible(self) -> bool:
@@ -92,6 +94,15 @@ class Window:
         async def _(event: viser.GuiEvent[Any]) -> None:
             picture.topic = event.target.value
 
+    def _add_actions(self, runtime: Runtime, node: Node) -> None:
+        for name, help in node.type.actions.items():
+            button = self._gui.add_button(name.replace("_", " "), hint=help)
+            button.on_click(partial(self._clicked, partial(runtime.act, node.name, name)))
+
+    async def _clicked(self, action: Callable[[], None], event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            self._worker.post(object(), action)
+
     def _add_overlay(self) -> None:
         if not self._clouds:
             return
@@ -111,8 +122,8 @@ class Window:
 
 
 def has_window(node: Node) -> bool:
-    """Whether a node has anything to show: images or parameters."""
-    return bool(_images_of(node) or specs(node.params))
+    """Whether a node has anything to show: images, parameters or actions."""
+    return bool(_images_of(node) or specs(node.params) or node.type.actions)
 
 
 def _images_of(node: Node) -> list[str]:

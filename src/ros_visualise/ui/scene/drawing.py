@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +11,7 @@ import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import transforms
+from ros_visualise.ui.scene.frames import Frames
 
 Color = tuple[int, int, int]
 PALETTE: tuple[Color, ...] = (
@@ -60,9 +60,12 @@ class Drawing:
         """
         raise NotImplementedError
 
-    def frame_of(self, message: Any, known: Container[str]) -> str:
-        """The frame in which a message is drawn, of those known; none is the fixed frame."""
+    def frame_of(self, message: Any, frames: Frames) -> str:
+        """The frame in which a message is drawn; no name is the fixed frame."""
         return str(message.header.frame_id)
+
+    def settle(self, message: Any, frames: Frames) -> None:
+        """Learn from where the frames are, before a message is drawn."""
 
     def place(self, T_fixed_frame: Floats) -> None:
         """Put its frame there."""

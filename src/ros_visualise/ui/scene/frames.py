@@ -89,14 +89,6 @@ class Frames:
                 raise
             return self.tree.lookup(fixed, frame)
 
-    def is_connected(self, frame: str) -> bool:
-        """Whether it can ever be said where a frame is."""
-        try:
-            self.locate(frame, 0)
-        except NoTransform:
-            return False
-        return True
-
     def _largest_root(self) -> str:
         """The root that most frames hang below."""
         tops: Counter[str] = Counter()

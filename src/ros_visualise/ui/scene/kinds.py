@@ -51,6 +51,11 @@ def is_static(topic: str) -> bool:
     return topic.rstrip("/").endswith("tf_static")
 
 
+def is_robot(topic: str) -> bool:
+    """Whether the texts on a topic describe a robot, as ROS 2 names it."""
+    return topic.rstrip("/").endswith("robot_description")
+
+
 def is_beside_image(topic: str, kinds: Mapping[str, type]) -> bool:
     """Whether a topic is the calibration of images beside it, as image_transport places it."""
     return kinds[topic] is CameraInfo and any(

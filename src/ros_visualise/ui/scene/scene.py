@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import CameraInfo, Floats, Image, Odometry, Transforms
+from ros_visualise.data import CameraInfo, Floats, Image, Odometry, Text, Transforms
 from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.scene.axes import Axes
@@ -22,7 +23,10 @@ from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image, is_static
 from ros_visualise.ui.scene.points import Cloud
 from ros_visualise.ui.scene.poses import Pose
+from ros_visualise.ui.scene.robots import Robot
 from ros_visualise.ui.scene.view import View
+
+log = logging.getLogger(__name__)
 
 _PATIENCE_S = 0.2
 _NS = 1_000_000_000
@@ -66,6 +70,7 @@ class Scene:
         self._lock = threading.RLock()
         self.view = View(server, clock)
         self._axes = Axes(server.scene)
+        self._model = Robot(server.scene)
         self._places: dict[str, Floats] = {}
         self._axes_look = self._look
 
@@ -104,6 +109,9 @@ class Scene:
             if isinstance(message, Transforms):
                 self.frames.add(message, is_static(topic))
                 return
+            if isinstance(message, Text):
+                self._describe(message.text)
+                return
             entry = self._entries.setdefault(topic, _Entry(type(message)))
             if isinstance(message, CameraInfo):
                 self.calibrations[message.header.frame_id] = message
@@ -138,6 +146,7 @@ class Scene:
                 if entry.drawing is not None:
                     entry.drawing.visible = self._is_seen(topic, entry)
             self._draw_axes()
+            self._model.place(self._places)
             self.view.update(self._robot(), self._extent)
 
     def set_visible(self, topic: str, visible: bool) -> None:
@@ -167,11 +176,17 @@ class Scene:
         with self._lock:
             return {name: one.problem for name, one in self._entries.items() if one.problem}
 
+    def _describe(self, text: str) -> None:
+        try:
+            self._model.describe(text)
+        except ValueError as error:
+            log.warning("%s", error)
+
     def _try(self, topic: str, entry: _Entry) -> None:
         """Draw the message that waits, unless it is worth to wait for its transform."""
         message = entry.waiting
         drawing = entry.drawing or self._make(topic, entry)
-        frame = drawing.frame_of(message, self.frames.names)
+        frame = drawing.frame_of(message, self.frames)
         try:
             patient = self._clock() < entry.until_s
             T = self.frames.locate(frame, message.header.stamp_ns, patient)
@@ -188,9 +203,10 @@ class Scene:
         if before is not None and message.header.stamp_ns < before.header.stamp_ns:
             drawing.reset()
         drawing.place(T)
+        drawing.settle(message, self.frames)
         try:
             drawing.draw(message, self._look)
-        except DamagedMessage as error:
+        except (DamagedMessage, ValueError) as error:  # such as a cloud without heights
             entry.problem = str(error)
         entry.shown = message
 

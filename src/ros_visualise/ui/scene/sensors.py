@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import Imu, NavSatFix
-from ros_visualise.errors import DamagedMessage
-from ros_visualise.geometry import rotations
+from ros_visualise.data import Floats, Imu, NavSatFix
+from ros_visualise.errors import DamagedMessage, NoTransform
+from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look, to_wxyz
+from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.lines import Line, Trail, thinned
 
 _GRAVITY_MPS2 = 9.81
@@ -21,11 +21,15 @@ _LENGTH = 0.6
 
 
 class Fix(Drawing):
-    """A `NavSatFix`: a trail on the plane through the first one, x east, y north, z up."""
+    """A `NavSatFix`: a trail on the plane through the first one, x east, y north, z up.
+
+    The first one is where its frame is then; where nobody knows that, in the map's origin.
+    """
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
+        self._datum: Floats = np.zeros(3)
         self._trail = Trail()
         self._line = Line(scene, f"{name}/trail", color)
         self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
@@ -38,13 +42,22 @@ class Fix(Drawing):
             return
         if self._plane is None:
             self._plane = LocalPlane(*place)
-        position = self._plane.to_enu(place)
+        position = self._datum + self._plane.to_enu(place)
         self._trail.add(message.header.stamp_ns, position)
         self._line.show(self._trail.vertices)
         self._dot.position, self._dot.scale, self._dot.visible = position, look.axes_size, True
 
-    def frame_of(self, message: Any, known: Container[str]) -> str:
-        return "map" if "map" in known else ""
+    def frame_of(self, message: Any, frames: Frames) -> str:
+        return "map" if "map" in frames.names else ""
+
+    def settle(self, message: Any, frames: Frames) -> None:
+        if self._plane is not None:
+            return
+        try:
+            T_fixed_sensor = frames.locate(message.header.frame_id, message.header.stamp_ns)
+        except NoTransform:
+            T_fixed_sensor = self.T_fixed_frame
+        self._datum = (transforms.inverse(self.T_fixed_frame) @ T_fixed_sensor)[:3, 3]
 
     def extent(self) -> npt.NDArray[np.floating]:
         return thinned(self._trail.vertices)

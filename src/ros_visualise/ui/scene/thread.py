@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Container, Mapping
 
-from ros_visualise.data import Image, Transforms
+from ros_visualise.data import Image, Text, Transforms
 from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.base import Runtime, Subscription
-from ros_visualise.ui.scene.kinds import is_spatial
+from ros_visualise.ui.scene.kinds import is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene
+
+log = logging.getLogger(__name__)
 
 _PERIOD_S = 1 / 15
 _IMAGE_PERIOD_S = 1 / 5
 _REST, _REST_IN_HASTE = 2.0, 8.0
+_HELD = (Transforms, Text)  # what holds until the next comes, whoever looked on when it came
 _TRANSFORMS = 1000  # that wait at most: none must be lost in between
 
 
@@ -25,6 +29,7 @@ def topics_of(graph: Graph) -> dict[str, type]:
     """
     kinds = {name: topic.type for name, topic in graph.topics.items() if not topic.on_demand}
     kinds |= graph.inputs
+    kinds = {name: kind for name, kind in kinds.items() if kind is not Text or is_robot(name)}
     return kinds if any(is_spatial(kind) for kind in kinds.values()) else {}
 
 
@@ -67,7 +72,7 @@ class SceneThread:
         with self._at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
-            wanted = {topic for topic, kind in self._kinds.items() if kind is Transforms}
+            wanted = {topic for topic, kind in self._kinds.items() if kind in _HELD}
             for topic in self._transforms.keys() - wanted:
                 self._transforms.pop(topic).close()
             for topic in wanted - self._transforms.keys():
@@ -84,8 +89,11 @@ class SceneThread:
         pause_s = 0.0
         while not self._closed.wait(pause_s):
             start_s, cpu_s = time.perf_counter(), time.thread_time()
-            with self._at_work:
-                self._do_round()
+            try:
+                with self._at_work:
+                    self._do_round()
+            except Exception:
+                log.exception("the scene failed")
             spent_s = time.perf_counter() - start_s
             rest = _REST_IN_HASTE if self._in_haste() else _REST
             pause_s = max(_PERIOD_S - spent_s, rest * (time.thread_time() - cpu_s))
@@ -101,7 +109,7 @@ class SceneThread:
             self._rest_but(())
             return
         for topic, kind in self._kinds.items():
-            if kind is not Transforms:
+            if kind not in _HELD:
                 self._take(topic, kind)
         self._scene.refresh()
 

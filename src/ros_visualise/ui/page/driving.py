@@ -1,0 +1,107 @@
+"""Driving a robot from the page: velocities by buttons and keys, and what it can be told to do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+import viser
+
+from ros_visualise.data import Twist
+from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.worker import Worker
+
+_STOP = "■"
+_ON_THE_GROUND: Mapping[str, tuple[Any, tuple[float, float, float, float]]] = {
+    "▲ forward": ("i", (1, 0, 0, 0)),
+    "▼ back": ("m", (-1, 0, 0, 0)),
+    "◀ left": ("j", (0, 0, 0, 1)),
+    "▶ right": ("l", (0, 0, 0, -1)),
+}
+"""Label -> key, and (x, y, z, turn) as shares of the speeds."""
+_IN_THE_AIR: Mapping[str, tuple[Any, tuple[float, float, float, float]]] = {
+    "△ up": ("t", (0, 0, 1, 0)),
+    "▽ down": ("b", (0, 0, -1, 0)),
+}
+
+
+class Driving:
+    """Buttons that set a robot going until they stop it; what it does is told again and again.
+
+    Args:
+        gui: of the page.
+        folder: where the elements are.
+        runtime: what runs.
+        worker: does what a person asks for.
+    """
+
+    def __init__(
+        self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, runtime: Runtime, worker: Worker
+    ) -> None:
+        self._runtime, self._worker = runtime, worker
+        self._topic = velocity_topic(runtime.graph)
+        self._share: tuple[float, float, float, float] | None = None
+        folder.visible = self._topic is not None
+        if self._topic is None:
+            return
+        moves = dict(_ON_THE_GROUND)
+        if _flies(runtime.graph, self._topic):
+            moves |= _IN_THE_AIR
+        with folder:
+            self._speed = gui.add_slider("speed", 0.1, 3.0, 0.1, 0.8, hint="m/s")
+            self._turn = gui.add_slider("turn", 0.1, 2.0, 0.1, 0.6, hint="rad/s")
+            labels = (*moves, f"{_STOP} stop")
+            buttons = gui.add_button_group("drive", labels, hint="keys I, M, J, L, K; T and B")
+        buttons.on_click(partial(self._clicked, {label: m[1] for label, m in moves.items()}))
+        for label, (key, share) in moves.items():
+            self._add_key(gui, label[2:].capitalize(), key, partial(self._go, share))
+        self._add_key(gui, "Stop", "k", self._stop)
+
+    def refresh(self) -> None:
+        """Tell it once more, or a robot would stop by itself."""
+        if self._topic is not None and self._share is not None:
+            x, y, z, turn = self._share
+            linear = self._speed.value * np.array([x, y, z])
+            self._runtime.publish(
+                self._topic, Twist(linear, np.array([0, 0, self._turn.value * turn]))
+            )
+
+    def rest(self) -> None:
+        """Nobody looks on any more: let it stop."""
+        self._share = None
+
+    def _go(self, share: tuple[float, float, float, float]) -> None:
+        self._share = share
+        self.refresh()
+
+    def _stop(self) -> None:
+        if self._share is not None:
+            self._go((0, 0, 0, 0))
+            self._share = None
+
+    async def _clicked(self, shares: Mapping[str, Any], event: viser.GuiEvent[Any]) -> None:
+        if event.client_id is not None:
+            share = shares.get(event.target.value)
+            self._worker.post("drive", self._stop if share is None else partial(self._go, share))
+
+    def _add_key(
+        self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
+    ) -> None:
+        @gui.add_command(f"Drive: {label}", hotkey=key).on_trigger
+        async def _(_: Any) -> None:
+            self._worker.post("drive", action)
+
+
+def velocity_topic(graph: Graph) -> str | None:
+    """The topic by which a robot of this graph is driven, if there is one."""
+    return next((topic for topic, kind in graph.inputs.items() if kind is Twist), None)
+
+
+def _flies(graph: Graph, topic: str) -> bool:
+    """Whether the robot that listens to a topic can take off."""
+    return any(
+        topic in node.inputs.values() and "take_off" in node.type.actions for node in graph.nodes
+    )
