@@ -12,7 +12,14 @@ import pytest
 
 from ros_visualise.nodes import SourceType, find
 from ros_visualise.params import specs, update
-from ros_visualise.pipelines import IMAGE_NODES, Graph, alone, chain, image_pipeline
+from ros_visualise.pipelines import (
+    IMAGE_NODES,
+    Graph,
+    alone,
+    chain,
+    image_pipeline,
+    simulation_pipeline,
+)
 from ros_visualise.runtime.ros1.playing import playing_params
 
 PACKAGE = Path(__file__).parents[2]
@@ -120,6 +127,41 @@ def test_path_follows_the_odometry_that_is_named():
     assert launched.resolve("rviz", "/odom") == "/wheels"
 
 
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_path_follows_a_simulated_robot(robot):
+    launched = Launched("main_path", bag="none", simulator=robot, mission="square", seed=3)
+    graph, expected = launched.graph(), joined(simulation_pipeline(robot))
+    assert graph[robot] == expected[robot]
+    assert graph["path"]["odom"] == expected["path"]["odom"]
+    given = launched.params(robot)
+    assert (given["world"], given["mission"], given["seed"]) == ("field", "square", 3)
+    assert launched.config.params["/use_sim_time"].value is True
+    assert launched.nodes["rviz"].args.endswith("-f map")
+    assert set(launched.ours) == {robot, "path"}
+
+
+def test_nothing_is_simulated_where_there_is_a_robot():
+    bag = Launched("main_path", bag="/a.bag")
+    live = Launched("main_path", bag="none", simulator="none")
+    assert set(bag.ours) == {"player", "path"}
+    assert set(live.ours) == {"path"}
+    for launched in (bag, live):
+        assert launched.graph()["path"]["odom"] == "/husky_velocity_controller/odom"
+        assert launched.nodes["rviz"].args.endswith("-f odom")
+
+
+@pytest.mark.parametrize(
+    ("simulator", "words"), [("gazebo", "husky_gazebo"), ("unicorn", "unicorn")]
+)
+def test_what_cannot_be_simulated_is_said(simulator, words):
+    from roslaunch.core import RLException
+    from roslaunch.xmlloader import XmlParseException
+    from rospkg import ResourceNotFound
+
+    with pytest.raises((RLException, XmlParseException, ResourceNotFound), match=words):
+        Launched("main_path", bag="none", simulator=simulator)
+
+
 @pytest.mark.parametrize("name", ["fps_control", "filters", "edge_detector", "path"])
 def test_input_of_one_node_is_an_argument(name):
     argument = "odom" if name == "path" else "input"
@@ -154,7 +196,7 @@ def check_declared(node: str, given: Mapping[str, Any]) -> None:
     is_source = isinstance(declared, SourceType)
     defaults = (playing_params(declared) if is_source else declared.params)()
     changed = update(defaults, given)
-    named = {"path", "uri", "camera_info_url", "size"}
+    named = {"path", "uri", "camera_info_url", "size", "mission"}
     for spec in specs(defaults):
         if spec.name not in named:
             assert getattr(changed, spec.name) == getattr(defaults, spec.name), spec.name
@@ -243,12 +285,17 @@ def test_optional_tools_are_optional(name):
 
 @pytest.mark.parametrize(
     ("config", "outside"),
-    [("video", set()), ("bag", {"/velodyne_points", "/scan", "/odom"}), ("path", {"/odom"})],
+    [
+        ("video", set()),
+        ("bag", {"/velodyne_points", "/scan"}),
+        ("path", set()),
+        ("robot", {"/goal"}),
+    ],
 )
 def test_rviz_shows_topics_of_the_graph(config, outside):
     text = (PACKAGE / "config" / f"{config}.rviz").read_text()
     shown = set(re.findall(r"Topic: (/\S+)", text))
-    published = set(image_pipeline("streamer").topics) | set(alone(find("path")).topics)
+    published = set(simulation_pipeline("husky").topics)
     assert shown
     assert shown <= published | outside
 

@@ -6,11 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rosbag
 import rospy
 from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from peers import running
 from ros_graph import Master, end, wait_for
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
@@ -103,6 +106,55 @@ def test_images_take_the_place_of_a_camera(bag, start, hear):
     assert (image.encoding, image.width, image.data) == ("bgr8", 16, bytes([value]) * 12 * 16 * 3)
     assert infos.wait()[-1].K[0] == 50
     assert not compressed.messages
+
+
+def test_what_is_recorded_of_it_is_the_recording(bag, start, ros_master, tmp_path):
+    """Its bytes with the stock recorder and reader, from a file of ROS 1."""
+    copy = tmp_path / "copy.bag"
+    count = sum(topic == "/pose" for topic, _, _ in recorded())
+    record = ("rosbag", "record", "-O", str(copy), "-l", str(count), "/pose")
+    with running(ros_master, *record) as recorder:
+        start("player", f"_path:={bag}", "_wait_for:=/pose", wait=False)
+        recorder.communicate(timeout=60)
+    with rosbag.Bag(str(copy)) as read, rosbag.Bag(str(bag)) as source:
+        made = [message for _, message, _ in read.read_messages("/pose", raw=True)]
+        given = [message for _, message, _ in source.read_messages("/pose", raw=True)]
+        times = [time.to_nsec() for _, _, time in source.read_messages("/pose")]
+    assert [one[0] for one in made] == ["geometry_msgs/PoseStamped"] * count
+    assert [(one[1], one[2]) for one in made] == [(one[1], one[2]) for one in given]
+    assert times == [START + i * S // 20 for i in range(count)]
+
+
+def test_a_recording_of_ros_2_comes_in_the_types_of_ros_1(start, hear, tmp_path):
+    path = tmp_path / "made.mcap"
+    messages = list(recorded())
+    topics = {topic: TopicType(type_name(type(message))) for topic, _, message in messages}
+    with open_recorder(str(path), topics) as recorder:
+        for topic, stamp_ns, message in messages:
+            recorder.write(topic, message, stamp_ns)
+    poses, infos = hear("/pose", PoseStamped), hear("/cam/camera_info", CameraInfo)
+    start("player", f"_path:={path}", "_loop:=true", "_rate:=0.5", wait=False)
+    pose = poses.wait()[0]
+    number = round((pose.header.stamp.to_nsec() - START) / (S // 20))
+    assert (pose.header.frame_id, pose.pose.position.x) == ("map", number)
+    info = infos.wait()[0]
+    assert (info.width, info.K[0], info.K[2]) == (16, 50, 8)
+
+
+def test_a_kitti_folder_is_played(start, hear, recordings):
+    drive = recordings / "kitti" / "drive0009_f000-004"
+    clouds, images = hear("/velodyne_points", PointCloud2), hear("/image_raw", Image)
+    odometry, static = hear("/odom", Odometry), hear("/tf_static", TFMessage)
+    start("player", f"_path:={drive}", "_image:=/cam02/image_rect", "_loop:=true", wait=False)
+    cloud = clouds.wait()[0]
+    assert cloud.header.frame_id == "velodyne"
+    assert [field.name for field in cloud.fields][:4] == ["x", "y", "z", "intensity"]
+    assert 110_000 < cloud.width * cloud.height < 125_000
+    image = images.wait()[0]
+    assert (image.width, image.height, image.header.frame_id) == (1242, 375, "cam02_optical")
+    assert odometry.wait()[0].child_frame_id == "base_link"
+    frames = {one.child_frame_id for one in static.wait()[0].transforms}
+    assert {"velodyne", "cam02_optical"} <= frames
 
 
 def test_who_comes_late_gets_all_that_holds(bag, start, hear):

@@ -15,7 +15,7 @@ from ros_graph import PATIENCE_S, end, wait_for
 from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
 
-from ros_visualise.data import Image
+from ros_visualise.data import Image, Odometry, PointCloud, Transforms
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.params import Parameters
@@ -176,6 +176,53 @@ def test_a_topic_is_subscribed_only_while_somebody_looks(runtime, peer):
     assert subscribed("/plain/image")
     second.close()
     wait_until(lambda: not subscribed("/plain/image"))
+
+
+def test_topics_of_every_kind_are_shown_and_decoded(runtime, ros_master, tmp_path):
+    script = tmp_path / "robot.py"
+    script.write_text(ROBOT)
+    robot = ros_master.run(sys.executable, str(script))
+    types = {"/robot/odom": Odometry, "/robot/points": PointCloud, "/tf": Transforms}
+    try:
+        wait_until(lambda: set(types) <= set(runtime.graph.topics))
+        assert {name: runtime.graph.topics[name].type for name in types} == types
+        assert "robot" in [node.name for node in runtime.graph.nodes]
+        odometry = runtime.subscribe("/robot/odom", depth=5).take(PATIENCE_S)
+        cloud = runtime.subscribe("/robot/points").take(PATIENCE_S)
+        [transform] = runtime.subscribe("/tf", depth=5).take(PATIENCE_S).transforms
+    finally:
+        end(robot)
+    assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
+    assert list(odometry.position_xyz) == [1.5, 0, 0]
+    assert np.array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+
+
+ROBOT = """
+import numpy as np, rospy
+from geometry_msgs.msg import TransformStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import PointCloud2, PointField
+from tf2_msgs.msg import TFMessage
+rospy.init_node("robot")
+odom = rospy.Publisher("/robot/odom", Odometry, queue_size=1)
+points = rospy.Publisher("/robot/points", PointCloud2, queue_size=1)
+tf = rospy.Publisher("/tf", TFMessage, queue_size=1)
+here = Odometry(child_frame_id="base_link")
+here.header.frame_id, here.pose.pose.position.x = "odom", 1.5
+here.pose.pose.orientation.w = 1
+cloud = PointCloud2(height=1, width=2, point_step=12, row_step=24, is_dense=True)
+cloud.fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate("xyz")]
+cloud.data = np.arange(1, 7, dtype=np.float32).tobytes()
+cloud.header.frame_id = "base_link"
+moved = TransformStamped(child_frame_id="base_link")
+moved.header.frame_id, moved.transform.rotation.w = "odom", 1
+while not rospy.is_shutdown():
+    odom.publish(here)
+    points.publish(cloud)
+    tf.publish(TFMessage([moved]))
+    rospy.sleep(0.05)
+"""
 
 
 def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_master):
