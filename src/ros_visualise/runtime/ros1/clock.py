@@ -52,7 +52,10 @@ class ClockPublisher:
 
     def _run(self) -> None:
         while not self._closed.wait(_PERIOD_S):
-            self._publisher.publish(ClockMessage(genpy.Time(*divmod(self._now_ns(), 10**9))))
+            try:
+                self._publisher.publish(ClockMessage(genpy.Time(*divmod(self._now_ns(), 10**9))))
+            except rospy.ROSException:  # this node is about to leave the graph
+                return
 
 
 def ros_clock() -> Clock:
