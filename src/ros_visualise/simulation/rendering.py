@@ -114,7 +114,9 @@ class Renderer:
         return self._rows[::-1].copy()
 
     def close(self) -> None:
-        """Free what the driver holds."""
+        """Free what the driver holds; at the end of the process it has let go already."""
+        if sys.is_finalizing():
+            return
         self._gl.make_current()
         self._target.free()
         self._gl.free()

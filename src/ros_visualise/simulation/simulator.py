@@ -57,7 +57,7 @@ class Simulation:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
         self.settings = settings or PARAMS[robot]()
-        self.world: World = build_world(world)
+        self.world: World = build_world(world, self.settings.camera)
         self._name = robot
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)

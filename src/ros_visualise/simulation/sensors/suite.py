@@ -51,7 +51,7 @@ class Suite:
             self._add("mag", params.mag_rate, self._sense_field, always=True)
             self._add("pressure", params.baro_rate, self._weigh_air, always=True)
         if params.lidar:
-            self._lidar = Lidar(params, seed, model)
+            self._lidar = Lidar(params, seed, model, data)
             self._add("points", params.lidar_rate, self._scan)
         self._camera = Camera(params, seed, model)
         if params.camera:
@@ -73,7 +73,7 @@ class Suite:
         odometry = self._robot.measure_odometry(stamp_ns)
         moving = [body_frame(odometry)]
         if self._mounting.gimbal:
-            moving.append(self._mounting.camera_in_body(stamp_ns, self._body.R_map_body))
+            moving.append(self._mounting.camera_in_body(stamp_ns, self._body.attitude))
         yield "tf", Transforms(tuple(moving))
         yield "odom", odometry
 
@@ -95,7 +95,7 @@ class Suite:
 
     def _scan(self, stamp_ns: int, index: int) -> Measured:
         place, R = self._body.site("lidar_link")
-        yield "points", self._lidar.measure(stamp_ns, index, self._data, place, R)
+        yield "points", self._lidar.measure(stamp_ns, index, place, R)
 
     def _look(self, stamp_ns: int, index: int) -> Measured:
         body = self._body
