@@ -63,7 +63,7 @@ class Simulation:
         self._data = load_mujoco().MjData(self._model)
         self.start_pose = self._set_down()
         self._robot = self._make_robot(seed)
-        self._step_ns = round(1e9 * self._model.opt.timestep)
+        self._step_ns: int = round(1e9 * self._model.opt.timestep)
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
         gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal

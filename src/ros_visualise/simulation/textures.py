@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -93,8 +94,8 @@ def _darken(canvas: Canvas, shadows: Sequence[Shadow], scale: float) -> Canvas:
         at = round((half + x * scale) * 8), round((half - y * scale) * 8)
         axes = round(along * scale * 8), round(across * scale * 8)
         cv2.ellipse(light, at, axes, -SUN_DEGREES, 0, 360, 140, -1, cv2.LINE_AA, 4)
-    light = cv2.GaussianBlur(light, (0, 0), 0.05 * scale)
-    big = cv2.resize(light, (2 * half, 2 * half), interpolation=cv2.INTER_LINEAR)
+    soft = cv2.GaussianBlur(light, (0, 0), 0.05 * scale)
+    big = cv2.resize(soft, (2 * half, 2 * half), interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.multiply(canvas, cv2.merge([big] * 3), scale=1 / 255))
 
 
@@ -167,8 +168,8 @@ def _shade(colour: Colour, shade: Grains) -> Canvas:
     return np.asarray(cv2.merge([cv2.convertScaleAbs(shade, alpha=each) for each in colour]))
 
 
-def _blend(below: Canvas, above: Canvas, weight: Grains) -> Canvas:
-    weight = np.asarray(weight, np.float32)
+def _blend(below: Canvas, above: Canvas, weight: npt.NDArray[Any]) -> Canvas:
+    weight = weight.astype(np.float32)
     return np.asarray(cv2.blendLinear(below, above, 1 - weight, weight))
 
 

@@ -98,7 +98,8 @@ class Husky:
         fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
         turns = (fl + rl) / 2, (fr + rr) / 2
         left, right = (
-            WHEEL_RADIUS * (now - before) for now, before in zip(turns, self._last_turns, strict=True)
+            WHEEL_RADIUS * (now - before)
+            for now, before in zip(turns, self._last_turns, strict=True)
         )
         self._last_turns = turns
         way, turn = (left + right) / 2, (right - left) / EFFECTIVE_TRACK
@@ -107,7 +108,7 @@ class Husky:
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
 
-        A servo alone would turn the wheels slower the harder they are to turn, on the spot above all.
+        A servo alone would turn the wheels slower the harder they are to turn.
         """
         speeds = self._data.qvel[6:10].tolist()  # front left, front right, rear left, rear right
         actual = speeds[0], speeds[2], speeds[1], speeds[3]

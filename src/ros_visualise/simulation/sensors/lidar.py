@@ -50,7 +50,11 @@ class Lidar:
         self._rings = np.repeat(np.arange(rings, dtype=np.uint16), columns)
         still = (model.geom_bodyid == 0) & (model.geom_type != _PLANE)
         things = np.flatnonzero(still)
-        boxes, places, axes = model.geom_aabb[things], data.geom_xpos[things], data.geom_xmat[things]
+        boxes, places, axes = (
+            model.geom_aabb[things],
+            data.geom_xpos[things],
+            data.geom_xmat[things],
+        )
         far = params.lidar_far
         self._silhouettes = Silhouettes(boxes, places, axes, elevation, columns, far)
         self._caster = RayCaster(model, data, things)
@@ -70,6 +74,7 @@ class Lidar:
         points = np.empty((len(met), 5), np.float32)
         np.multiply(self._rays32.take(met, axis=0), measured[:, None], out=points[:, :3])
         points[:, 3] = self._brightness[surface[met]]
+        points[:, 4] = 0  # what pads the rings out
         cloud = points.view(POINT)[:, 0]
         cloud["ring"] = self._rings[met]
         return PointCloud(cloud, True, Header(stamp_ns, self.frame_id))

@@ -53,7 +53,18 @@ class RayCaster:
         count = len(rays)
         met, ranges = np.empty(count, np.int32), np.empty(count)
         self._mujoco.mj_multiRay(
-            model, data, position_xyz, rays.ravel(), _ALL_SHOWN, 1, -1, met, ranges, None, count, far_m
+            model,
+            data,
+            position_xyz,
+            rays.ravel(),
+            _ALL_SHOWN,
+            1,
+            -1,
+            met,
+            ranges,
+            None,
+            count,
+            far_m,
         )
         return ranges, np.where(met < 0, -1, among[met])
 

@@ -88,7 +88,7 @@ class Suite:
         yield "fix", self._gps.measure(stamp_ns, self._body.site("gps_link")[0])
 
     def _sense_field(self, stamp_ns: int, _: int) -> Measured:
-        yield "mag", self._magnetometer.measure(stamp_ns, self._body.R_map_body)
+        yield "mag", self._magnetometer.measure(stamp_ns, self._body.axes)
 
     def _weigh_air(self, stamp_ns: int, _: int) -> Measured:
         yield "pressure", self._barometer.measure(stamp_ns, self._body.position[2])
@@ -99,5 +99,5 @@ class Suite:
 
     def _look(self, stamp_ns: int, index: int) -> Measured:
         body = self._body
-        place, R = self._mounting.optical_in_map(np.array(body.position), body.R_map_body)
+        place, R = self._mounting.optical_in_map(np.array(body.position), body.axes)
         yield "image", self._camera.measure(stamp_ns, index, self._data, place, R)

@@ -81,7 +81,10 @@ def _plant_trees(scene: Scene) -> list[Shadow]:
         scene.add("cylinder", (0.05 * tall, tall / 4), (x, y, tall / 4), "0.36 0.26 0.18")
         crown = (wide, wide * random.uniform(0.85, 1.1), tall * 0.36)
         scene.add("ellipsoid", crown, (x, y, tall * 0.66), leaves)
-        shadows += [_cast(x, y, tall * 0.66, tall * 0.36, wide), _cast(x, y, tall / 4, tall / 4, 0.06 * tall)]
+        shadows += [
+            _cast(x, y, tall * 0.66, tall * 0.36, wide),
+            _cast(x, y, tall / 4, tall / 4, 0.06 * tall),
+        ]
         lobe, turn = 0.62 * wide, random.uniform(0, 2 * math.pi)
         dx, dy = 0.7 * wide * math.cos(turn), 0.7 * wide * math.sin(turn)
         scene.add("sphere", (lobe,), (x + dx, y + dy, tall * 0.52), leaves)
@@ -135,7 +138,12 @@ def _furnish(scene: Scene) -> list[Shadow]:
     for x, y in ((13.5, -9.8), (15.2, -9.3), (-4.5, 12.6)):
         scene.add("cylinder", (0.6, 0.6), (x, y, 0.6), "0.82 0.7 0.38", R=sideways)
         shadows.append(_cast(x, y, 0.6, 0.6, 0.7))
-    for x, y, size in ((-14.9, -3.6, 0.4), (3.2, 11.8, 0.5), (15.5, 2.0, 0.45), (-2.8, -12.0, 0.35)):
+    for x, y, size in (
+        (-14.9, -3.6, 0.4),
+        (3.2, 11.8, 0.5),
+        (15.5, 2.0, 0.45),
+        (-2.8, -12.0, 0.35),
+    ):
         scene.add("ellipsoid", (size, 0.8 * size, 0.6 * size), (x, y, 0.3 * size), "0.5 0.49 0.47")
         shadows.append(_cast(x, y, 0.3 * size, 0.5 * size, 0.9 * size))
     return shadows

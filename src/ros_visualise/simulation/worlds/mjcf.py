@@ -80,7 +80,7 @@ class Scene:
         self,
         shape: str,
         size: Sequence[float],
-        position: Sequence[float],
+        position: Sequence[float] | Floats,
         look: str,
         contact: str = SOLID,
         R: Floats | None = None,
@@ -133,7 +133,7 @@ def _turn(yaw: float) -> Floats:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _numbers(values: Sequence[float] | Floats) -> str:
     return " ".join(f"{value:.6g}" for value in values)
 
 
