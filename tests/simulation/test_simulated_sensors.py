@@ -45,15 +45,15 @@ def test_imu_noise_has_its_density_and_its_covariance():
 def test_imu_biases_differ_from_run_to_run_and_walk():
     still = replace(HUSKY, gyro_density=0.0, accel_density=0.0)
     first, later = [], []
-    for seed in range(400):
+    for seed in range(200):
         sensor = ImuSensor(still, seed)
         messages = [sensor.measure(0, LEVEL, np.zeros(6)) for _ in range(101)]
         first.append(np.concatenate([messages[0].angular_xyz, messages[0].linear_xyz]))
         later.append(np.concatenate([messages[-1].angular_xyz, messages[-1].linear_xyz]))
     declared = np.repeat([HUSKY.gyro_bias, HUSKY.accel_bias], 3)
-    assert np.std(first, axis=0) == pytest.approx(declared, rel=0.15)
+    assert np.std(first, axis=0) == pytest.approx(declared, rel=0.2)
     walked = np.std(np.subtract(later, first), axis=0)  # of one second
-    assert walked == pytest.approx(np.repeat([HUSKY.gyro_walk, HUSKY.accel_walk], 3), rel=0.15)
+    assert walked == pytest.approx(np.repeat([HUSKY.gyro_walk, HUSKY.accel_walk], 3), rel=0.2)
 
 
 def test_the_attitude_of_the_imu_errs_as_declared():
@@ -136,8 +136,8 @@ def test_wheel_odometry_drifts_with_its_scale_and_with_the_root_of_the_way():
     ends = []
     for seed in range(600):
         odometry = WheelOdometry(HUSKY, seed)
-        for _ in range(100):
-            last = odometry.advance(0, 0.2, 0.0, 0.02)
+        for _ in range(25):
+            last = odometry.advance(0, 0.8, 0.0, 0.02)
         ends.append(last.position_xyz[0])
     assert np.mean(ends) == pytest.approx(20, abs=0.05)
     declared = math.hypot(HUSKY.odom_scale * 20, HUSKY.odom_noise * math.sqrt(20))
