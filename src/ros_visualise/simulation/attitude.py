@@ -67,23 +67,6 @@ def rows(q: Quat) -> tuple[Vector, Vector, Vector]:
     )
 
 
-def from_matrix(R: Floats) -> Quat:
-    """The quaternion of a rotation matrix.
-
-    Source: Bar-Itzhack, New method for extracting the quaternion from a rotation matrix, 2000.
-    """
-    K = np.array(
-        [
-            [R[0, 0] + R[1, 1] + R[2, 2], 0, 0, 0],
-            [R[2, 1] - R[1, 2], R[0, 0] - R[1, 1] - R[2, 2], 0, 0],
-            [R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], R[1, 1] - R[0, 0] - R[2, 2], 0],
-            [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], R[2, 2] - R[0, 0] - R[1, 1]],
-        ]
-    )
-    w, x, y, z = np.linalg.eigh(K)[1][:, -1].tolist()
-    return (w, x, y, z) if w >= 0 else (-w, -x, -y, -z)
-
-
 def xyzw(q: Quat) -> Floats:
     """The order of ROS's messages, (4,)."""
     return np.array((q[1], q[2], q[3], q[0]))

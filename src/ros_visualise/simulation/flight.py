@@ -21,7 +21,7 @@ _MAX_TILT = math.radians(35)
 
 @dataclass(frozen=True)
 class Airframe:
-    """What is known of the quadrotor: SI units; motors front left, front right, rear left, right."""
+    """What is known of it, SI units; motors are front left and right, rear left and right."""
 
     mass: float
     inertia: Vector
@@ -102,7 +102,11 @@ class FlightController:
         w, x, y, z = multiply(conjugate(attitude), wanted)
         gain = 2 * self.ATTITUDE * (1 if w >= 0 else -1)
         up = rows(attitude)[2]
-        return gain * x + yaw_rate * up[0], gain * y + yaw_rate * up[1], 0.4 * gain * z + yaw_rate * up[2]
+        return (
+            gain * x + yaw_rate * up[0],
+            gain * y + yaw_rate * up[1],
+            0.4 * gain * z + yaw_rate * up[2],
+        )
 
     def _torque(self, rates: Vector, wanted: Vector) -> Vector:
         """Torque about the body's axes, the gyroscopic part included."""
@@ -125,9 +129,7 @@ class FlightController:
         room = min(min(each + t, top - each - t) for t in tilts)
         spin = max(-max(room, 0.0), min(max(room, 0.0), spin))
         spins = (spin, -spin, -spin, spin)
-        return tuple(
-            max(0.0, min(top, each + t + s)) for t, s in zip(tilts, spins, strict=True)
-        )
+        return tuple(max(0.0, min(top, each + t + s)) for t, s in zip(tilts, spins, strict=True))
 
 
 def _attitude(force: Vector, yaw: float) -> Quat:

@@ -13,13 +13,23 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Odometry, Transforms, TransformStamped
-from ros_visualise.simulation.attitude import Quat, Vector, from_matrix, from_yaw, rows, xyzw, yaw_of
+from ros_visualise.simulation.attitude import (
+    Quat,
+    Vector,
+    conjugate,
+    from_yaw,
+    multiply,
+    rows,
+    xyzw,
+    yaw_of,
+)
 from ros_visualise.simulation.model import BASE, site_position
 from ros_visualise.simulation.settings import RobotParams
 
 MAP, ODOM = "map", "odom"
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # R_camera_optical
+_TO_OPTICAL: Quat = (0.5, -0.5, 0.5, -0.5)  # the same
 _SITES = ("imu_link", "gps_link", "lidar_link")
 
 
@@ -36,6 +46,7 @@ class Mounting:
         self._position = site_position(model, "camera_link")
         pitch = math.radians(params.camera_pitch)
         c, s = math.cos(pitch), math.sin(pitch)
+        self._pitch: Quat = (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0)
         self._R_level_camera = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
     def optical_in_map(self, position: Floats, R_map_body: Floats) -> tuple[Floats, Floats]:
@@ -43,10 +54,11 @@ class Mounting:
         level = self._level(R_map_body) if self.gimbal else R_map_body
         return position + R_map_body @ self._position, level @ self._R_level_camera @ _OPTICAL
 
-    def camera_in_body(self, stamp_ns: int, R_map_body: Floats) -> TransformStamped:
-        """``camera_link`` in ``base_link``."""
-        level = R_map_body.T @ self._level(R_map_body) if self.gimbal else np.eye(3)
-        turn = from_matrix(level @ self._R_level_camera)
+    def camera_in_body(self, stamp_ns: int, attitude: Quat) -> TransformStamped:
+        """``camera_link`` in ``base_link`` of that attitude in ``map``."""
+        turn = self._pitch
+        if self.gimbal:
+            turn = multiply(conjugate(attitude), multiply(from_yaw(yaw_of(attitude)), turn))
         return _transform(stamp_ns, BASE, "camera_link", self._position, turn)
 
     def _level(self, R_map_body: Floats) -> Floats:
@@ -70,11 +82,11 @@ def fixed_frames(
         _transform(0, MAP, ODOM, np.array(place), heading),
         _transform(0, BASE, "base_footprint", np.array([0.0, 0.0, -floor_m]), _LEVEL),
         *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
-        _transform(0, "camera_link", "camera_optical", np.zeros(3), from_matrix(_OPTICAL)),
+        _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
         *wheel_frames(model),
     ]
     if not mounting.gimbal:
-        frames.append(mounting.camera_in_body(0, np.eye(3)))
+        frames.append(mounting.camera_in_body(0, _LEVEL))
     return Transforms(tuple(frames))
 
 

@@ -57,6 +57,6 @@ def tag_bits(tag_id: int) -> npt.NDArray[np.uint8]:
     Source: Wang and Olson, AprilTag 2, 2016; the patterns as OpenCV's dictionary has them.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    code = np.asarray(dictionary.bytesList[tag_id, :, 0])
+    code = np.ravel(dictionary.bytesList[tag_id])[:5]  # turned by quarters, it goes on there
     inner = np.concatenate([np.unpackbits(code[:4]), np.unpackbits(code[4:])[4:]])
     return np.pad(inner.reshape(6, 6), 1)

@@ -52,7 +52,9 @@ class Mission:
         if any(len(point) not in (3, 4) for point in self.waypoints):
             raise OpenError("a way point is [x, y, z] or [x, y, z, yaw]")
         if min(*self.size, self.spacing, self.speed, self.height) <= 0 or self.laps < 0:
-            raise OpenError("size, spacing, height and speed of a mission are above 0, laps not below")
+            raise OpenError(
+                "size, spacing, height and speed of a mission are above 0, laps not below"
+            )
 
     def route(self) -> Route:
         """Its way in ``map``."""

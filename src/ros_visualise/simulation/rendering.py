@@ -111,10 +111,13 @@ class Renderer:
         self._gl.make_current()
         mujoco.mjr_render(self._rect, self._scene, self._target)
         mujoco.mjr_readPixels(self._rows, None, self._rect, self._target)
-        return self._rows[::-1].copy()
+        pixels: Pixels = self._rows[::-1].copy()
+        return pixels
 
     def close(self) -> None:
-        """Free what the driver holds."""
+        """Free what the driver holds; at the end of the process it has let go already."""
+        if sys.is_finalizing():
+            return
         self._gl.make_current()
         self._target.free()
         self._gl.free()

@@ -25,7 +25,10 @@ class Route:
         yaws: list[float | None] | None = None,
     ) -> None:
         yaws = yaws or [None] * len(points)
-        kept = [0, *(i for i in range(1, len(points)) if math.dist(points[i], points[i - 1]) > 1e-6)]
+        kept = [
+            0,
+            *(i for i in range(1, len(points)) if math.dist(points[i], points[i - 1]) > 1e-6),
+        ]
         line = [points[i] for i in kept]
         self.yaws = [yaws[i] for i in kept]
         self.closed = closed and len(line) > 2

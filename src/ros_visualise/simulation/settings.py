@@ -45,7 +45,9 @@ class RobotParams:
     gps_drift: float = param(0.8, "slow error, east and north, m", min=0, max=100, group="gps")
     gps_drift_time: float = param(60.0, "its time, seconds", min=0.1, max=1e5, group="gps")
     gps_vertical: float = param(2.0, "up is so many times worse", min=0, max=10, group="gps")
-    gps_latitude: float = param(49.0, "of the world's origin, degrees", min=-89, max=89, group="gps")
+    gps_latitude: float = param(
+        49.0, "of the world's origin, degrees", min=-89, max=89, group="gps"
+    )
     gps_longitude: float = param(8.4, "of it, degrees", min=-180, max=180, group="gps")
     gps_altitude: float = param(116.0, "of it, m", min=-500, max=9000, group="gps")
 
@@ -71,9 +73,7 @@ class HuskyParams(RobotParams):
     odom_turn_scale: float = param(
         0.02, "error of the scale of turns, of 1", min=0, max=0.5, group="odometry"
     )
-    odom_turn_noise: float = param(
-        0.01, "growing, rad/sqrt(rad)", min=0, max=1, group="odometry"
-    )
+    odom_turn_noise: float = param(0.01, "growing, rad/sqrt(rad)", min=0, max=1, group="odometry")
 
 
 @dataclass(frozen=True)

@@ -57,13 +57,13 @@ class Simulation:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
         self.settings = settings or PARAMS[robot]()
-        self.world: World = build_world(world)
+        self.world: World = build_world(world, self.settings.camera)
         self._name = robot
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
         self.start_pose = self._set_down()
         self._robot = self._make_robot(seed)
-        self._step_ns = round(1e9 * self._model.opt.timestep)
+        self._step_ns: int = round(1e9 * self._model.opt.timestep)
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
         gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal

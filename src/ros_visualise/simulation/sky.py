@@ -13,7 +13,7 @@ FACES = "RLUDFB"
 """The order of the faces on `draw_sky`'s picture, as ``gridlayout`` of MJCF names them."""
 
 
-def draw_sky(side: int = 512) -> Canvas:
+def draw_sky(side: int = 384) -> Canvas:
     """Six faces of a cube side by side, RGB, (side, 6 * side, 3)."""
     return np.concatenate([_draw_face(_directions(face, side)) for face in FACES], axis=1)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +14,11 @@ from ros_visualise.simulation.landmarks import CELLS, tag_bits
 Canvas = npt.NDArray[np.uint8]
 Grains = npt.NDArray[np.float32]
 Colour = tuple[int, int, int]
+Shadow = tuple[float, float, float, float]
+"""Middle x and y, half lengths along the sun's direction and across it, metres."""
 
+SUN_DEGREES = 52.0
+"""Where shadows point to, from east to north."""
 GRASS: Colour = (104, 132, 66)
 BOARD_CELLS = CELLS + 2
 """A tag's board along its side, in cells of the tag: a white rim of one cell all around."""
@@ -45,23 +52,27 @@ def draw_grass(side: int = 512, seed: int = 5) -> Canvas:
     return _shade(GRASS, shade + 0.6 * _grain(random, side))
 
 
-def draw_field(side: int, metres: float, path_xy: npt.NDArray[np.float64]) -> Canvas:
+def draw_field(
+    side: int, metres: float, path_xy: npt.NDArray[np.float64], shadows: Sequence[Shadow]
+) -> Canvas:
     """A meadow seen from above, north up: mown stripes, bare patches, flowers, a gravel path.
 
     Args:
         side: pixels along an edge.
         metres: the same in metres; the middle is (0, 0).
         path_xy: (N, 2) metres; the path's closed middle line.
+        shadows: of what stands on it.
     """
     random = np.random.default_rng(11)
     scale = side / metres
-    wide = noise(random, side, 7)
+    wide, fine = noise(random, side, 7), noise(random, side, 1100)
     x = np.arange(side, dtype=np.float32) / scale
     stripes = np.sign(np.sin((x * 0.94 + x[:, None] * 0.34) * np.pi / 1.6))
-    shade = 1 + 0.10 * wide + 0.09 * noise(random, side, 90) + 0.12 * noise(random, side, 500)
+    shade = 1 + 0.10 * wide + 0.07 * noise(random, side, 90) + 0.10 * noise(random, side, 500)
+    shade += 0.12 * fine + 0.8 * _grain(random, side)
     rim = np.minimum(np.minimum(x, metres - x)[:, None], np.minimum(x, metres - x))
     fade = np.clip((rim - 3) / 4, 0, 1)  # outside it goes on as plain grass
-    canvas = _shade(GRASS, shade + 0.05 * stripes * fade + 0.5 * _grain(random, side))
+    canvas = _shade(GRASS, shade + 0.05 * stripes * fade)
     dry = np.clip(noise(random, side, 14) + 0.25 * noise(random, side, 120) - 0.45, 0, 1) * fade
     canvas = _blend(canvas, _shade((156, 146, 92), shade), np.minimum(2.2 * dry, 0.75))
     _draw_flowers(canvas, random, scale)
@@ -71,8 +82,21 @@ def draw_field(side: int, metres: float, path_xy: npt.NDArray[np.float64]) -> Ca
     cv2.polylines(mask, [line], True, 255, round(1.7 * scale), cv2.LINE_AA, 4)
     worn = cv2.GaussianBlur(mask, (0, 0), 0.12 * scale).astype(np.float32) / 255
     worn = np.clip(worn * 1.6 - 0.3 + 0.35 * noise(random, side, 160), 0, 1) * (worn > 0.02)
-    gravel = _shade((176, 160, 130), 1 + 0.08 * wide + 1.3 * _grain(random, side))
-    return _blend(canvas, gravel, worn)
+    gravel = _shade((176, 160, 130), 1 + 0.08 * wide + 0.08 * fine + 1.3 * _grain(random, side))
+    canvas = _blend(canvas, gravel, worn)
+    return _darken(canvas, shadows, scale)
+
+
+def _darken(canvas: Canvas, shadows: Sequence[Shadow], scale: float) -> Canvas:
+    half = len(canvas) // 2
+    light = np.full((half, half), 255, np.uint8)
+    for x, y, along, across in shadows:
+        at = round((half + x * scale) * 8), round((half - y * scale) * 8)
+        axes = round(along * scale * 8), round(across * scale * 8)
+        cv2.ellipse(light, at, axes, -SUN_DEGREES, 0, 360, 140, -1, cv2.LINE_AA, 4)
+    soft = cv2.GaussianBlur(light, (0, 0), 0.05 * scale)
+    big = cv2.resize(soft, (2 * half, 2 * half), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.multiply(canvas, cv2.merge([big] * 3), scale=1 / 255))
 
 
 def draw_leaves(side: int = 128) -> Canvas:
@@ -125,7 +149,7 @@ def _tiled(random: np.random.Generator, side: int, cells: int) -> Grains:
 
 
 def _grain(random: np.random.Generator, side: int) -> Grains:
-    return random.normal(0, 0.06, (side, side)).astype(np.float32)
+    return 0.06 * random.standard_normal((side, side), np.float32)
 
 
 def _draw_flowers(canvas: Canvas, random: np.random.Generator, scale: float) -> None:
@@ -140,13 +164,13 @@ def _draw_flowers(canvas: Canvas, random: np.random.Generator, scale: float) -> 
 
 
 def _shade(colour: Colour, shade: Grains) -> Canvas:
-    pixels = np.array(colour, np.float32) * shade[..., None]
-    return np.asarray(np.clip(pixels, 0, 255), np.uint8)
+    shade = np.asarray(shade, np.float32)
+    return np.asarray(cv2.merge([cv2.convertScaleAbs(shade, alpha=each) for each in colour]))
 
 
-def _blend(below: Canvas, above: Canvas, weight: Grains) -> Canvas:
-    w = weight[..., None].astype(np.float32)
-    return np.asarray(below * (1 - w) + above * w, np.uint8)
+def _blend(below: Canvas, above: Canvas, weight: npt.NDArray[Any]) -> Canvas:
+    weight = weight.astype(np.float32)
+    return np.asarray(cv2.blendLinear(below, above, 1 - weight, weight))
 
 
 def _rgb(gray: Canvas) -> Canvas:

@@ -40,8 +40,8 @@ class Body:
         return w, x, y, z
 
     @property
-    def R_map_body(self) -> Floats:
-        """3x3."""
+    def axes(self) -> Floats:
+        """R_map_body, 3x3."""
         return np.array(self.data.xmat[self._id]).reshape(3, 3)
 
     def velocity(self) -> tuple[Floats, Floats]:

@@ -19,18 +19,20 @@ WHEELBASE = 0.512  # m
 TRACK = 0.5708  # m
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
-EFFECTIVE_TRACK = TRACK * (1 + (WHEELBASE / TRACK) ** 2)
+EFFECTIVE_TRACK = 2.12 * TRACK
 """How far apart wheels that do not slip would have to be to turn as this rover does, metres.
 
 Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction works
 against the slip's direction, and its moments about the middle cancel only where the slip along the
-wheel is to that across it as half the wheelbase is to half the track.
+wheel is to that across it as half the wheelbase is to half the track: a factor of
+1 + (WHEELBASE / TRACK)^2 = 1.80 on rigid ground. husky_control has 1.875; on MuJoCo's soft ground,
+which lifts what slides, it was measured.
 """
 
 _LEASH_M = 0.9  # that it looks ahead
 _ARRIVED_M = 0.15
 _TURN_ON_SPOT = math.radians(50)
-_INTEGRAL = 12.0  # 1/s: of the wheels' speed controllers
+_INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
 _INTEGRAL_LIMIT = 6.0  # rad/s
 
 
@@ -96,7 +98,8 @@ class Husky:
         fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
         turns = (fl + rl) / 2, (fr + rr) / 2
         left, right = (
-            WHEEL_RADIUS * (now - before) for now, before in zip(turns, self._last_turns, strict=True)
+            WHEEL_RADIUS * (now - before)
+            for now, before in zip(turns, self._last_turns, strict=True)
         )
         self._last_turns = turns
         way, turn = (left + right) / 2, (right - left) / EFFECTIVE_TRACK
@@ -105,7 +108,7 @@ class Husky:
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
 
-        A servo alone would turn the wheels slower the harder they are to turn, on the spot above all.
+        A servo alone would turn the wheels slower the harder they are to turn.
         """
         speeds = self._data.qvel[6:10].tolist()  # front left, front right, rear left, rear right
         actual = speeds[0], speeds[2], speeds[1], speeds[3]

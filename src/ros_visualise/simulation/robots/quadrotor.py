@@ -109,7 +109,9 @@ class Quadrotor:
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
         first = route.points[0]
         self._after_take_off(first[2], lambda: self._fly([self._point, first], speed))
-        self._next.append(lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps), speed))
+        self._next.append(
+            lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps), speed)
+        )
         if mission.land:
             x, y, _ = self._home
             self._next.append(lambda: self._fly([self._point, (x, y, self._point[2])], speed))
@@ -177,7 +179,10 @@ class Quadrotor:
 
     def _move(self, time_s: float) -> Vector:
         """Move the point by one step; returns its acceleration."""
-        if self._mode is Mode.COMMANDED and time_s - self._commanded_s > self._params.command_timeout:
+        if (
+            self._mode is Mode.COMMANDED
+            and time_s - self._commanded_s > self._params.command_timeout
+        ):
             self._twist = ((0.0, 0.0, 0.0), 0.0)
         if self._mode is Mode.FLYING and self._carrot is not None:
             pull = self._pull(self._carrot)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
@@ -16,7 +18,7 @@ _EXPONENT = 5.25588
 
 def pressure_at(altitude_m: float) -> float:
     """Pressure in pascal of the standard atmosphere. Source: ISO 2533, troposphere."""
-    return _SEA_LEVEL_PA * (1 - _LAPSE_K_M * altitude_m / _SEA_LEVEL_K) ** float(_EXPONENT)
+    return _SEA_LEVEL_PA * math.pow(1 - _LAPSE_K_M * altitude_m / _SEA_LEVEL_K, _EXPONENT)
 
 
 class Barometer:

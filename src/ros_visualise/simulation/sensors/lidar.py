@@ -8,29 +8,38 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
-from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.sensors.silhouettes import Silhouettes
+from ros_visualise.simulation.sensors.rays import RayCaster
+from ros_visualise.simulation.sensors.silhouettes import Cover, Silhouettes
 from ros_visualise.simulation.settings import RobotParams
 
+Indices = npt.NDArray[np.intp]
+
 POINT = np.dtype(
-    [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2")]
+    {
+        "names": ["x", "y", "z", "intensity", "ring"],
+        "formats": ["<f4", "<f4", "<f4", "<f4", "<u2"],
+        "offsets": [0, 4, 8, 12, 16],
+        "itemsize": 20,
+    }
 )
-_WORLD_ALONE = np.array([1, 0, 0, 0, 0, 0], np.uint8)  # group 0: the robot does not see itself
+_SECTORS = 15
+_PLANE = 0  # mjGEOM_PLANE
+_GROUND = -1
 
 
 class Lidar:
     """Rows of rays all around, all at once, with white noise on the ranges.
 
-    Only rays that can meet a thing are cast; where a ray meets the ground is known without.
-    ``intensity`` is how bright the surface is, 0 to 100; ``ring`` 0 is the lowest row.
+    The robot does not see itself. Only rays that can meet a thing are cast: where a ray meets the
+    ground, the plane z = 0, is known without. ``intensity`` is how bright the surface is, 0 to 100;
+    ``ring`` 0 is the lowest row.
     """
 
     frame_id = "lidar_link"
 
-    def __init__(self, params: RobotParams, seed: int, model: Any) -> None:
-        self._params, self._seed, self._model = params, seed, model
-        self._mujoco = load_mujoco()
+    def __init__(self, params: RobotParams, seed: int, model: Any, data: Any) -> None:
+        self._params, self._seed = params, seed
         rings, columns = params.lidar_rings, params.lidar_columns
         elevation = np.radians(np.linspace(params.lidar_low, params.lidar_high, rings))
         azimuth = -np.pi + 2 * np.pi * np.arange(columns) / columns
@@ -39,68 +48,75 @@ class Lidar:
         self._rays = np.stack(np.broadcast_arrays(*ray), axis=-1).reshape(-1, 3)
         self._rays32 = self._rays.astype(np.float32)
         self._rings = np.repeat(np.arange(rings, dtype=np.uint16), columns)
-        self._silhouettes = Silhouettes(model, elevation, columns, params.lidar_far)
-        self._brightness = _brightness(model)
-        self._ground = self._mujoco.mj_name2id(model, self._mujoco.mjtObj.mjOBJ_GEOM, "ground")
+        still = (model.geom_bodyid == 0) & (model.geom_type != _PLANE)
+        things = np.flatnonzero(still)
+        boxes, places, axes = (
+            model.geom_aabb[things],
+            data.geom_xpos[things],
+            data.geom_xmat[things],
+        )
+        far = params.lidar_far
+        self._silhouettes = Silhouettes(boxes, places, axes, elevation, columns, far)
+        self._caster = RayCaster(model, data, things)
+        ground = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type == _PLANE))
+        self._brightness = _brightness(model, np.append(things, ground[0]))
+        self._cuts = np.linspace(0, columns, _SECTORS + 1).astype(np.intp)
 
-    def measure(
-        self, stamp_ns: int, index: int, data: Any, position_xyz: Floats, R: Floats
-    ) -> PointCloud:
+    def measure(self, stamp_ns: int, index: int, position_xyz: Floats, R: Floats) -> PointCloud:
         """The scan of that number from a place in the world, R being R_map_lidar."""
-        ranges, surface = self.cast(data, position_xyz, R)
+        ranges, surface = self.cast(position_xyz, R)
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
         random = random_of(self._seed, "lidar", index)
-        noise = random.standard_normal(len(met), np.float32)
-        measured = ranges[met].astype(np.float32) + np.float32(p.lidar_noise) * noise
-        points = np.empty(len(met), POINT)
-        xyz = self._rays32[met] * measured[:, None]
-        points["x"], points["y"], points["z"] = xyz[:, 0], xyz[:, 1], xyz[:, 2]
-        points["intensity"] = self._brightness[surface[met]]
-        points["ring"] = self._rings[met]
-        return PointCloud(points, True, Header(stamp_ns, self.frame_id))
+        measured = random.standard_normal(len(met), np.float32)
+        measured *= np.float32(p.lidar_noise)
+        measured += ranges[met]
+        points = np.empty((len(met), 5), np.float32)
+        np.multiply(self._rays32.take(met, axis=0), measured[:, None], out=points[:, :3])
+        points[:, 3] = self._brightness[surface[met]]
+        points[:, 4] = 0  # what pads the rings out
+        cloud = points.view(POINT)[:, 0]
+        cloud["ring"] = self._rings[met]
+        return PointCloud(cloud, True, Header(stamp_ns, self.frame_id))
 
-    def cast(
-        self, data: Any, position_xyz: Floats, R: Floats
-    ) -> tuple[Floats, npt.NDArray[np.int32]]:
-        """True ranges (N,) in metres, infinite where nothing is, and the geom that each ray met."""
+    def cast(self, position_xyz: Floats, R: Floats) -> tuple[Floats, Indices]:
+        """True ranges (N,) in metres, infinite where nothing is, and what each ray met.
+
+        That is the place of a thing among those that stand in the world, -1 for the ground.
+        """
         down = self._rays @ R[2]
-        with np.errstate(divide="ignore"):
-            ranges = np.where(down < 0, -position_xyz[2] / down, np.inf)
-        surface = np.full(len(ranges), self._ground, np.int32)
-        rays = np.flatnonzero(self._silhouettes.cover(position_xyz, R, ranges))
-        if len(rays):
-            found, geoms = self._cast(data, position_xyz, self._rays[rays] @ R.T)
-            nearer = (found >= 0) & (found < ranges[rays])
+        ranges = np.full(len(down), np.inf)
+        np.divide(-position_xyz[2], down, out=ranges, where=down < 0)
+        surface = np.full(len(ranges), _GROUND, np.intp)
+        cover = self._silhouettes.cover(position_xyz, R)
+        may_meet = cover.near_m < ranges.reshape(cover.near_m.shape)
+        for sector, among in self._sectors(cover):
+            rows, columns = np.nonzero(may_meet[:, sector])
+            if not len(rows):
+                continue
+            rays = rows * may_meet.shape[1] + columns + sector.start
+            found, thing = self._caster.cast(
+                position_xyz, self._rays[rays] @ R.T, among, self._params.lidar_far
+            )
+            nearer = np.flatnonzero((thing >= 0) & (found < ranges[rays]))
             ranges[rays[nearer]] = found[nearer]
-            surface[rays[nearer]] = geoms[nearer]
+            surface[rays[nearer]] = thing[nearer]
         return ranges, surface
 
-    def _cast(
-        self, data: Any, position_xyz: Floats, rays: Floats
-    ) -> tuple[Floats, npt.NDArray[np.int32]]:
-        count = len(rays)
-        geoms, ranges = np.empty(count, np.int32), np.empty(count)
-        self._mujoco.mj_multiRay(
-            self._model,
-            data,
-            position_xyz,
-            rays.ravel(),
-            _WORLD_ALONE,
-            1,
-            -1,
-            geoms,
-            ranges,
-            None,
-            count,
-            self._params.lidar_far,
-        )
-        return ranges, geoms
+    def _sectors(self, cover: Cover) -> list[tuple[slice, Indices]]:
+        """Ranges of columns and the things that reach into each."""
+        columns = int(self._cuts[-1])
+        sectors = []
+        for a, b in zip(self._cuts[:-1].tolist(), self._cuts[1:].tolist(), strict=True):
+            reach = np.zeros(len(cover.things), bool)
+            for turn in (-columns, 0, columns):
+                reach |= (cover.first < b + turn) & (cover.last > a + turn)
+            if b > a and reach.any():
+                sectors.append((slice(a, b), cover.things[reach]))
+        return sectors
 
 
-def _brightness(model: Any) -> npt.NDArray[np.float32]:
-    """Of each geom, 0 to 100, by its colour."""
-    colours = np.array(model.geom_rgba[:, :3], np.float32)
-    painted = model.geom_matid >= 0
-    colours[painted] = np.minimum(model.mat_rgba[model.geom_matid[painted], :3], 0.6)
-    return np.asarray(100 * colours.mean(axis=1), np.float32)
+def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
+    """Of each, 0 to 100, by its colour; painted ones are of a middle one."""
+    colours = np.array(model.geom_rgba[geoms, :3], np.float32).mean(axis=1)
+    return np.asarray(100 * np.where(model.geom_matid[geoms] >= 0, 0.5, colours), np.float32)

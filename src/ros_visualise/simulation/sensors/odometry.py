@@ -102,7 +102,9 @@ class VisualInertialOdometry:
         root = math.sqrt(way)
         turn = multiply(from_yaw(self._turn), self._to_odom)
         seen = (row[0] * step[0] + row[1] * step[1] + row[2] * step[2] for row in rows(turn))
-        moved = [self._scale * s + p.odom_noise * root * n for s, n in zip(seen, noise, strict=False)]
+        moved = [
+            self._scale * s + p.odom_noise * root * n for s, n in zip(seen, noise, strict=False)
+        ]
         self._at = self._at[0] + moved[0], self._at[1] + moved[1], self._at[2] + moved[2]
         self._turn += p.odom_yaw_noise * root * noise[3]
         believed = multiply(from_yaw(self._turn), multiply(self._to_odom, attitude))

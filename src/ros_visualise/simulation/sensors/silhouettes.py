@@ -1,75 +1,79 @@
-"""Which of a lidar's rays can meet a thing at all."""
+"""Which of a lidar's rays can meet which things at all."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.simulation.engine import load_mujoco
 
+Indices = npt.NDArray[np.intp]
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 _SLACK_RAD = 1e-4
 
 
+class Cover(NamedTuple):
+    """Rows and columns that the nearest things fill: from and to, columns below 0 and above too.
+
+    ``near_m`` (rows, columns) is the shortest range at which a ray can meet anything.
+    """
+
+    near_m: Floats
+    things: Indices
+    first: Indices
+    last: Indices
+
+
 class Silhouettes:
-    """Rectangles of rows and columns that the world's things fill, seen from somewhere.
+    """Rectangles of rows and columns that things fill, seen from somewhere.
 
     They are made of the corners of the things' bounding boxes: too large rather than too small.
 
     Args:
+        boxes: (G, 6) middle and half sides of each in its own axes.
+        places, axes: (G, 3) and (G, 9) of each in the world.
         elevations: (rows,) rad, rising.
         columns: of a row, the first looking to azimuth -pi.
         far_m: beyond it nothing is seen.
     """
 
-    def __init__(self, model: Any, elevations: Floats, columns: int, far_m: float) -> None:
-        still = (model.geom_bodyid == 0) & (model.geom_group == 0) & (model.geom_type != _PLANE)
-        self._corners = _box_corners(model, np.flatnonzero(still))
+    def __init__(
+        self,
+        boxes: Floats,
+        places: Floats,
+        axes: Floats,
+        elevations: Floats,
+        columns: int,
+        far_m: float,
+    ) -> None:
+        local = boxes[:, None, :3] + _CORNERS * boxes[:, None, 3:]
+        turn = axes.reshape(-1, 3, 3).transpose(0, 2, 1)
+        self._corners = local @ turn + places[:, None]
         self._elevations, self._columns, self._far_m = elevations, columns, far_m
 
-    def cover(self, position_xyz: Floats, R: Floats, ground_m: Floats) -> npt.NDArray[np.bool_]:
-        """(rows * columns,) whether a ray may meet a thing before the ground.
-
-        Args:
-            ground_m: (rows * columns,) range to the ground along each ray.
-        """
+    def cover(self, position_xyz: Floats, R: Floats) -> Cover:
+        """What is seen where, from a place in the world, R being R_map_lidar."""
         rows, columns = len(self._elevations), self._columns
-        corners = (self._corners - position_xyz) @ R
-        near, left, right, low, high = _extent(corners)
+        near, left, right, low, high = _extent((self._corners - position_xyz) @ R)
         seen = np.flatnonzero(near < self._far_m)
-        first = np.floor((left + np.pi) * columns / (2 * np.pi)).astype(int)
-        last = np.ceil((right + np.pi) * columns / (2 * np.pi)).astype(int) + 1
-        bottom = np.searchsorted(self._elevations, low - _SLACK_RAD)
-        top = np.searchsorted(self._elevations, high + _SLACK_RAD)
-        nearest = np.full((rows, columns), np.inf)
-        for i in seen[np.argsort(-near[seen])]:  # the nearest is written last
-            part = slice(bottom[i], top[i])
-            a, b = first[i], last[i]
+        seen = seen[np.argsort(-near[seen])]  # the nearest is written last
+        first = np.floor((left[seen] + np.pi) * columns / (2 * np.pi)).astype(np.intp)
+        last = np.ceil((right[seen] + np.pi) * columns / (2 * np.pi)).astype(np.intp) + 1
+        bottom = np.searchsorted(self._elevations, low[seen] - _SLACK_RAD).tolist()
+        top = np.searchsorted(self._elevations, high[seen] + _SLACK_RAD).tolist()
+        shortest = np.full((rows, columns), np.inf)
+        spans = zip(bottom, top, first.tolist(), last.tolist(), near[seen].tolist(), strict=True)
+        for r, s, a, b, m in spans:
             if b - a >= columns:
-                nearest[part] = near[i]
+                shortest[r:s] = m
             elif a < 0 or b > columns:
-                nearest[part, a % columns :] = near[i]
-                nearest[part, : b % columns] = near[i]
+                shortest[r:s, a % columns :] = m
+                shortest[r:s, : b % columns] = m
             else:
-                nearest[part, a:b] = near[i]
-        return np.asarray(nearest.ravel() < ground_m)
-
-
-_PLANE = 0  # mjGEOM_PLANE
-
-
-def _box_corners(model: Any, geoms: npt.NDArray[np.intp]) -> Floats:
-    """(N, 8, 3) in the world. Geoms of the world's own body never move."""
-    mujoco = load_mujoco()
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    boxes = model.geom_aabb[geoms]
-    local = boxes[:, None, :3] + _CORNERS * boxes[:, None, 3:]
-    axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
-    return np.asarray(local @ axes.transpose(0, 2, 1) + data.geom_xpos[geoms][:, None])
+                shortest[r:s, a:b] = m
+        return Cover(shortest, seen, first, last)
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:

@@ -51,7 +51,7 @@ class Suite:
             self._add("mag", params.mag_rate, self._sense_field, always=True)
             self._add("pressure", params.baro_rate, self._weigh_air, always=True)
         if params.lidar:
-            self._lidar = Lidar(params, seed, model)
+            self._lidar = Lidar(params, seed, model, data)
             self._add("points", params.lidar_rate, self._scan)
         self._camera = Camera(params, seed, model)
         if params.camera:
@@ -73,7 +73,7 @@ class Suite:
         odometry = self._robot.measure_odometry(stamp_ns)
         moving = [body_frame(odometry)]
         if self._mounting.gimbal:
-            moving.append(self._mounting.camera_in_body(stamp_ns, self._body.R_map_body))
+            moving.append(self._mounting.camera_in_body(stamp_ns, self._body.attitude))
         yield "tf", Transforms(tuple(moving))
         yield "odom", odometry
 
@@ -88,16 +88,16 @@ class Suite:
         yield "fix", self._gps.measure(stamp_ns, self._body.site("gps_link")[0])
 
     def _sense_field(self, stamp_ns: int, _: int) -> Measured:
-        yield "mag", self._magnetometer.measure(stamp_ns, self._body.R_map_body)
+        yield "mag", self._magnetometer.measure(stamp_ns, self._body.axes)
 
     def _weigh_air(self, stamp_ns: int, _: int) -> Measured:
         yield "pressure", self._barometer.measure(stamp_ns, self._body.position[2])
 
     def _scan(self, stamp_ns: int, index: int) -> Measured:
         place, R = self._body.site("lidar_link")
-        yield "points", self._lidar.measure(stamp_ns, index, self._data, place, R)
+        yield "points", self._lidar.measure(stamp_ns, index, place, R)
 
     def _look(self, stamp_ns: int, index: int) -> Measured:
         body = self._body
-        place, R = self._mounting.optical_in_map(np.array(body.position), body.R_map_body)
+        place, R = self._mounting.optical_in_map(np.array(body.position), body.axes)
         yield "image", self._camera.measure(stamp_ns, index, self._data, place, R)

@@ -40,15 +40,15 @@ WORLDS = tuple(_BUILDERS)
 
 
 @cache
-def build_world(name: str) -> World:
-    """The world of that name.
+def build_world(name: str, pictures: bool = True) -> World:
+    """The world of that name; without pictures all of it is gray, and ready much sooner.
 
     Raises:
         OpenError: there is none.
     """
     if name not in _BUILDERS:
         raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
-    scene = Scene()
+    scene = Scene(pictures)
     _BUILDERS[name](scene)
     return World(
         name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import cv2
@@ -13,6 +13,9 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.simulation.landmarks import CELLS, Landmark
 from ros_visualise.simulation.textures import BOARD_CELLS, draw_tag
+
+Canvas = npt.NDArray[np.uint8]
+Draw = Callable[[], Canvas]
 
 GROUND = 'contype="1" conaffinity="0"'
 SOLID = 'contype="2" conaffinity="0"'
@@ -24,6 +27,9 @@ _PRINT_THICKNESS = 0.002  # of the tag in front of its board
 class Scene:
     """What a world is made of, as it is written.
 
+    Args:
+        pictures: draw what things look like; without, all is gray, and ready much sooner.
+
     Attributes:
         assets: pictures by the names that the MJCF calls them.
         landmarks: those set up so far.
@@ -31,7 +37,8 @@ class Scene:
         path_xy: a closed way through the world.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, pictures: bool) -> None:
+        self._pictures = pictures
         self.assets: dict[str, bytes] = {}
         self.landmarks: list[Landmark] = []
         self.starts: dict[str, tuple[float, float, float]] = {}
@@ -46,9 +53,9 @@ class Scene:
             f"<worldbody>{_SUN}{''.join(self._things)}</worldbody>"
         )
 
-    def add_sky(self, faces: npt.NDArray[np.uint8], order: str) -> None:
+    def add_sky(self, draw: Draw, order: str) -> None:
         """Put a cube's six faces, side by side, around everything."""
-        self._store("sky", faces)
+        self._store("sky", draw, np.full((2, 12, 3), 200, np.uint8))
         self._definitions.append(
             f'<texture type="skybox" file="sky.png" gridsize="1 6" gridlayout="{order}"/>'
         )
@@ -56,12 +63,12 @@ class Scene:
     def add_material(
         self,
         name: str,
-        picture: npt.NDArray[np.uint8],
+        draw: Draw,
         repeat: float | None = None,
         kind: str = "2d",
     ) -> str:
-        """A material that shows a picture: once over its thing, or ``repeat`` times a metre."""
-        self._store(name, picture)
+        """A material that shows what is drawn: once over its thing, or ``repeat`` times a metre."""
+        self._store(name, draw, np.full((2, 2, 3), 128, np.uint8))
         tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
         self._definitions.append(
             f'<texture name="{name}" type="{kind}" file="{name}.png"/>'
@@ -73,7 +80,7 @@ class Scene:
         self,
         shape: str,
         size: Sequence[float],
-        position: Sequence[float],
+        position: Sequence[float] | Floats,
         look: str,
         contact: str = SOLID,
         R: Floats | None = None,
@@ -105,7 +112,7 @@ class Scene:
         """
         name = f"tag_{tag_id}"
         if f"{name}.png" not in self.assets:
-            self.add_material(name, draw_tag(tag_id))
+            self.add_material(name, lambda: draw_tag(tag_id))
         half = size * BOARD_CELLS / CELLS / 2
         behind = np.asarray(position) - R[:, 2] * _PRINT_THICKNESS / 2
         self.add("box", (half, half, _PRINT_THICKNESS / 2), behind, name, SHOWN, R)
@@ -114,8 +121,9 @@ class Scene:
         self.add("box", (rim, rim, _BOARD_THICKNESS / 2), behind, "0.45 0.32 0.2", SOLID, R)
         self.landmarks.append(Landmark(name, "tag", position, R, size, tag_id))
 
-    def _store(self, name: str, picture: npt.NDArray[np.uint8]) -> None:
-        quick: Any = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+    def _store(self, name: str, draw: Draw, plain: Canvas) -> None:
+        picture = draw() if self._pictures else plain
+        quick: Any = [cv2.IMWRITE_PNG_COMPRESSION, 0]
         _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]), quick)
         self.assets[f"{name}.png"] = data.tobytes()
 
@@ -125,7 +133,7 @@ def _turn(yaw: float) -> Floats:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _numbers(values: Sequence[float]) -> str:
+def _numbers(values: Sequence[float] | Floats) -> str:
     return " ".join(f"{value:.6g}" for value in values)
 
 
@@ -137,6 +145,8 @@ _VISUAL = """
   <quality shadowsize="2048" offsamples="0" numslices="20" numstacks="12"/>
 </visual>"""
 
+SUN_SLOPE = 0.70
+"""How far shadows reach, by height."""
 _SUN = (
     '<light directional="true" pos="0 0 30" dir="0.35 0.45 -0.82" '
     'ambient="0.42 0.43 0.46" diffuse="0.68 0.66 0.60" specular="0.2 0.2 0.2" castshadow="false"/>'

@@ -11,6 +11,6 @@ _HALF_M = 150.0
 
 def build_plane(scene: Scene) -> None:
     """Ground in squares of a metre, and nothing on it."""
-    scene.add_sky(draw_sky(256), FACES)
-    scene.add_ground(_HALF_M, scene.add_material("grid", draw_grid(), repeat=0.5))
+    scene.add_sky(lambda: draw_sky(256), FACES)
+    scene.add_ground(_HALF_M, scene.add_material("grid", draw_grid, repeat=0.5))
     scene.starts |= {"husky": (0.0, 0.0, 0.0), "quadrotor": (0.0, 0.0, 0.0)}

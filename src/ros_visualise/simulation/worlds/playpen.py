@@ -11,17 +11,23 @@ from ros_visualise.simulation.worlds.mjcf import Scene
 
 _HALF_M = 10.0
 _BARRIER_M = 2.5
-_CRATES = ((4.0, 3.0, 0.5, 0.3), (4.9, 3.6, 0.35, 0.9), (-5.5, -4.0, 0.6, 0.1), (6.5, -6.0, 0.5, 0.7))
+_CRATES = (
+    (4.0, 4.6, 0.5, 0.3),
+    (5.1, 5.3, 0.35, 0.9),
+    (-5.5, -4.6, 0.6, 0.1),
+    (6.5, -6.0, 0.5, 0.7),
+)
 _BARRELS = ((-3.0, 5.5), (-3.7, 5.2), (-3.3, 6.2), (2.0, -7.0), (7.5, 6.8))
-_CONES = ((2.0, 0.9), (4.0, -0.9), (6.0, 0.9), (-2.0, -2.5), (-4.0, -1.2), (0.5, 4.0), (-7.0, 1.5))
-_PILLARS = ((-7.0, 7.0), (0.0, -4.0), (7.5, 0.0))
+_CONES = ((2.6, 0.0), (4.8, 0.0), (-2.6, 0.0), (-4.8, 0.0), (0.5, 4.0), (-8.2, 2.5), (8.2, -2.5))
+_PILLARS = ((-7.0, 7.0), (0.0, -4.0), (8.3, 3.2))
+_EIGHT = tuple(math.pi / 2 - 2 * math.pi * i / 60 for i in range(60))
 
 
 def build_playpen(scene: Scene) -> None:
     """Barriers around 20 x 20 m; crates, barrels, cones, pillars and boards with tags in it."""
-    scene.add_sky(draw_sky(256), FACES)
-    scene.add_ground(60.0, scene.add_material("concrete", draw_concrete(), repeat=0.5))
-    wood = scene.add_material("wood", draw_wood(), kind="cube")
+    scene.add_sky(lambda: draw_sky(256), FACES)
+    scene.add_ground(60.0, scene.add_material("concrete", draw_concrete, repeat=0.5))
+    wood = scene.add_material("wood", draw_wood, kind="cube")
     _fence(scene)
     for x, y, half, yaw in _CRATES:
         scene.add("box", (half, half, half), (x, y, half), wood, yaw=yaw)
@@ -36,10 +42,7 @@ def build_playpen(scene: Scene) -> None:
         x, y = 9.3 * math.cos(angle * math.pi), 9.3 * math.sin(angle * math.pi)
         scene.add_board(number, (x, y, 0.6), facing((angle + 1) * math.pi), 0.6)
     scene.starts |= {"husky": (0.0, 0.0, 0.0), "quadrotor": (0.0, 0.0, 0.0)}
-    scene.path_xy += [(7 * math.cos(a), 2.2 * math.sin(2 * a)) for a in _ANGLES]
-
-
-_ANGLES = tuple(math.pi / 2 - 2 * math.pi * i / 60 for i in range(60))
+    scene.path_xy += [(7 * math.cos(a), 2.2 * math.sin(2 * a)) for a in _EIGHT]
 
 
 def _fence(scene: Scene) -> None:

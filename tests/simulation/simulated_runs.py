@@ -1,0 +1,31 @@
+"""Runs of the simulation, for its tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Twist
+from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
+
+BLIND_HUSKY = replace(HuskyParams(), camera=False, lidar=False)
+BLIND_QUADROTOR = replace(QuadrotorParams(), camera=False)
+
+
+def collect(simulation: Simulation, seconds: float) -> dict[str, list[Any]]:
+    """The messages of the next seconds, by output."""
+    end_ns = simulation.time_ns + round(seconds * 1e9)
+    found: dict[str, list[Any]] = {}
+    run = simulation.run()
+    for stamp_ns, name, message in run:
+        if stamp_ns >= end_ns:
+            break
+        found.setdefault(name, []).append(message)
+    run.close()
+    return found
+
+
+def twist(x: float = 0, y: float = 0, z: float = 0, turn: float = 0) -> Twist:
+    return Twist(np.array([x, y, z]), np.array([0.0, 0.0, turn]))

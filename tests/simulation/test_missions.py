@@ -1,0 +1,107 @@
+"""Missions and their files."""
+
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from ros_visualise.errors import OpenError
+from ros_visualise.simulation import Mission, read_mission
+from ros_visualise.simulation.route import Carrot, Route
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "mission.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_a_file_says_shape_size_height_speed_and_laps(tmp_path: Path):
+    text = "shape: square\nsize: 6\nheight: 3.5\nspeed: 2\nlaps: 2\ncenter: [1, -1]\n"
+    mission = read_mission(write(tmp_path, text))
+    assert mission == Mission("square", (6, 6), (1, -1), height=3.5, speed=2, laps=2)
+    route = mission.route()
+    assert route.length_m == 24
+    assert route.at(0) == (-2, -4, 3.5)
+    assert route.at(9) == (4, -1, 3.5)
+    assert route.at(25) == route.at(1)
+
+
+def test_a_file_gives_way_points(tmp_path: Path):
+    path = write(tmp_path, "waypoints:\n- [0, 0, 2]\n- [4, 0, 2, 90]\nspeed: 1.5\nland: false\n")
+    mission = read_mission(path)
+    assert not mission.land
+    route = mission.route()
+    assert route.length_m == 4
+    assert route.yaw_at(1) == pytest.approx(math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("shape: circle", "square, figure_of_eight, lawn_mower"),
+        ("speed: 1", "shape"),
+        ("shape: square\nwaypoints: [[0, 0, 1]]", "shape"),
+        ("shape: square\nspeeed: 1", "no key 'speeed'"),
+        ("shape: square\nspeed: fast", "speed cannot be 'fast'"),
+        ("shape: square\nspeed: -1", "above 0"),
+        ("shape: square\nlaps: 1.5", "laps cannot be 1.5"),
+        ("shape: square\nsize: [1, 2, 3]", "size cannot be"),
+        ("waypoints: [[0, 0]]", "way point is"),
+        ("waypoints: 5", "waypoints cannot be 5"),
+        ("- 1", "keys and values"),
+        ("shape: [", "is no YAML"),
+    ],
+)
+def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, complaint: str):
+    with pytest.raises(OpenError) as caught:
+        read_mission(write(tmp_path, text))
+    assert complaint in str(caught.value)
+    assert "mission.yaml" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_no_file_is_one_line(tmp_path: Path):
+    with pytest.raises(OpenError, match="No such file"):
+        read_mission(tmp_path / "none.yaml")
+
+
+def test_a_lawn_mower_covers_its_field_with_rows_no_further_apart_than_asked():
+    points = Mission("lawn_mower", size=(10.0, 6.0), spacing=2.5).route().points
+    levels = sorted({y for _, y, _ in points})
+    assert levels[0] == -3
+    assert levels[-1] == 3
+    assert max(b - a for a, b in pairwise(levels)) <= 2.5
+    assert {x for x, _, _ in points} == {-5, 5}
+
+
+def test_an_eight_goes_through_its_middle_twice():
+    route = Mission("figure_of_eight", size=(8.0, 4.0)).route()
+    near = [p for p in route.points[:-1] if math.hypot(p[0], p[1]) < 1e-9]
+    assert len(near) == 2
+    assert max(x for x, _, _ in route.points) == pytest.approx(4)
+    assert max(y for _, y, _ in route.points) == pytest.approx(2, rel=0.01)
+
+
+def test_a_carrot_waits_for_who_follows_it():
+    route = Route([(0, 0, 0), (10, 0, 0)])
+    carrot = Carrot(route, leash_m=2.0)
+    for _ in range(100):
+        carrot.lead((0, 0, 0), 0.1)
+    assert carrot.point == pytest.approx((2, 0, 0))
+    while not carrot.at_end:
+        carrot.lead(carrot.point, 0.1)
+    assert carrot.point == (10, 0, 0)
+
+
+def test_laps_are_gone_around_and_zero_has_no_end():
+    square = Route([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], closed=True)
+    assert square.length_m == 4
+    twice, endless = Carrot(square, 9.0, laps=2), Carrot(square, 9.0, laps=0)
+    for _ in range(90):
+        twice.lead(twice.point, 0.1)
+        endless.lead(endless.point, 0.1)
+    assert twice.at_end
+    assert not endless.at_end
+    assert endless.way_m == pytest.approx(9.0)

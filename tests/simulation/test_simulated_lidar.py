@@ -1,0 +1,74 @@
+"""The lidar's rays, against MuJoCo's own cast of all of them and against a known wall."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_runs import collect
+
+from ros_visualise.simulation import HuskyParams, Simulation
+from ros_visualise.simulation.attitude import from_rotation_vector, rows
+from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.sensors.lidar import Lidar
+
+SIGHTED = replace(HuskyParams(), camera=False)
+
+
+@pytest.mark.parametrize("world", ["field", "playpen"])
+def test_rays_left_out_would_have_met_nothing(world: str):
+    simulation = Simulation("husky", world, settings=SIGHTED)
+    model, data = simulation._model, simulation._data
+    lidar = Lidar(SIGHTED, 0, model, data)
+    random = np.random.default_rng(4)
+    for _ in range(6):
+        place = np.array([*random.uniform(-9, 9, 2), random.uniform(0.3, 3)])
+        R = np.array(rows(from_rotation_vector(*(random.normal(size=3) * (0.2, 0.2, 3)).tolist())))
+        ranges, _ = lidar.cast(place, R)
+        whole = cast_all(model, data, place, lidar._rays @ R.T)
+        near = np.minimum(ranges, whole) < 40  # where even the smallest ground has not ended
+        assert ranges[near] == pytest.approx(whole[near], abs=1e-6)
+
+
+def cast_all(model, data, place: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    count = len(rays)
+    geoms, ranges = np.empty(count, np.int32), np.empty(count)
+    groups = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+    load_mujoco().mj_multiRay(
+        model, data, place, rays.ravel(), groups, 1, -1, geoms, ranges, None, count, 100.0
+    )
+    return np.where(ranges < 0, np.inf, ranges)
+
+
+def test_ranges_to_a_wall_are_right_within_their_noise():
+    cloud = collect(Simulation("husky", "playpen", settings=SIGHTED), 0.05)["points"][0]
+    xyz = cloud.xyz.astype(np.float64)
+    ahead = np.degrees(np.arctan2(xyz[:, 1], xyz[:, 0]))
+    wall = (abs(ahead + 25) < 4) & (abs(xyz[:, 2]) < 0.2) & (xyz[:, 0] > 9)
+    assert wall.sum() > 30
+    ray = xyz[wall] / np.linalg.norm(xyz[wall], axis=1)[:, None]
+    true = (10 - 0.12 - 0.08) / ray[:, 0]  # the barrier's face, from where the lidar stands
+    errors = np.linalg.norm(xyz[wall], axis=1) - true
+    assert errors.std() == pytest.approx(SIGHTED.lidar_noise, rel=0.35)
+    assert errors.mean() == pytest.approx(0, abs=0.01)
+
+
+def test_the_ground_is_flat_and_rings_rise():
+    cloud = collect(Simulation("husky", "plane", settings=SIGHTED), 0.05)["points"][0]
+    assert len(cloud.points) == 8 * 900, "half of the rows look down"
+    height = 0.132 + 0.47
+    off = cloud.xyz[:, 2] + height
+    grazing = np.sin(np.radians(15))
+    assert abs(off).max() < 5 * SIGHTED.lidar_noise * grazing + 0.02
+    away = np.hypot(cloud.xyz[:, 0], cloud.xyz[:, 1])
+    by_ring = [away[cloud.points["ring"] == ring].mean() for ring in range(8)]
+    assert by_ring == sorted(by_ring)
+    assert by_ring[0] == pytest.approx(height / math.tan(math.radians(15)), rel=0.02)
+
+
+def test_layout_and_rate_are_as_declared():
+    settings = replace(SIGHTED, lidar_rings=4, lidar_columns=90, lidar_rate=5.0, lidar_high=-5.0)
+    clouds = collect(Simulation("husky", "plane", settings=settings), 1.0)["points"]
+    assert len(clouds) == 5
+    assert all(len(cloud.points) == 4 * 90 for cloud in clouds)
+    assert clouds[0].header.frame_id == "lidar_link"
