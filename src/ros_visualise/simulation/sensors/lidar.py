@@ -89,31 +89,38 @@ class Lidar:
         np.divide(-position_xyz[2], down, out=ranges, where=down < 0)
         surface = np.full(len(ranges), _GROUND, np.intp)
         cover = self._silhouettes.cover(position_xyz, R)
-        may_meet = cover.near_m < ranges.reshape(cover.near_m.shape)
-        for sector, among in self._sectors(cover):
-            rows, columns = np.nonzero(may_meet[:, sector])
-            if not len(rows):
-                continue
-            rays = rows * may_meet.shape[1] + columns + sector.start
-            found, thing = self._caster.cast(
-                position_xyz, self._rays[rays] @ R.T, among, self._params.lidar_far
-            )
-            nearer = np.flatnonzero((thing >= 0) & (found < ranges[rays]))
-            ranges[rays[nearer]] = found[nearer]
-            surface[rays[nearer]] = thing[nearer]
+        shape = cover.near_m.shape
+        columns, rows = np.nonzero((cover.near_m < ranges.reshape(shape)).T)
+        rays = rows * shape[1] + columns
+        found, things = self._cast(
+            position_xyz, self._rays.take(rays, axis=0) @ R.T, columns, cover
+        )
+        nearer = np.flatnonzero((things >= 0) & (found < ranges[rays]))
+        ranges[rays[nearer]] = found[nearer]
+        surface[rays[nearer]] = things[nearer]
         return ranges, surface
 
-    def _sectors(self, cover: Cover) -> list[tuple[slice, Indices]]:
-        """Ranges of columns and the things that reach into each."""
+    def _cast(
+        self, position_xyz: Floats, rays: Floats, columns: Indices, cover: Cover
+    ) -> tuple[Floats, Indices]:
+        """Ranges and things met, (N,) each, -1 for none: sector by sector of the rays' columns."""
+        found, things = np.full(len(rays), -1.0), np.full(len(rays), -1)
+        starts = np.searchsorted(columns, self._cuts).tolist()
+        for sector, among in enumerate(self._among(cover)):
+            part = slice(starts[sector], starts[sector + 1])
+            if len(among) and part.stop > part.start:
+                found[part], things[part] = self._caster.cast(
+                    position_xyz, rays[part], among, self._params.lidar_far
+                )
+        return found, things
+
+    def _among(self, cover: Cover) -> list[Indices]:
+        """The things that reach into each sector."""
         columns = int(self._cuts[-1])
-        sectors = []
-        for a, b in zip(self._cuts[:-1].tolist(), self._cuts[1:].tolist(), strict=True):
-            reach = np.zeros(len(cover.things), bool)
-            for turn in (-columns, 0, columns):
-                reach |= (cover.first < b + turn) & (cover.last > a + turn)
-            if b > a and reach.any():
-                sectors.append((slice(a, b), cover.things[reach]))
-        return sectors
+        turns = np.array([-columns, 0, columns])[:, None, None]
+        begins, ends = self._cuts[:-1, None] + turns, self._cuts[1:, None] + turns
+        reach = ((cover.first < ends) & (cover.last > begins)).any(axis=0)
+        return [cover.things[each] for each in reach]
 
 
 def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
