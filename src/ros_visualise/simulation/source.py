@@ -46,7 +46,9 @@ class SimulatedRobot:
     ) -> None:
         self._arguments = robot, world, seed, None if mission == _NO_MISSION else mission, settings
         self._playback = playback
-        self._simulation: Simulation | None = self._make()
+        self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
+        self._skipping = False
+        self._simulation = self._make()
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The sensors' messages as they become due, stamped with the time of the playback."""
@@ -54,39 +56,39 @@ class SimulatedRobot:
             yield output.name, restamped(output.message, stamp_ns - output.stamp_ns)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Output], None, None]:
-        """(Simulated time, message), from that time on."""
+        """(Time since the start, message), from that time on; what lies before is not rendered."""
+        start_ns -= self._origin_ns
         simulation = self._begin(start_ns)
         for output in simulation.run():
-            if output.stamp_ns >= start_ns or output.stamp_ns == 0:
-                yield output.stamp_ns, output
+            self._skipping = output.stamp_ns < start_ns
+            if not self._skipping or output.stamp_ns == 0:
+                yield output.stamp_ns + self._origin_ns, output
             if self._playback.closed or (simulation.finished and not self._playback.holds):
                 return
 
     def command(self, twist: Twist) -> None:
         """Go with that velocity."""
-        self._now.command(twist)
+        self._simulation.command(twist)
 
     def goto(self, goal: PoseStamped) -> None:
         """Go to a pose in ``map``."""
-        self._now.goto(goal)
+        self._simulation.goto(goal)
 
     def act(self, action: str) -> None:
         """Do what `Simulation.act` knows."""
-        self._now.act(action)
-
-    @property
-    def _now(self) -> Simulation:
-        assert self._simulation is not None
-        return self._simulation
+        self._simulation.act(action)
 
     def _begin(self, start_ns: int) -> Simulation:
         """The simulation at a time: the present one, unless its time has passed."""
-        if self._now.time_ns > start_ns:
+        if self._simulation.time_ns > max(start_ns, 0):
             self._simulation = self._make()
-        return self._now
+        return self._simulation
 
     def _make(self) -> Simulation:
-        return Simulation(*self._arguments, lambda output: self.wants is None or self.wants(output))
+        return Simulation(*self._arguments, self._is_wanted)
+
+    def _is_wanted(self, output: str) -> bool:
+        return not self._skipping and (self.wants is None or self.wants(output))
 
 
 def restamped(message: Any, shift_ns: int) -> Any:

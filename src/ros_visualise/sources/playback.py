@@ -114,6 +114,11 @@ class Playback:
         return self._hold
 
     @property
+    def has_played(self) -> bool:
+        """Something has passed already."""
+        return self._played_frames > 0
+
+    @property
     def state(self) -> PlaybackState:
         """What it does now."""
         with self._changed:

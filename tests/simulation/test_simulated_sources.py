@@ -1,0 +1,88 @@
+"""Simulated robots as sources: played, sought, set down anew, and told what to do."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Odometry, PoseStamped, Twist
+from ros_visualise.nodes import find
+from ros_visualise.sources.playback import Playback
+
+S = 10**9
+START_X = 0.0
+QUIET = {"camera": False, "lidar": False, "world": "plane"}
+
+
+def make(robot, playback, **params):
+    declared = find(robot)
+    return declared.make(declared.params(**{**QUIET, **params}), playback)
+
+
+def take(source, count):
+    return list(itertools.islice(source.messages(), count))
+
+
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_stamps_begin_at_zero_where_it_goes_as_fast_as_it_can(robot):
+    messages = take(make(robot, Playback(rate=0)), 300)
+    assert [name for name, _ in messages[:2]] == ["robot_description", "tf_static"]
+    stamps = [message.header.stamp_ns for _, message in messages]
+    assert stamps == sorted(stamps)
+    assert stamps[0] == 0
+    assert stamps[-1] > S / 2
+    assert {name for name, _ in messages} <= set(find(robot).outputs)
+
+
+def test_it_ends_with_its_mission_when_nobody_looks_on(tmp_path):
+    mission = tmp_path / "short.yaml"
+    mission.write_text("waypoints: [[1, 0, 0], [2, 0, 0]]\nspeed: 0.9\n")
+    playback = Playback(rate=0, duration_s=60)
+    truth = [m for n, m in make("husky", playback, mission=str(mission)).messages() if n == "truth"]
+    assert 2 < truth[-1].header.stamp_ns / S < 20
+    np.testing.assert_allclose(truth[-1].position_xyz[:2], [2, 0], atol=0.3)
+
+
+def test_a_velocity_moves_it():
+    source = make("husky", Playback(rate=0, duration_s=4))
+    last = {}
+    for name, message in source.messages():
+        last[name] = message
+        source.receive("cmd_vel", Twist(np.array([0.8, 0, 0]), np.zeros(3)))
+    moved = last["truth"].position_xyz[0] - START_X
+    assert isinstance(last["odom"], Odometry)
+    assert 2.0 < moved < 3.3
+
+
+def test_a_goal_is_flown_to():
+    source = make("quadrotor", Playback(rate=0, duration_s=12))
+    source.receive("goal", PoseStamped(np.array([2.0, 1.0, 3.0]), np.array([0, 0, 0, 1.0])))
+    *_, last = (message for name, message in source.messages() if name == "truth")
+    np.testing.assert_allclose(last.position_xyz, [2, 1, 3], atol=0.2)
+
+
+def test_a_seek_goes_there_and_back():
+    playback = Playback(rate=0, duration_s=30)
+    source = make("husky", playback)
+    messages = source.messages()
+    for _, message in messages:
+        if message.header.stamp_ns > S:
+            break
+    playback.seek(0.0)
+    names = [next(messages)[0] for _ in range(2)]
+    assert names == ["robot_description", "tf_static"]
+    playback.close()
+
+
+def test_set_down_anew_it_goes_on_in_time():
+    playback = Playback(rate=0, duration_s=30)
+    for _, message in make("husky", playback, mission="square").messages():
+        if message.header.stamp_ns > 2 * S:
+            break
+    playback.restart()
+    assert playback.take_restart()
+    again = take(make("husky", playback), 200)
+    truth = [message for name, message in again if name == "truth"]
+    assert truth[0].header.stamp_ns >= 2 * S
+    assert again[-1][1].header.stamp_ns < 4 * S
+    assert abs(truth[0].position_xyz[0] - START_X) < 0.05
