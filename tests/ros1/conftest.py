@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from catkin_workspace import Workspace
-from ros_graph import Master, Nodes
+from ros_graph import Heard, Master, Nodes
 
 _MISSING = "ROS 1 is not installed here; on Debian: sh tests/install-debian-packages.sh"
 
@@ -62,3 +62,17 @@ def start(ros_master: Master) -> Iterator[Callable[..., subprocess.Popen[str]]]:
     nodes = Nodes(ros_master)
     yield nodes.start
     nodes.stop()
+
+
+@pytest.fixture
+def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
+    """Subscribes, as stock ROS does, until the test ends; see `ros_graph.Heard`."""
+    heard: list[Heard] = []
+
+    def hear(topic: str, message_class: Any) -> Heard:
+        heard.append(Heard(topic, message_class))
+        return heard[-1]
+
+    yield hear
+    for one in heard:
+        one.subscriber.unregister()

@@ -122,3 +122,17 @@ class Nodes:
         assert process.poll() is None, process.communicate()[0]
         _, _, (_, _, services) = self._master.proxy().getSystemState("/tests")
         return any(name.startswith(f"{node}/") and "set_parameters" in name for name, _ in services)
+
+
+class Heard:
+    """Everything that a stock subscriber gets."""
+
+    def __init__(self, topic: str, message_class: Any) -> None:
+        import rospy
+
+        self.messages: list[Any] = []
+        self.subscriber = rospy.Subscriber(topic, message_class, self.messages.append)
+
+    def wait(self, count: int = 1) -> list[Any]:
+        wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
+        return self.messages

@@ -1,8 +1,6 @@
 """Recordings played onto a real graph, as stock ROS hears them."""
 
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +9,7 @@ import rospy
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Odometry
 from peers import running
-from ros_graph import Master, end, wait_for
+from ros_graph import end, wait_for
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import CameraInfo, Image, PointCloud2
 from std_srvs.srv import Trigger
@@ -25,31 +23,6 @@ from ros_visualise.sinks import open_recorder
 S = 10**9
 START = 1_600_000_000 * S
 COUNT = 20
-
-
-class Heard:
-    """Everything that a stock subscriber gets."""
-
-    def __init__(self, topic: str, message_class: Any) -> None:
-        self.messages: list[Any] = []
-        self.subscriber = rospy.Subscriber(topic, message_class, self.messages.append)
-
-    def wait(self, count: int = 1) -> list[Any]:
-        wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
-        return self.messages
-
-
-@pytest.fixture
-def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
-    heard: list[Heard] = []
-
-    def hear(topic: str, message_class: Any) -> Heard:
-        heard.append(Heard(topic, message_class))
-        return heard[-1]
-
-    yield hear
-    for one in heard:
-        one.subscriber.unregister()
 
 
 def recorded():
