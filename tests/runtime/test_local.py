@@ -431,3 +431,52 @@ def test_a_file_is_recorded_to_once_at_a_time(tmp_path):
     with pytest.raises(UsageError, match="recorded already"):
         run.runtime.start_recording(tmp_path / "out.mcap", overwrite=True)
     run.runtime.stop()
+
+
+class _Sparing(_Counter):
+    """Says in each image whether somebody wanted it."""
+
+    def spare(self, wants):
+        self.wants = wants
+
+    def messages(self):
+        for output, image in super().messages():
+            wanted = np.full((2, 3), self.wants("image"), np.uint8)
+            yield output, replace(image, data=wanted)
+
+
+sparing = source("sparing", params=CounterParams, outputs={"image": Image})(
+    type("Sparing", (_Sparing,), {})
+)
+
+
+class Asked:
+    """A listener that wants every other message."""
+
+    def __init__(self):
+        self.taken = []
+
+    def wants(self):
+        return len(self.taken) % 2 == 1
+
+    def put(self, packet):
+        self.taken.append(bool(packet.message.pixels[0, 0]))
+
+    def close(self):
+        pass
+
+
+@pytest.mark.parametrize("others", [(), (add,)])
+def test_a_source_knows_what_nobody_wants(others):
+    run = Run(graph_of(*others, source_type=sparing, counter={"frames": 6}))
+    asked = Asked()
+    run.runtime.topic("/image_raw").connect(asked, wants=asked.wants)
+    run.to_the_end()
+    every_other = [False, True, False, True, False, True]
+    assert asked.taken == ([True] * 6 if others else every_other)
+
+
+def test_a_topic_by_itself_counts_as_wanted():
+    run = Run(graph_of(source_type=sparing, counter={"frames": 1}))
+    run.to_the_end()
+    assert run.runtime.topic("/image_raw").awaited

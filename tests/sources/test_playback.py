@@ -365,3 +365,23 @@ def test_live_stamps_are_the_times_at_which_messages_pass():
         stamps.append(stamp_ns)
     assert len(stamps) == 60
     assert sorted(set(stamps)) == stamps
+
+
+def test_the_time_of_the_stamps_is_that_of_the_messages_and_passes_between_them(clock):
+    playback = Playback(loop=True, frames=25, clock=clock)
+    between = []
+
+    def look():
+        between.append((clock.time_ns, playback.stamp_ns()))
+
+    assert playback.stamp_ns() == WALL
+    clock.at(0.55, look)
+    clock.at(0.56, playback.pause)
+    clock.at(2.0, look)
+    clock.at(3.0, playback.play)
+    clock.at(3.5, lambda: playback.set_rate(2))
+    for stamp_ns, _ in playback.run(regular(10)):
+        assert playback.stamp_ns() == stamp_ns
+    hundredth = S // 100
+    assert between == [(55 * hundredth, WALL + 55 * hundredth), (2 * S, WALL + 56 * hundredth)]
+    assert playback.stamp_ns() == WALL + 240 * hundredth
