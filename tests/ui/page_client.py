@@ -60,7 +60,7 @@ class Client:
         self.values[label] = value  # nobody is told of what they moved themselves
         self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
-    def read_until(self, check: Callable[[], object], timeout_s: float = 20.0) -> None:
+    def read_until(self, check: Callable[[], object], timeout_s: float = 60.0) -> None:
         """Take in what comes until the check holds."""
         end_s = time.monotonic() + timeout_s
         while not check():

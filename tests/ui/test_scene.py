@@ -18,6 +18,7 @@ from ros_visualise.data import (
     Path,
     PointCloud,
     PoseWithCovarianceStamped,
+    Text,
 )
 from ros_visualise.ui.page.server import close_server, open_server
 from ros_visualise.ui.scene.coloring import Coloring
@@ -359,3 +360,19 @@ def test_of_images_alone_there_is_no_grid(scene, look):
     look("grid", lambda node: node["visible"] is False)
     scene.follow({"/odom": Odometry})
     look("grid", lambda node: node["visible"])
+
+
+def test_a_robot_s_links_follow_their_frames(scene, look):
+    urdf = (
+        '<robot name="r"><link name="base_link"><visual><origin xyz="0 0 0.5"/>'
+        '<geometry><box size="1 2 3"/></geometry></visual></link></robot>'
+    )
+    draw(scene, robot_description=Text(urdf), tf=tf(transform("map", "base_link", [4, 0, 0])))
+    look("robot/base_link", lambda node: is_at([4, 0, 0])(node) and node.get("visible"))
+    box = look("robot/base_link/0", is_at([0, 0, 0.5]))
+    assert tuple(box["dimensions"]) == (1, 2, 3)
+
+
+def test_a_text_that_describes_no_robot_is_said(scene, caplog):
+    draw(scene, robot_description=Text("<robot"))
+    assert "no URDF" in caplog.text

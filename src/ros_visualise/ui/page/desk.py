@@ -184,7 +184,9 @@ class Desk:
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()
+            self._driving.rest()
             return
+        self._driving.refresh()
         self._field_plot.refresh()
         if self._transport is not None:
             self._transport.refresh()

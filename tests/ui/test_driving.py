@@ -1,0 +1,85 @@
+"""Driving a robot from the page, and asking nodes to do something."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from page_client import Client
+
+from ros_visualise.pipelines import Graph, simulation_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.driving import velocity_topic
+
+
+def graph_of(robot: str) -> Graph:
+    whole = simulation_pipeline(robot, camera=False, lidar=False, world="plane")
+    return Graph((whole.nodes[0], whole.node("path")))
+
+
+class Told:
+    """A runtime that tells what it was asked for."""
+
+    def __init__(self, runtime: LocalRuntime) -> None:
+        self._runtime = runtime
+        self.velocities: list[tuple[float, float]] = []
+        self.actions: list[tuple[str, str]] = []
+
+    def __getattr__(self, name):
+        return getattr(self._runtime, name)
+
+    def publish(self, topic, message):
+        self.velocities.append((float(message.linear_xyz[0]), float(message.angular_xyz[2])))
+        self._runtime.publish(topic, message)
+
+    def act(self, node, action):
+        self.actions.append((node, action))
+        self._runtime.act(node, action)
+
+
+@pytest.fixture
+def husky(port) -> Iterator[Told]:
+    running = LocalRuntime(graph_of("husky"), Playback(hold=True))
+    told = Told(running)
+    page = Page(port=port)
+    page.open(told)
+    running.start()
+    yield told
+    page.close()
+    running.stop()
+
+
+@pytest.fixture
+def client(husky, port) -> Iterator[Client]:
+    client = Client(port)
+    client.read_until(lambda: "drive" in client.values)
+    yield client
+    client.socket.close()
+
+
+def test_what_can_be_driven_is_known():
+    assert velocity_topic(graph_of("quadrotor")) == "/cmd_vel"
+    assert velocity_topic(Graph(())) is None
+
+
+def test_it_drives_until_it_is_stopped(client, husky):
+    truth = husky.subscribe("/ground_truth/odom")
+
+    def now():
+        return truth.take(10)
+
+    client.set("speed", 0.5)
+    client.set("drive", "▲ forward")
+    client.read_until(lambda: len(husky.velocities) > 3)
+    assert set(husky.velocities) == {(0.5, 0.0)}
+    client.read_until(lambda: now().position_xyz[0] > 0.3)
+    client.set("drive", "■ stop")
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0))
+    client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
+
+
+def test_an_action_is_a_button(client, husky):
+    client.set("clear", True)
+    client.read_until(lambda: husky.actions)
+    assert husky.actions == [("path", "clear")]
