@@ -104,12 +104,16 @@ def _return_to_where_it_was_typed() -> None:
 
 
 def _wait_for_master() -> None:
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    asked = threading.Event()  # rosgraph would swallow a KeyboardInterrupt
+    signal.signal(signal.SIGINT, lambda *_: asked.set())  # a shell's background jobs ignore it
     if not rosgraph.is_master_online():
         uri = rosgraph.get_master_uri()
         print(f"no ROS master at {uri} yet, waiting; start one with: roscore", file=sys.stderr)
-    while not rosgraph.is_master_online():
-        time.sleep(_CHECK_S)
+    while not (asked.is_set() or rosgraph.is_master_online()):
+        asked.wait(_CHECK_S)
+    if asked.is_set():
+        raise KeyboardInterrupt
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _watch_master() -> None:
