@@ -12,7 +12,7 @@ from ros_visualise.errors import RecordingError
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
 from ros_visualise.pipelines import Graph, Node
-from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.runtime.recording import RecorderThread
 
 
@@ -95,6 +95,21 @@ def test_however_the_threads_run_the_order_is_the_same():
         seen.add(tuple(memory.entries))
     assert len(seen) == 1
     assert len(seen.pop()) == 12 + 12 + 4
+
+
+@pytest.mark.parametrize("early", ["/a", "/b", "/c"])
+def test_what_nodes_say_at_the_end_comes_last_however_the_threads_run(early):
+    memory = Memory()
+    recording = RecorderThread(memory, GRAPH, lossless=True)
+    last = Packet(END, packet(9).message, 0)
+    for topic in (early, *(t for t in ("/c", "/b", "/a") if t != early)):
+        recording.put(topic, packet(0))
+        recording.put(topic, packet(1, empty=topic == early))
+        recording.put(topic, last)
+        recording.finish(topic)
+    recording.close()
+    whole = [(topic, number) for number in (0, 10, 90) for topic in ("/a", "/b", "/c")]
+    assert memory.entries == [entry for entry in whole if entry != (early, 10)]
 
 
 def test_what_is_pending_is_written_when_it_is_stopped():

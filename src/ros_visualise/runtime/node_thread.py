@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ros_visualise.data import Image, PointCloud
-from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.queues import END, Inbox, Packet
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import Topic
 
@@ -66,6 +66,7 @@ class NodeThread:
                     self._last = packet
                     self._publish(self._step(packet))
             with self._at_work:
+                self._last = self._last._replace(number=END)
                 self._publish(self.runner.finish())
         finally:
             self.inbox.close(discard=True)

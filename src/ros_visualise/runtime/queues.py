@@ -7,6 +7,9 @@ import time
 from collections import Counter, deque
 from typing import Any, NamedTuple
 
+END = 2**62
+"""The number of what a node says when its inputs have ended: it comes after all that went before."""
+
 
 class Packet(NamedTuple):
     """A message on its way through the graph; None: the node had nothing for this number.

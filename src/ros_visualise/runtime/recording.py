@@ -13,7 +13,7 @@ from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.pipelines import Graph
-from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
 
 log = logging.getLogger(__name__)
@@ -43,7 +43,8 @@ class RecorderThread:
 
     Messages are written by the number that the source gave them and then by the order of the nodes,
     so that the same input makes the same file however the threads run. A message is written as soon
-    as every recorded node has answered its number, if that number went to it.
+    as every recorded node has answered its number, if that number went to it; what nodes say at the
+    end, when all have ended.
 
     ``lossless``: whoever publishes waits while too much is pending; otherwise the message is
     dropped and counted.
@@ -88,7 +89,7 @@ class RecorderThread:
         """Take the publisher's answer for one number."""
         pending = self._pending.get(topic)
         with self._changed:
-            while self.lossless and self._is_full(pending) and not self._stopped:
+            while self.lossless and self._is_full(pending, packet) and not self._stopped:
                 self._changed.wait()
             if self._stopped:
                 return
@@ -150,15 +151,17 @@ class RecorderThread:
             owed.popleft()
 
     def _keep(self, pending: deque[tuple[int, Any]], packet: Packet) -> None:
-        if self._is_full(pending):
+        if self._is_full(pending, packet):
             self.dropped += 1
         else:
             pending.append((packet.number, packet.message))
             self._pending_bytes += _size(packet.message)
 
-    def _is_full(self, pending: deque[tuple[int, Any]] | None) -> bool:
-        """Too much waits; but a topic of which nothing waits may hold back the others."""
-        return bool(pending) and self._pending_bytes >= _MAX_PENDING_BYTES
+    def _is_full(self, pending: deque[tuple[int, Any]] | None, packet: Packet) -> bool:
+        """Too much waits; but a topic of which nothing waits, or that ends, holds back others."""
+        if not pending or packet.number == END:
+            return False
+        return self._pending_bytes >= _MAX_PENDING_BYTES
 
     def _next(self) -> tuple[str, Any] | None:
         """The next message in order; None at the end."""
@@ -183,6 +186,8 @@ class RecorderThread:
 
     def _is_answered(self, number: int) -> bool:
         """Whether nothing can come any more that belongs before this number, or to it."""
+        if number == END:
+            return min(self._answered.values()) == _FINISHED
         if any(owed and owed[0] <= number for owed in self._owed.values()):
             return False
         return number <= self._begun or all(self._answered[t] == _FINISHED for t in self._followers)
