@@ -15,6 +15,7 @@ from ros_visualise.params import param
 from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.recordings import open_recording
 
 PERIOD_NS = round(1e9 / 30)
 FRAMES = 40
@@ -354,6 +355,28 @@ def test_one_recording_can_end_while_another_goes_on(tmp_path):
     run.runtime.stop()
     assert (second.written, run.runtime.failed) == (FRAMES, False)
     assert "/add/extra" in run.runtime.report()["topics"]
+
+
+def test_what_a_node_says_at_the_end_is_recorded_after_all_else(tmp_path):
+    @node("keeper", inputs={"image": Image}, outputs={"image": Image})
+    class Keeper:
+        def __init__(self, params):
+            self.last = None
+
+        def step(self, image, params):
+            self.last = image
+            return image
+
+        def finish(self):
+            return self.last
+
+    run = Run(graph_of(Keeper, add))
+    run.runtime.start_recording(tmp_path / "out.mcap")
+    run.to_the_end()
+    recording = open_recording(tmp_path / "out.mcap")
+    topics = [entry.topic for entry in recording.read()]
+    recording.close()
+    assert topics[-5:] == ["/image_raw", *["/keeper/image", "/add/sum"] * 2]
 
 
 WRONG = {
