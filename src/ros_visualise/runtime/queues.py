@@ -8,7 +8,7 @@ from collections import Counter, deque
 from typing import Any, NamedTuple
 
 END = 2**62
-"""The number of what a node says when its inputs have ended: it comes after all others."""
+"""Number of what a node says when its inputs have ended: comes after all that went before."""
 
 
 class Packet(NamedTuple):
