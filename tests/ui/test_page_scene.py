@@ -37,7 +37,7 @@ def client(page, port):
 
 
 def wait_until(check):
-    end_s = time.monotonic() + 20
+    end_s = time.monotonic() + 60
     while not check():
         assert time.monotonic() < end_s, "it did not come about"
         time.sleep(0.01)

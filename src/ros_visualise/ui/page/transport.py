@@ -15,7 +15,8 @@ from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
-_MIN_RATE, _MAX_RATE = 0.1, 4.0
+_MIN_RATE, _MAX_RATE = 0.1, 100.0
+_ANY = "any message"
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
 
@@ -45,7 +46,7 @@ class Transport:
             return
         self._note.content = _describe(self._state)
         self._time.max = max(self._time.max, _end_s(self._state))
-        set_value(self._rate, _on_slider(self._state.rate))
+        set_value(self._rate, _shown_rate(self._state.rate))
         set_value(self._loop, self._state.loop)
         if time.monotonic() - self._moved_s > _HANDS_OFF_S:
             set_value(self._time, round(self._state.position_s, 2))
@@ -59,17 +60,32 @@ class Transport:
         self._time = gui.add_slider("time", 0.0, _end_s(state), 0.01, state.position_s)
         self._time.on_update(self._time_moved)
         self._note = gui.add_html(_describe(state))
-        self._rate = gui.add_slider(
+        self._rate = gui.add_number(
             "rate",
-            _MIN_RATE,
-            _MAX_RATE,
-            0.05,
-            _on_slider(state.rate),
+            _shown_rate(state.rate),
+            min=_MIN_RATE,
+            max=_MAX_RATE,
+            step=0.1,
             hint="speed of playing",
         )
         self._rate.on_update(self._rate_moved)
         self._loop = gui.add_checkbox("loop", state.loop, hint="start over at the end")
         self._loop.on_update(self._loop_moved)
+        if len(self._playback.step_topics) > 1:
+            self._add_step_topic(gui)
+
+    def _add_step_topic(self, gui: viser.GuiApi) -> None:
+        playback = self._playback
+        options = (_ANY, *playback.step_topics)
+        hint = "what one step shows: the next message of this topic"
+        chosen = gui.add_dropdown(
+            "step by", options, initial_value=playback.step_topic or _ANY, hint=hint
+        )
+
+        @chosen.on_update
+        async def _(event: viser.GuiEvent[Any]) -> None:
+            topic = event.target.value
+            playback.step_topic = "" if topic == _ANY else topic
 
     def _add_keys(self, gui: viser.GuiApi) -> None:
         keys: list[tuple[str, Any, Callable[[], object]]] = [
@@ -118,7 +134,7 @@ class Transport:
             self._worker.post("loop", partial(self._playback.set_loop, event.target.value))
 
 
-def _on_slider(rate: float) -> float:
+def _shown_rate(rate: float) -> float:
     """As fast as it goes, written 0, is beyond the fast end."""
     return min(max(rate or _MAX_RATE, _MIN_RATE), _MAX_RATE)
 
