@@ -34,6 +34,16 @@ def test_stamps_begin_at_zero_where_it_goes_as_fast_as_it_can(robot):
     assert {name for name, _ in messages} <= set(find(robot).outputs)
 
 
+def test_started_later_it_lasts_as_long_as_asked():
+    playback = Playback(rate=0, start_s=2, duration_s=1)
+    messages = list(make("husky", playback, mission="square").messages())
+    stamps = [message.header.stamp_ns for _, message in messages]
+    assert (stamps[0], stamps[-1]) == (2 * S, pytest.approx(3 * S, abs=S / 50))
+    names = [name for name, _ in messages]
+    assert names[:2] == ["robot_description", "tf_static"]
+    assert names.count("truth") == 50
+
+
 def test_it_ends_with_its_mission_when_nobody_looks_on(tmp_path):
     mission = tmp_path / "short.yaml"
     mission.write_text("waypoints: [[1, 0, 0], [2, 0, 0]]\nspeed: 0.9\n")

@@ -96,6 +96,9 @@ def read_mission(path: str | Path) -> Mission:
     """
     try:
         content = YAML(typ="safe", pure=True).load(Path(path))
+    except FileNotFoundError:
+        advice = f"give a YAML file or one of {', '.join(SHAPES)}"
+        raise OpenError.missing(path, advice) from None
     except (OSError, UnicodeDecodeError) as error:
         raise OpenError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     except YAMLError as error:

@@ -13,6 +13,7 @@ from ros_visualise.simulation.streams import Output
 from ros_visualise.sources.playback import Playback
 
 _NO_MISSION = "none"
+_SAID_ONCE = ("robot_description", "tf_static")
 
 
 class SimulatedRobot:
@@ -56,13 +57,16 @@ class SimulatedRobot:
             yield output.name, restamped(output.message, stamp_ns - output.stamp_ns)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Output], None, None]:
-        """(Time since the start, message), from that time on; what lies before is not rendered."""
+        """(Time since the start, message), from that time on.
+
+        What lies before is not rendered; what is said but once comes at that time.
+        """
         start_ns -= self._origin_ns
         simulation = self._begin(start_ns)
         for output in simulation.run():
             self._skipping = output.stamp_ns < start_ns
-            if not self._skipping or output.stamp_ns == 0:
-                yield output.stamp_ns + self._origin_ns, output
+            if not self._skipping or output.name in _SAID_ONCE:
+                yield max(output.stamp_ns, start_ns) + self._origin_ns, output
             if self._playback.closed or (simulation.finished and not self._playback.holds):
                 return
 
