@@ -14,7 +14,7 @@ test: .venv-test/.ready
 	.venv-test/bin/ruff format --check
 	.venv-test/bin/ruff check
 	.venv-test/bin/mypy
-	.venv-test/bin/pytest $(TESTS)
+	.venv-test/bin/pytest -n 2 --dist loadfile $(TESTS)
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'

@@ -97,8 +97,9 @@ def test_rospy_in_another_process_gets_ours(opened, peers):
 
 def test_ours_gets_what_rospy_in_another_process_sends(opened, peers):
     got: list[Image] = []
-    subscriber = opened(Subscriber("/from_rospy", Image, got.append))
     peers.start("publish", "rospy", "/from_rospy", MEGABYTE, 50)
+    wait_for(lambda: "/from_rospy" in dict(rospy.get_published_topics()), "its publisher")
+    subscriber = opened(Subscriber("/from_rospy", Image, got.append))
     wait_for(lambda: len(got) >= 20, "20 messages")
     assert subscriber.connections == 1
     found = numbers(got[:20])
