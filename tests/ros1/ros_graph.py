@@ -136,3 +136,7 @@ class Heard:
     def wait(self, count: int = 1) -> list[Any]:
         wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
         return self.messages
+
+    def since(self, stamp: Any) -> list[Any]:
+        """Those of that time or later."""
+        return [message for message in self.messages if message.header.stamp >= stamp]

@@ -19,7 +19,7 @@ from dynamic_reconfigure.client import Client
 from made_videos import numbered, write_video
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from ros_graph import NODES, Master, end, free_port, wait_for
+from ros_graph import NODES, Heard, Master, end, free_port, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
@@ -35,34 +35,6 @@ distortion_coefficients: {rows: 1, cols: 5, data: [0.1, -0.2, 0, 0, 0]}
 rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}
 projection_matrix: {rows: 3, cols: 4, data: [150, 0, 80, 0, 0, 151, 60, 0, 0, 0, 1, 0]}
 """
-
-
-class Heard:
-    """Everything that a stock subscriber gets."""
-
-    def __init__(self, topic: str, message_class: Any) -> None:
-        self.messages: list[Any] = []
-        self.subscriber = rospy.Subscriber(topic, message_class, self.messages.append)
-
-    def wait(self, count: int = 1) -> list[Any]:
-        wait_for(lambda: len(self.messages) >= count, f"{count} of {self.subscriber.name}")
-        return self.messages
-
-    def since(self, stamp: rospy.Time) -> list[Any]:
-        return [message for message in self.messages if message.header.stamp >= stamp]
-
-
-@pytest.fixture
-def hear(ros_master: Master) -> Iterator[Callable[[str, Any], Heard]]:
-    heard: list[Heard] = []
-
-    def hear(topic: str, message_class: Any) -> Heard:
-        heard.append(Heard(topic, message_class))
-        return heard[-1]
-
-    yield hear
-    for one in heard:
-        one.subscriber.unregister()
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from argparse import Namespace
 from collections.abc import Callable
 from importlib.util import find_spec
@@ -22,6 +23,8 @@ from ros_visualise.pipelines import (
 )
 from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.recordings import open_recording
+
+log = logging.getLogger(__name__)
 
 _NONE = "none"
 
@@ -66,6 +69,8 @@ def stepped_topic(graph: Graph) -> str:
 
 def _demo(args: Namespace) -> Graph:
     wanted = args.scene or ("quadrotor" if find_spec("mujoco") else "landscape")
+    if not args.scene and wanted == "landscape":
+        log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
     if wanted == "landscape":
         return image_pipeline("landscape", **_size(args))
     return simulation_pipeline(wanted, mission="default", **_camera_size(args))
