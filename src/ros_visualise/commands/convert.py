@@ -127,6 +127,7 @@ def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
 
     threading.Thread(target=work, name="writer").start()
     interrupted = False
+    tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     with tqdm(
         total=_expected(conversion),
         unit=" messages",

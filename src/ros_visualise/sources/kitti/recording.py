@@ -23,8 +23,8 @@ from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
 
 log = logging.getLogger(__name__)
 
-_AHEAD = 6  # files that are read, checked and decoded while those before are still in use
-_MOST_WORKERS = 4
+_AHEAD = 12  # files that are read, checked and decoded while those before are still in use
+_MOST_WORKERS = 5
 
 _Item = tuple[Series, int, "Future[Any] | None"]
 
@@ -66,7 +66,7 @@ class KittiRecording:
         self.start_ns, self.end_ns = self._index.span_ns
         self._lost: set[Path] = set()
         self._lost_in: Counter[str] = Counter()
-        self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, os.cpu_count() or 1), "kitti")
+        self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, 1 + (os.cpu_count() or 1)), "kitti")
         self._lock = threading.Lock()
         self._closed = False
         for error, messages in damaged:
