@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.sources.kitti import KittiRecording, open_kitti
+from ros_visualise.sources.kitti import open_kitti
+from ros_visualise.sources.recordings.series import SeriesRecording
 
 
 @pytest.fixture(scope="session")
@@ -44,11 +45,11 @@ def changeable(drive_0009: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def opened() -> Iterator[Callable[[Path], KittiRecording]]:
+def opened() -> Iterator[Callable[[Path], SeriesRecording]]:
     """`open_kitti`, closed at the end."""
-    recordings: list[KittiRecording] = []
+    recordings: list[SeriesRecording] = []
 
-    def open_it(path: Path) -> KittiRecording:
+    def open_it(path: Path) -> SeriesRecording:
         recordings.append(open_kitti(path))
         return recordings[-1]
 

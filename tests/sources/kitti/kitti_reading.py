@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.geometry import transforms
-from ros_visualise.sources.kitti import KittiRecording
+from ros_visualise.sources.recordings.series import SeriesRecording
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -16,13 +16,13 @@ def replace_file(path: Path, data: bytes) -> None:
     path.write_bytes(data)
 
 
-def messages(recording: KittiRecording, topic: str) -> list[Any]:
+def messages(recording: SeriesRecording, topic: str) -> list[Any]:
     """All messages of one topic."""
     with closing(recording.read(topics=[topic])) as entries:
         return [entry.message for entry in entries]
 
 
-def fixed_transform(recording: KittiRecording, target: str, source: str) -> np.ndarray:
+def fixed_transform(recording: SeriesRecording, target: str, source: str) -> np.ndarray:
     """T_target_source from ``/tf_static``, where target is above source."""
     sent = messages(recording, "/tf_static")[0].transforms
     above = {one.child_frame_id: one for one in sent}

@@ -19,7 +19,7 @@ from pathlib import Path
 from ros_visualise.sources.kitti.folders import find_folder, has_folder, is_sequence
 from ros_visualise.sources.kitti.odometry import open_sequence
 from ros_visualise.sources.kitti.raw import open_drive
-from ros_visualise.sources.kitti.recording import KittiRecording
+from ros_visualise.sources.recordings.series import SeriesRecording
 
 
 def is_kitti(path: str | Path) -> bool:
@@ -27,7 +27,7 @@ def is_kitti(path: str | Path) -> bool:
     return has_folder(Path(path))
 
 
-def open_kitti(path: str | Path) -> KittiRecording:
+def open_kitti(path: str | Path) -> SeriesRecording:
     """A drive, a sequence, or a folder above that holds one.
 
     Raises:

@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
-from ros_visualise.sources.kitti.files import DamagedFile, Files
+from ros_visualise.sources.kitti.files import Files
+from ros_visualise.sources.series import DamagedFile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHUNK = 12  # length, type and CRC around a chunk's data

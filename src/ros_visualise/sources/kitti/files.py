@@ -7,17 +7,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ros_visualise.errors import DamagedMessage
-
-
-class DamagedFile(DamagedMessage):
-    """A file, or a part of it, cannot be read; ``size`` are the bytes of what cannot."""
-
-    def __init__(self, path: Path, why: str, size: int | None = None) -> None:
-        super().__init__(f"{path}: {why}")
-        self.path = path
-        whole = path.stat().st_size if path.is_file() else 0
-        self.size = whole if size is None else size
+from ros_visualise.sources.series import DamagedFile
 
 
 @dataclass(frozen=True)

@@ -23,22 +23,22 @@ from ros_visualise.data import Floats, Header, Odometry, PointCloud
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, cameras, stamps
-from ros_visualise.sources.kitti.files import DamagedFile, Files, list_files
+from ros_visualise.sources.kitti.files import Files, list_files
 from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
 from ros_visualise.sources.kitti.raw import Places, camera_series
-from ros_visualise.sources.kitti.recording import KittiRecording
 from ros_visualise.sources.kitti.scanner import Scanner
 from ros_visualise.sources.kitti.series import (
     BASE,
     MAP,
     ODOM,
     VELODYNE,
-    Series,
     moving_transforms,
     optical_frame,
     path_series,
     static_series,
 )
+from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.sources.series import DamagedFile, Series
 
 _NS = 1_000_000_000
 _PERIOD_NS = _NS // 10
@@ -48,7 +48,7 @@ T_BASE_CAM0 = transforms.from_parts([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 
 """Looking straight ahead, where no calibration tells more."""
 
 
-def open_sequence(folder: Path) -> KittiRecording:
+def open_sequence(folder: Path) -> SeriesRecording:
     """The recording of a sequence's folder, ``sequences/NN``.
 
     Raises:
@@ -77,7 +77,7 @@ def open_sequence(folder: Path) -> KittiRecording:
         places = [(MAP, ODOM, np.eye(4)), *places]
     series = [static_series(start_ns, places), *series]
     size = sum(files.size for files in parts.values())
-    return KittiRecording(folder, "KITTI odometry", size, series, notes, _lost(folder, no_poses))
+    return SeriesRecording(folder, "KITTI odometry", size, series, notes, _lost(folder, no_poses))
 
 
 def _lost(folder: Path, no_poses: list[str]) -> list[tuple[DamagedFile, int]]:

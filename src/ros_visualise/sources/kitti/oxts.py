@@ -16,15 +16,15 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
 from ros_visualise.geometry import geodesy, rotations, transforms
-from ros_visualise.sources.kitti.files import DamagedFile, Files
+from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.kitti.series import (
     BASE,
     IMU,
     ODOM,
-    Series,
     moving_transforms,
     path_series,
 )
+from ros_visualise.sources.series import DamagedFile, Series
 
 T_BASE_IMU = transforms.from_parts(np.eye(3), [0, 0, 0.93])
 

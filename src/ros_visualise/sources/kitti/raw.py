@@ -13,9 +13,8 @@ from ros_visualise.data import CameraInfo, Floats, Header, Image, PointCloud, Ti
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
-from ros_visualise.sources.kitti.files import DamagedFile, Files, list_files
+from ros_visualise.sources.kitti.files import Files, list_files
 from ros_visualise.sources.kitti.folders import CAMERAS, is_unsynced
-from ros_visualise.sources.kitti.recording import KittiRecording
 from ros_visualise.sources.kitti.scanner import Scanner
 from ros_visualise.sources.kitti.series import (
     BASE,
@@ -23,10 +22,11 @@ from ros_visualise.sources.kitti.series import (
     MAP,
     ODOM,
     VELODYNE,
-    Series,
     optical_frame,
     static_series,
 )
+from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.sources.series import DamagedFile, Series
 
 _OXTS_TOPICS = 5  # messages of one sample: imu, fix, vel, odom, tf
 _RAW_SIZE = (1392, 512)
@@ -58,7 +58,7 @@ class _Drive:
         return {name: files for name, files in every.items() if files}
 
 
-def open_drive(folder: Path) -> KittiRecording:
+def open_drive(folder: Path) -> SeriesRecording:
     """The recording of a drive's folder.
 
     Raises:
@@ -83,7 +83,7 @@ def open_drive(folder: Path) -> KittiRecording:
     series = [static_series(start_ns, places + fixed), *series, *sensors]
     size = sum(files.size for files in drive.parts.values())
     lost: list[tuple[DamagedFile, int]] = [(error, _OXTS_TOPICS) for error in damaged]
-    return KittiRecording(folder, "KITTI raw", size, series, drive.notes, lost)
+    return SeriesRecording(folder, "KITTI raw", size, series, drive.notes, lost)
 
 
 def _is_unsynced(drive: _Drive) -> bool:

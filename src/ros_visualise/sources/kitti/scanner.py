@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Header, PointCloud
-from ros_visualise.sources.kitti.files import DamagedFile, Files
+from ros_visualise.sources.kitti.files import Files
+from ros_visualise.sources.series import DamagedFile
 
 _POINT = np.dtype([(name, np.float32) for name in ("x", "y", "z", "intensity")])
 

@@ -1,16 +1,15 @@
-"""The messages of one topic of a KITTI folder."""
+"""The topics that KITTI's drives and sequences share, and their frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Path, Transforms, TransformStamped
 from ros_visualise.geometry import transforms
+from ros_visualise.sources.series import Series, single
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
 IMU, VELODYNE = "imu_link", "velodyne"
@@ -21,33 +20,13 @@ def optical_frame(camera: int) -> str:
     return f"cam{camera:02d}_optical"
 
 
-@dataclass(frozen=True, eq=False)
-class Series:
-    """The messages of one topic.
-
-    Attributes:
-        kind: their class, one of `ros_visualise.data.MESSAGES`.
-        stamps_ns: (N,), in any order.
-        make: message number i; it may raise `DamagedFile`.
-        slow: it reads a file, so that it is worth doing ahead in another thread.
-        latched: whoever comes late gets the last one.
-    """
-
-    topic: str
-    kind: type
-    stamps_ns: npt.NDArray[np.int64]
-    make: Callable[[int], Any]
-    slow: bool = False
-    latched: bool = False
-
-
 def static_series(start_ns: int, places: Sequence[tuple[str, str, Floats]]) -> Series:
     """``/tf_static``: one message with all of (parent, child, T_parent_child)."""
     sent = tuple(
         TransformStamped(child, *transforms.to_pose(T), Header(start_ns, parent))
         for parent, child, T in places
     )
-    return _single("/tf_static", Transforms(sent), start_ns)
+    return single("/tf_static", Transforms(sent), start_ns)
 
 
 def path_series(
@@ -57,7 +36,7 @@ def path_series(
     order = np.argsort(stamps_ns, kind="stable")
     header = Header(start_ns, ODOM)
     path = Path(stamps_ns[order], positions_xyz[order], quats_xyzw[order], header)
-    return _single("/path", path, start_ns)
+    return single("/path", path, start_ns)
 
 
 def moving_transforms(
@@ -72,8 +51,3 @@ def moving_transforms(
         )
 
     return Series("/tf", Transforms, stamps_ns, make)
-
-
-def _single(topic: str, message: Any, stamp_ns: int) -> Series:
-    stamps_ns = np.array([stamp_ns], np.int64)
-    return Series(topic, type(message), stamps_ns, lambda _: message, latched=True)

@@ -18,15 +18,15 @@ import numpy.typing as npt
 
 from ros_visualise.data import Header, NavSatFix
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.kitti.recording import KittiRecording
-from ros_visualise.sources.kitti.series import Series
 from ros_visualise.sources.logs.srt import Subtitle, parse_srt
+from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.sources.series import Series
 
 _FRAME = "gps"
 _FIX, _NO_FIX = 0, -1
 
 
-def open_srt(path: str | Path) -> KittiRecording:
+def open_srt(path: str | Path) -> SeriesRecording:
     """Open a file of subtitles; those without a place become fixes whose status is that of none.
 
     Raises:
@@ -49,7 +49,7 @@ def open_srt(path: str | Path) -> KittiRecording:
         )
 
     series = [Series("/gps/fix", NavSatFix, stamps_ns, fix)]
-    recording = KittiRecording(path, f"DJI SRT ({clock})", len(data), series, notes)
+    recording = SeriesRecording(path, f"DJI SRT ({clock})", len(data), series, notes)
     recording.loss.notes += _lost(subtitles, recording)
     return recording
 
@@ -75,7 +75,7 @@ def _altitudes(subtitles: Sequence[Subtitle]) -> tuple[list[float], list[str]]:
     return heights, ["it says no altitudes"]
 
 
-def _lost(subtitles: Sequence[Subtitle], recording: KittiRecording) -> list[str]:
+def _lost(subtitles: Sequence[Subtitle], recording: SeriesRecording) -> list[str]:
     numbers = [one.number for one in subtitles]
     missing = sum(max(0, b - a - 1) for a, b in pairwise(numbers))
     recording.loss.messages += missing

@@ -28,11 +28,11 @@ from ros_visualise.data import (
 from ros_visualise.data import Path as Way
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
-from ros_visualise.sources.kitti.recording import KittiRecording
-from ros_visualise.sources.kitti.series import BASE, MAP, Series
 from ros_visualise.sources.logs.attitude import Attitude
 from ros_visualise.sources.logs.ned import to_enu, to_flu
 from ros_visualise.sources.logs.ulog import Table, read_ulog
+from ros_visualise.sources.recordings.series import SeriesRecording
+from ros_visualise.sources.series import Series, single
 
 _TOPICS = (
     "vehicle_attitude",
@@ -42,6 +42,7 @@ _TOPICS = (
     "sensor_gps",
     "sensor_combined",
 )
+_MAP, _BASE = "map", "base_link"
 _GPS = "gps"  # the frame of the antenna
 _NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
 _UNKNOWN = np.zeros((3, 3))
@@ -51,7 +52,7 @@ _STATUS = {0: _NO_FIX, 1: _NO_FIX, 4: _SBAS, 5: _GBAS, 6: _GBAS}
 _NO_COVARIANCE, _APPROXIMATED = 0, 1
 
 
-def open_ulog(path: str | Path) -> KittiRecording:
+def open_ulog(path: str | Path) -> SeriesRecording:
     """Open a ``.ulg`` file; stamps are in UTC where the log has GPS time, else since the start.
 
     Raises:
@@ -66,7 +67,7 @@ def open_ulog(path: str | Path) -> KittiRecording:
     if not made.series:
         raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
     size = path.stat().st_size
-    recording = KittiRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes)
+    recording = SeriesRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes)
     recording.loss.notes += lost
     return recording
 
@@ -137,21 +138,20 @@ class _Series:
                 linear[index],
                 angular[index],
                 covariance,
-                child_frame_id=BASE,
-                header=Header(int(stamps_ns[index]), MAP),
+                child_frame_id=_BASE,
+                header=Header(int(stamps_ns[index]), _MAP),
             )
 
         def transform(index: int) -> Transforms:
-            header = Header(int(stamps_ns[index]), MAP)
-            return Transforms((TransformStamped(BASE, positions[index], quats[index], header),))
+            header = Header(int(stamps_ns[index]), _MAP)
+            return Transforms((TransformStamped(_BASE, positions[index], quats[index], header),))
 
         start_ns = int(stamps_ns.min())
-        way = Way(stamps_ns, positions, quats, Header(start_ns, MAP))
-        at_start = np.array([start_ns], np.int64)
+        way = Way(stamps_ns, positions, quats, Header(start_ns, _MAP))
         self.series += [
             Series("/odom", Odometry, stamps_ns, odometry),
             Series("/tf", Transforms, stamps_ns, transform),
-            Series("/path", Way, at_start, lambda _: way, latched=True),
+            single("/path", way, start_ns),
         ]
 
     def _add_imu(self, sensors: Table | None) -> None:
@@ -176,7 +176,7 @@ class _Series:
                 orientation_covariance=_UNKNOWN if known[index] else _NONE,
                 angular_covariance=_UNKNOWN if has_rates else _NONE,
                 linear_covariance=_UNKNOWN if sensors is not None else _NONE,
-                header=Header(int(stamps_ns[index]), BASE),
+                header=Header(int(stamps_ns[index]), _BASE),
             )
 
         self.series.append(Series("/imu/data", Imu, stamps_ns, imu))

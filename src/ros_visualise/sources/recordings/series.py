@@ -1,4 +1,4 @@
-"""KITTI folders as recordings of ROS topics: an index over series, and reading ahead of it."""
+"""Series as a recording: an index over them, and reading ahead of it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.kitti.files import DamagedFile
-from ros_visualise.sources.kitti.series import Series
 from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+from ros_visualise.sources.series import DamagedFile, Series
 
 log = logging.getLogger(__name__)
 
@@ -29,15 +28,14 @@ _MOST_WORKERS = 5
 _Item = tuple[Series, int, "Future[Any] | None"]
 
 
-class KittiRecording:
-    """A KITTI drive or sequence as a `ros_visualise.sources.recordings.Recording`.
+class SeriesRecording:
+    """A `ros_visualise.sources.recordings.Recording` whose messages are those of its series.
 
-    Its messages are those of `ros_visualise.data`. Nothing but folders and texts is read until a
-    message is asked for; images are decoded when somebody looks at them, and ahead of that while
-    somebody does.
+    They are messages of `ros_visualise.data`, made when they are asked for; those of slow series a
+    little ahead of that.
 
     Attributes:
-        notes: what the folder lacks and what was done about it, a line each; none is a loss.
+        notes: what it lacks and what was done about it, a line each; none is a loss.
     """
 
     compression = "none"
@@ -66,7 +64,7 @@ class KittiRecording:
         self.start_ns, self.end_ns = self._index.span_ns
         self._lost: set[Path] = set()
         self._lost_in: Counter[str] = Counter()
-        self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, 1 + (os.cpu_count() or 1)), "kitti")
+        self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, 1 + (os.cpu_count() or 1)), "series")
         self._lock = threading.Lock()
         self._closed = False
         for error, messages in damaged:
