@@ -6,32 +6,18 @@ import math
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.sources.playable import Playable, time_before
+from ros_visualise.sources.quota import Quota
 from ros_visualise.sources.timeline import Timeline
 
 T = TypeVar("T")
-T_co = TypeVar("T_co", covariant=True)
 
 _LATE_NS = 500_000_000  # further behind than this, time is lost rather than caught up with
-_ROUNDING_NS = 1_000
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
-
-
-class Playable(Protocol[T_co]):
-    """What can be played."""
-
-    @property
-    def duration_ns(self) -> int | None:
-        """Its length as far as it is known; it may prove wrong."""
-
-    def read(self, start_ns: int) -> Generator[tuple[int, T_co], None, None]:
-        """(Time since its start, item) in order of time, from the item shown at ``start_ns`` on.
-
-        That is the last one not after ``start_ns``; past the end it is the last one of all.
-        """
 
 
 class PlaybackState(NamedTuple):
@@ -76,8 +62,7 @@ class Playback:
         self._changed = threading.Condition()
         self._time = Timeline(self._clock, _checked_rate(rate))
         self._loop, self._hold, self._live_stamps = loop, hold, live_stamps
-        self._limit_ns = None if duration_s is None else round(duration_s * 1e9)
-        self._limit_frames = frames
+        self._quota = Quota(duration_s, frames)
         self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._restarting = False  # the source is to be opened anew
@@ -90,13 +75,10 @@ class Playback:
         self._period_ns = 0
         self._cycle_ns = 0  # where the present loop starts on the line of all loops
         self._line_ns = 0  # where the last message was on that line
-        self._awaited_ns: int | None = (
-            None  # where on that line the next message is, if it is known
-        )
+        self._awaited_ns: int | None = None  # where on it the next one is, if that is known
         self._base_ns: int | None = None  # the stamp of that line's start, once it is known
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._fresh = True  # the next message is shown at once, and time goes on from it
-        self._played_ns = self._played_frames = 0
         self._is_frame: Callable[[Any], bool] = lambda _: True
         self.step_topics: tuple[str, ...] = ()
         """Topics of the source that can be stepped through, where it has several."""
@@ -116,7 +98,7 @@ class Playback:
     @property
     def has_played(self) -> bool:
         """Something has passed already."""
-        return self._played_frames > 0
+        return self._quota.frames > 0
 
     @property
     def state(self) -> PlaybackState:
@@ -243,7 +225,7 @@ class Playback:
         start_ns = self._clock.monotonic_ns()
         for item in items:
             live_ns = self._clock.monotonic_ns() - start_ns
-            if self._closed or self._restarting or self._is_done(live_ns):
+            if self._closed or self._restarting or self._quota.ends_within(live_ns):
                 break
             if item is not None and self._passes_live(live_ns):
                 yield item
@@ -254,7 +236,7 @@ class Playback:
             passes = self._time.running or self._steps > 0
             self._steps = max(0, self._steps - 1)
             self._position_ns = live_ns
-            self._played_frames += passes
+            self._quota.use(0, passes)
             return passes
 
     def _begin(self, recording: Playable[T]) -> int | None:
@@ -294,21 +276,15 @@ class Playback:
         with self._changed:
             line_ns = self._cycle_ns + time_ns
             gap_ns = 0 if self._fresh else line_ns - self._line_ns
-            self._done = self._is_done(self._played_ns + gap_ns)
+            self._done = self._quota.ends_within(gap_ns)
             if self._done or not self._wait_due(line_ns):
                 return False
             self._steps = max(0, self._steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
                 self._period_ns = gap_ns
-            self._played_ns += gap_ns
-            self._played_frames += is_frame
+            self._quota.use(gap_ns, is_frame)
             self._position_ns, self._line_ns, self._fresh = time_ns, line_ns, False
             return True
-
-    def _is_done(self, played_ns: int) -> bool:
-        if self._limit_frames is not None and self._played_frames >= self._limit_frames:
-            return True
-        return self._limit_ns is not None and played_ns >= self._limit_ns - _ROUNDING_NS
 
     def _wait_due(self, line_ns: int) -> bool:
         self._awaited_ns = None if self._fresh else line_ns
@@ -355,7 +331,7 @@ class Playback:
             position_ns = self._position_ns if self._target_ns is None else self._target_ns
             back, self._steps_back, self._target_ns = self._steps_back, 0, None
             self._again, self._fresh = False, True
-        return _time_before(recording, position_ns, back)
+        return time_before(recording, position_ns, back)
 
     def _correct_duration(self) -> None:
         """Whatever was promised, this is the end."""
@@ -370,21 +346,12 @@ class Playback:
 
     def _wants_more(self) -> bool:
         loops = self._loop and (self._time.running or self._steps > 0)
-        return self._moves() or (self._played_frames > 0 and (self._again or loops))
+        return self._moves() or (self.has_played and (self._again or loops))
 
     def _next_cycle(self) -> int:
         self._cycle_ns += self._duration_ns or 0
         self._fresh, self._again = self._again, False
         return 0
-
-
-def _time_before(recording: Playable[T], time_ns: int, items_back: int) -> int:
-    for _ in range(items_back):
-        if time_ns <= 0:
-            break
-        with closing(recording.read(max(0, time_ns - 1))) as items:
-            time_ns, _ = next(items, (0, None))
-    return time_ns
 
 
 def _checked_rate(rate: float) -> float:

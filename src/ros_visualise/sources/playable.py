@@ -1,0 +1,33 @@
+"""What can be played."""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from contextlib import closing
+from typing import Protocol, TypeVar
+
+T_co = TypeVar("T_co", covariant=True)
+
+
+class Playable(Protocol[T_co]):
+    """A source that can be read again from any time on."""
+
+    @property
+    def duration_ns(self) -> int | None:
+        """Its length as far as it is known; it may prove wrong."""
+
+    def read(self, start_ns: int) -> Generator[tuple[int, T_co], None, None]:
+        """(Time since its start, item) in order of time, from the item shown at ``start_ns`` on.
+
+        That is the last one not after ``start_ns``; past the end it is the last one of all.
+        """
+
+
+def time_before(source: Playable[object], time_ns: int, items_back: int) -> int:
+    """The time of the item that is so many before the one shown at a time; 0 is the earliest."""
+    for _ in range(items_back):
+        if time_ns <= 0:
+            break
+        with closing(source.read(max(0, time_ns - 1))) as items:
+            time_ns, _ = next(items, (0, None))
+    return time_ns
