@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.options import add_playing_options, not_negative, positive, seed
 
 _RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
@@ -77,7 +77,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_playing(commands: Any) -> None:
-    playing = _playing_options()
+    playing = argparse.ArgumentParser(add_help=False)
+    add_playing_options(playing)
     playing.set_defaults(module="play")
     demo = commands.add_parser(
         "demo", parents=[playing], help="a quadrotor over a field, with nothing to hand"
@@ -96,7 +97,7 @@ def _add_playing(commands: Any) -> None:
         metavar="SHAPE|FILE",
         help="square, figure_of_eight, lawn_mower, default, or a YAML file",
     )
-    sim.add_argument("--seed", type=_seed, default=0, help="of all random errors (%(default)s)")
+    sim.add_argument("--seed", type=seed, default=0, help="of all random errors (%(default)s)")
     video = commands.add_parser("video", parents=[playing], help="a video file")
     video.add_argument("input", metavar="FILE")
     camera = commands.add_parser("camera", parents=[playing], help="a camera")
@@ -156,9 +157,9 @@ def _add_convert(commands: Any) -> None:
     )
     convert.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="these alone")
     convert.add_argument(
-        "--start", type=_not_negative, metavar="S", help="begin at this time, seconds"
+        "--start", type=not_negative, metavar="S", help="begin at this time, seconds"
     )
-    convert.add_argument("--duration", type=_positive, metavar="S", help="so many seconds")
+    convert.add_argument("--duration", type=positive, metavar="S", help="so many seconds")
     convert.add_argument(
         "--compression",
         choices=("none", "lz4", "bz2", "zstd"),
@@ -189,80 +190,6 @@ def _add_trajectory(commands: Any) -> None:
     way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png, .svg or .pdf")
     way.add_argument("--overwrite", action="store_true", help="replace files that exist")
     way.add_argument("--json", action="store_true", help="say what it is as one JSON object")
-
-
-def _checked(
-    kind: type[int] | type[float], accept: Callable[[float], bool], words: str
-) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = math.nan
-        if not accept(number):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {words}")
-        return number
-
-    return parse
-
-
-_not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
-_positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
-_count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
-_seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
-_port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
-
-
-def _playing_options() -> _Parser:
-    options = _Parser(add_help=False)
-    view = options.add_argument_group("viewing")
-    view.add_argument(
-        "--view",
-        choices=("web", "windows", "none"),
-        default="web",
-        help="the page (default), OpenCV windows, or neither",
-    )
-    view.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
-    view.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
-    play = options.add_argument_group("playing")
-    play.add_argument(
-        "--rate", type=_not_negative, help="speed (1); 0: as fast as it goes, lossless"
-    )
-    play.add_argument("--loop", action="store_true", help="start over at the end")
-    play.add_argument(
-        "--start", type=_not_negative, metavar="S", help="begin at this time, seconds"
-    )
-    play.add_argument("--duration", type=_positive, metavar="S", help="end after so many seconds")
-    play.add_argument("--frames", type=_count, metavar="N", help="end after so many frames")
-    work = options.add_argument_group("nodes")
-    work.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="NODE.PARAM=VALUE",
-        help="start with this value; see `ros-visualise nodes`; repeatable",
-    )
-    work.add_argument("--params", type=Path, metavar="FILE.yaml", help="values from a file")
-    work.add_argument(
-        "--node",
-        action="append",
-        default=[],
-        metavar="FILE.py:NAME[@AFTER]",
-        help="insert a node of your own, after `filters` unless it says; repeatable",
-    )
-    output = options.add_argument_group("output")
-    output.add_argument(
-        "--record",
-        action="append",
-        default=[],
-        metavar="OUT[@TOPIC,...]",
-        help="record to .mcap, or one image topic to .mp4 (default: /edges); repeatable",
-    )
-    output.add_argument("--overwrite", action="store_true", help="replace recordings that exist")
-    output.add_argument(
-        "--json", action="store_true", help="print the run report as JSON at the end"
-    )
-    return options
 
 
 class _Version(argparse.Action):

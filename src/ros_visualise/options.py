@@ -1,0 +1,98 @@
+"""What the playing commands share on the command line, and the values that options take."""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable
+from pathlib import Path
+
+
+def _checked(
+    kind: type[int] | type[float], accept: Callable[[float], bool], words: str
+) -> Callable[[str], float]:
+    def parse(text: str) -> float:
+        try:
+            number = kind(text)
+        except ValueError:
+            number = math.nan
+        if not accept(number):
+            raise ArgumentTypeError(f"{text!r} is not {words}")
+        return number
+
+    return parse
+
+
+not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
+positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
+seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
+_count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
+_port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
+
+
+def add_playing_options(parser: ArgumentParser) -> None:
+    """All that can be asked of a command that plays a source through nodes."""
+    _add_viewing(parser)
+    _add_pace(parser)
+    _add_nodes(parser)
+    _add_output(parser)
+
+
+def _add_viewing(parser: ArgumentParser) -> None:
+    group = parser.add_argument_group("viewing")
+    group.add_argument(
+        "--view",
+        choices=("web", "windows", "none"),
+        default="web",
+        help="the page (default), OpenCV windows, or neither",
+    )
+    group.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
+    group.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
+
+
+def _add_pace(parser: ArgumentParser) -> None:
+    group = parser.add_argument_group("playing")
+    group.add_argument(
+        "--rate", type=not_negative, help="speed (1); 0: as fast as it goes, lossless"
+    )
+    group.add_argument("--loop", action="store_true", help="start over at the end")
+    group.add_argument(
+        "--start", type=not_negative, metavar="S", help="begin at this time, seconds"
+    )
+    group.add_argument("--duration", type=positive, metavar="S", help="end after so many seconds")
+    group.add_argument("--frames", type=_count, metavar="N", help="end after so many frames")
+
+
+def _add_nodes(parser: ArgumentParser) -> None:
+    group = parser.add_argument_group("nodes")
+    group.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE.PARAM=VALUE",
+        help="start with this value; see `ros-visualise nodes`; repeatable",
+    )
+    group.add_argument("--params", type=Path, metavar="FILE.yaml", help="values from a file")
+    group.add_argument(
+        "--node",
+        action="append",
+        default=[],
+        metavar="FILE.py:NAME[@AFTER]",
+        help="insert a node of your own, after `filters` unless it says; repeatable",
+    )
+
+
+def _add_output(parser: ArgumentParser) -> None:
+    group = parser.add_argument_group("output")
+    group.add_argument(
+        "--record",
+        action="append",
+        default=[],
+        metavar="OUT[@TOPIC,...]",
+        help="record to .mcap, .bag or a ROS 2 folder, or one image topic to .mp4 (default:"
+        " /edges); repeatable",
+    )
+    group.add_argument("--overwrite", action="store_true", help="replace recordings that exist")
+    group.add_argument(
+        "--json", action="store_true", help="print the run report as JSON at the end"
+    )
