@@ -19,7 +19,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables"},
-    {"cli"},
+    {"cli", "options"},
     {"__main__"},
 ]
 ROS = {"rospy", "rosgraph", "roslib", "tf2_ros", "dynamic_reconfigure", "genpy", "rclpy"}
