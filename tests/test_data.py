@@ -3,7 +3,17 @@ import threading
 import numpy as np
 import pytest
 
-from ros_visualise.data import ENCODINGS, MEASUREMENTS, Deferred, Image, Odometry, Path, PoseStamped
+from ros_visualise.data import (
+    ENCODINGS,
+    MEASUREMENTS,
+    Deferred,
+    Image,
+    Odometry,
+    Path,
+    PolygonStamped,
+    PoseArray,
+    PoseStamped,
+)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS | MEASUREMENTS)
@@ -78,6 +88,8 @@ def test_deferred_pixels_are_made_once_whoever_asks():
         ),
         (lambda: Path(np.zeros(2), np.zeros((2, 3)), np.zeros((1, 4))), "Path.quats_xyzw"),
         (lambda: Path(np.zeros(2), np.zeros((3, 2)), np.zeros((2, 4))), "Path.positions_xyz"),
+        (lambda: PoseArray(np.zeros((2, 3)), np.zeros((1, 4))), "PoseArray.quats_xyzw"),
+        (lambda: PolygonStamped(np.zeros((4, 2))), "PolygonStamped.points_xyz"),
     ],
 )
 def test_poses_of_other_shapes_are_refused_by_name(make, wrong):

@@ -20,10 +20,13 @@ from ros_visualise.data import (
     LaserScan,
     MagneticField,
     NavSatFix,
+    OccupancyGrid,
     Odometry,
     ParameterEvent,
     Path,
     PointCloud,
+    PolygonStamped,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Text,
@@ -77,6 +80,16 @@ DATA = [
     NavSatFix(49.01, 8.42, np.nan, numbers(3, 3), 3, -1, 15, HEADER),
     PointCloud(POINTS, False, HEADER),
     PointCloud(POINTS[:0, 0], True, HEADER),
+    OccupancyGrid(
+        np.array([[0, 100, -1], [50, 1, -128]], np.int8),
+        0.25,
+        numbers(3),
+        numbers(4),
+        10**18,
+        HEADER,
+    ),
+    PolygonStamped(numbers(4, 3), HEADER),
+    PoseArray(numbers(2, 3), numbers(2, 4), HEADER),
     PoseWithCovarianceStamped(numbers(3), numbers(4), numbers(6, 6), HEADER),
     Text("ä text"),
     TimeReference(1_700_000_000_123_456_789, "start of the scan", HEADER),
@@ -88,8 +101,9 @@ TRANSFORMS = Transforms((TransformStamped("lidar", numbers(3), numbers(4), HEADE
 
 
 def serialize(message: Any) -> bytes:
-    if isinstance(getattr(message, "data", None), np.ndarray):
-        message.data = message.data.tobytes()  # as rospy itself takes it
+    pixels = getattr(message, "data", None)
+    if isinstance(pixels, np.ndarray) and pixels.dtype == np.uint8:
+        message.data = pixels.tobytes()  # as rospy itself takes it
     buffer = BytesIO()
     message.serialize(buffer)
     return buffer.getvalue()

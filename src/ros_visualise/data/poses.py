@@ -68,6 +68,27 @@ class Path:
 
 
 @dataclass(frozen=True, eq=False)
+class PoseArray:
+    """Poses in the frame of its header, in no order: where something may be.
+
+    ``positions_xyz`` (N, 3) in metres, ``quats_xyzw`` (N, 4).
+    """
+
+    positions_xyz: Floats
+    quats_xyzw: Floats
+    header: Header = Header()
+
+    def __post_init__(self) -> None:
+        count = len(self.positions_xyz)
+        keep(self, positions_xyz=(count, 3), quats_xyzw=(count, 4))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its poses."""
+        return self.positions_xyz.nbytes + self.quats_xyzw.nbytes
+
+
+@dataclass(frozen=True, eq=False)
 class PoseWithCovarianceStamped:
     """A `PoseStamped` and how sure it is: covariance 6x6 in the order x, y, z, rotations."""
 

@@ -23,10 +23,13 @@ from ros_visualise.data import (
     LaserScan,
     MagneticField,
     NavSatFix,
+    OccupancyGrid,
     Odometry,
     ParameterEvent,
     Path,
     PointCloud,
+    PolygonStamped,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Text,
@@ -36,7 +39,17 @@ from ros_visualise.data import (
     Twist,
     TwistStamped,
 )
-from ros_visualise.messages import clouds, frames, images, parameters, poses, sensors, text
+from ros_visualise.messages import (
+    clouds,
+    frames,
+    images,
+    maps,
+    parameters,
+    paths,
+    poses,
+    sensors,
+    text,
+)
 from ros_visualise.messages.build import Fields, Types, build
 
 T = TypeVar("T")
@@ -65,14 +78,17 @@ _TABLE: dict[type, _Row] = {
         "sensor_msgs/msg/MagneticField", sensors.write_magnetic_field, sensors.read_magnetic_field
     ),
     NavSatFix: _Row("sensor_msgs/msg/NavSatFix", sensors.write_fix, sensors.read_fix),
+    OccupancyGrid: _Row("nav_msgs/msg/OccupancyGrid", maps.write_grid, maps.read_grid),
     Odometry: _Row("nav_msgs/msg/Odometry", poses.write_odometry, poses.read_odometry),
     ParameterEvent: _Row(
         "rcl_interfaces/msg/ParameterEvent",
         parameters.write_parameter_event,
         parameters.read_parameter_event,
     ),
-    Path: _Row("nav_msgs/msg/Path", poses.write_path, poses.read_path),
+    Path: _Row("nav_msgs/msg/Path", paths.write_path, paths.read_path),
     PointCloud: _Row("sensor_msgs/msg/PointCloud2", clouds.write_cloud, clouds.read_cloud),
+    PolygonStamped: _Row("geometry_msgs/msg/PolygonStamped", maps.write_polygon, maps.read_polygon),
+    PoseArray: _Row("geometry_msgs/msg/PoseArray", paths.write_pose_array, paths.read_pose_array),
     PoseStamped: _Row(
         "geometry_msgs/msg/PoseStamped", poses.write_pose_stamped, poses.read_pose_stamped
     ),
@@ -99,6 +115,7 @@ _TABLE: dict[type, _Row] = {
 
 _CLASSES: dict[str, type] = {
     "tf/msg/tfMessage": Transforms,  # what tf sent before tf2, with the same fields
+    "nav2_msgs/msg/ParticleCloud": PoseArray,  # what amcl sends in ROS 2, with weights
     **{row.type_name: cls for cls, row in _TABLE.items()},
 }
 

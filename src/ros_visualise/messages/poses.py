@@ -1,8 +1,7 @@
-"""Poses, velocities and paths <-> messages of geometry_msgs and nav_msgs."""
+"""Poses and velocities <-> messages of geometry_msgs and nav_msgs."""
 
 from __future__ import annotations
 
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -10,20 +9,12 @@ import numpy.typing as npt
 
 from ros_visualise.data import (
     Odometry,
-    Path,
     PoseStamped,
     PoseWithCovarianceStamped,
     Twist,
     TwistStamped,
 )
-from ros_visualise.messages.build import (
-    Columns,
-    Fields,
-    header,
-    read_header,
-    read_time,
-    times,
-)
+from ros_visualise.messages.build import Columns, Fields, header, read_header
 
 Array = npt.NDArray[np.float64]
 
@@ -59,7 +50,7 @@ def read_odometry(message: Any) -> Odometry:
 
 def write_pose_stamped(pose: PoseStamped) -> dict[str, Any]:
     """The fields of a geometry_msgs/msg/PoseStamped."""
-    return {"header": header(pose.header), "pose": _pose(pose.position_xyz, pose.quat_xyzw)}
+    return {"header": header(pose.header), "pose": pose_fields(pose.position_xyz, pose.quat_xyzw)}
 
 
 def read_pose_stamped(message: Any) -> PoseStamped:
@@ -116,42 +107,23 @@ def read_twist_stamped(message: Any) -> TwistStamped:
     )
 
 
-def write_path(path: Path) -> dict[str, Any]:
-    """The fields of a nav_msgs/msg/Path, whose poses are all in its own frame."""
-    count = len(path.stamps_ns)
-    headers = {
-        "seq": repeat(0, count),
-        "stamp": times(path.stamps_ns),
-        "frame_id": repeat(path.header.frame_id, count),
+def pose_fields(position_xyz: Array, quat_xyzw: Array) -> Fields:
+    """A pose."""
+    values = {
+        "position": named("geometry_msgs/msg/Point", position_xyz),
+        "orientation": named("geometry_msgs/msg/Quaternion", quat_xyzw),
     }
-    poses = {
-        "position": _columns("geometry_msgs/msg/Point", path.positions_xyz),
-        "orientation": _columns("geometry_msgs/msg/Quaternion", path.quats_xyzw),
-    }
-    stamped = {
-        "header": Columns("std_msgs/msg/Header", count, headers),
-        "pose": Columns("geometry_msgs/msg/Pose", count, poses),
-    }
-    return {
-        "header": header(path.header),
-        "poses": Columns("geometry_msgs/msg/PoseStamped", count, stamped),
-    }
-
-
-def read_path(message: Any) -> Path:
-    """The path in a nav_msgs/msg/Path; its poses are taken to be in its own frame."""
-    poses = message.poses
-    return Path(
-        stamps_ns=np.array([read_time(one.header.stamp) for one in poses], np.int64),
-        positions_xyz=np.array([xyz(one.pose.position) for one in poses]).reshape(-1, 3),
-        quats_xyzw=np.array([xyzw(one.pose.orientation) for one in poses]).reshape(-1, 4),
-        header=read_header(message.header),
-    )
+    return Fields("geometry_msgs/msg/Pose", values)
 
 
 def named(type_name: str, numbers: Array) -> Fields:
     """A message of the fields x, y, z and perhaps w."""
     return Fields(type_name, dict(zip("xyzw", numbers.tolist(), strict=False)))
+
+
+def columns(type_name: str, rows: npt.NDArray[np.floating]) -> Columns:
+    """Messages of the fields x, y, z and perhaps w, one for each row."""
+    return Columns(type_name, len(rows), dict(zip("xyzw", rows.T.tolist(), strict=False)))
 
 
 def xyz(message: Any) -> tuple[float, float, float]:
@@ -164,16 +136,8 @@ def xyzw(message: Any) -> tuple[float, float, float, float]:
     return message.x, message.y, message.z, message.w
 
 
-def _pose(position_xyz: Array, quat_xyzw: Array) -> Fields:
-    values = {
-        "position": named("geometry_msgs/msg/Point", position_xyz),
-        "orientation": named("geometry_msgs/msg/Quaternion", quat_xyzw),
-    }
-    return Fields("geometry_msgs/msg/Pose", values)
-
-
 def _uncertain(position_xyz: Array, quat_xyzw: Array, covariance: Array) -> Fields:
-    values = {"pose": _pose(position_xyz, quat_xyzw), "covariance": covariance.ravel()}
+    values = {"pose": pose_fields(position_xyz, quat_xyzw), "covariance": covariance.ravel()}
     return Fields("geometry_msgs/msg/PoseWithCovariance", values)
 
 
@@ -183,7 +147,3 @@ def _twist(linear_xyz: Array, angular_xyz: Array) -> Fields:
         "angular": named("geometry_msgs/msg/Vector3", angular_xyz),
     }
     return Fields("geometry_msgs/msg/Twist", values)
-
-
-def _columns(type_name: str, rows: Array) -> Columns:
-    return Columns(type_name, len(rows), dict(zip("xyzw", rows.T.tolist(), strict=False)))
