@@ -11,12 +11,13 @@ from ros_visualise.simulation import HuskyParams, Simulation
 from ros_visualise.simulation.attitude import from_rotation_vector, rows
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.sensors.lidar import Lidar
+from ros_visualise.simulation.sensors.rays import Things
 
 SIGHTED = replace(HuskyParams(), camera=False)
 
 
 @pytest.mark.parametrize("world", ["field", "playpen"])
-def test_rays_left_out_would_have_met_nothing(world: str):
+def test_every_ray_meets_what_mujoco_has_it_meet(world: str):
     simulation = Simulation("husky", world, settings=SIGHTED)
     model, data = simulation._model, simulation._data
     lidar = Lidar(SIGHTED, 0, model, data)
@@ -25,9 +26,37 @@ def test_rays_left_out_would_have_met_nothing(world: str):
         place = np.array([*random.uniform(-9, 9, 2), random.uniform(0.3, 3)])
         R = np.array(rows(from_rotation_vector(*(random.normal(size=3) * (0.2, 0.2, 3)).tolist())))
         ranges, _ = lidar.cast(place, R)
-        whole = cast_all(model, data, place, lidar._rays @ R.T)
+        whole = cast_all(model, data, place, (R @ lidar._rays).T)
         near = np.minimum(ranges, whole) < 40  # where even the smallest ground has not ended
         assert ranges[near] == pytest.approx(whole[near], abs=1e-6)
+
+
+def test_rays_along_the_axes_of_things_meet_them_as_mujoco_has_it():
+    mujoco = load_mujoco()
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody><geom type="sphere" size=".5" pos="9 0 0"/>
+        <geom type="ellipsoid" size="1 2 3" pos="-9 0 0"/>
+        <geom type="cylinder" size=".5 1" pos="0 0 -9"/>
+        <geom type="cylinder" size=".5 1" euler="90 0 0" pos="0 9 0"/>
+        <geom type="box" size="1 2 3" pos="0 -9 0"/><geom type="box" size="9 9 9"/>
+        </worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    rays = np.array([[s if j == i else 0.0 for j in range(3)] for i in range(3) for s in (-1, 1)])
+    for place in np.zeros(3), np.array([0.2, -0.1, 0.3]):
+        geoms, each = np.repeat(np.arange(6), 6), np.tile(rays, (6, 1))
+        found = Things(model, data, np.arange(6)).meet(place, np.eye(3), each.T, geoms)
+        expected = [cast_at(model, data, place, ray, g) for g, ray in zip(geoms, each, strict=True)]
+        assert found == pytest.approx(np.array(expected), abs=1e-9)
+        assert np.isfinite(found).sum() >= 11
+
+
+def cast_at(model, data, place: np.ndarray, ray: np.ndarray, geom: int) -> float:
+    """The range at which MuJoCo's ray meets that geom alone."""
+    model.geom_group[:] = 1
+    model.geom_group[geom] = 0
+    return cast_all(model, data, place, ray[None])[0]
 
 
 def cast_all(model, data, place: np.ndarray, rays: np.ndarray) -> np.ndarray:

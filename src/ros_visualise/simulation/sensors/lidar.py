@@ -1,4 +1,4 @@
-"""A lidar whose rays MuJoCo casts."""
+"""A lidar among the geoms of a MuJoCo world."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.sensors.rays import RayCaster
-from ros_visualise.simulation.sensors.silhouettes import Cover, Silhouettes
+from ros_visualise.simulation.sensors.rays import PLANE, Things
+from ros_visualise.simulation.sensors.silhouettes import Silhouettes
 from ros_visualise.simulation.settings import RobotParams
 
 Indices = npt.NDArray[np.intp]
@@ -23,17 +23,14 @@ POINT = np.dtype(
         "itemsize": 20,
     }
 )
-_SECTORS = 15
-_PLANE = 0  # mjGEOM_PLANE
 _GROUND = -1
 
 
 class Lidar:
     """Rows of rays all around, all at once, with white noise on the ranges.
 
-    The robot does not see itself. Only rays that can meet a thing are cast: where a ray meets the
-    ground, the plane z = 0, is known without. ``intensity`` is how bright the surface is, 0 to 100;
-    ``ring`` 0 is the lowest row.
+    The robot does not see itself. The ground is the plane z = 0. ``intensity`` is how bright the
+    surface is, 0 to 100; ``ring`` 0 is the lowest row.
     """
 
     frame_id = "lidar_link"
@@ -45,11 +42,11 @@ class Lidar:
         azimuth = -np.pi + 2 * np.pi * np.arange(columns) / columns
         level = np.cos(elevation)[:, None]
         ray = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)[:, None]
-        self._rays = np.stack(np.broadcast_arrays(*ray), axis=-1).reshape(-1, 3)
+        self._rays = np.stack(np.broadcast_arrays(*ray)).reshape(3, -1)
         self._rays32 = self._rays.astype(np.float32)
         self._rings = np.repeat(np.arange(rings, dtype=np.uint16), columns)
-        still = (model.geom_bodyid == 0) & (model.geom_type != _PLANE)
-        things = np.flatnonzero(still)
+        standing = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type != PLANE))
+        things = standing[np.argsort(model.geom_type[standing], kind="stable")]
         boxes, places, axes = (
             model.geom_aabb[things],
             data.geom_xpos[things],
@@ -57,10 +54,9 @@ class Lidar:
         )
         far = params.lidar_far
         self._silhouettes = Silhouettes(boxes, places, axes, elevation, columns, far)
-        self._caster = RayCaster(model, data, things)
-        ground = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type == _PLANE))
+        self._things = Things(model, data, things)
+        ground = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type == PLANE))
         self._brightness = _brightness(model, np.append(things, ground[0]))
-        self._cuts = np.linspace(0, columns, _SECTORS + 1).astype(np.intp)
 
     def measure(self, stamp_ns: int, index: int, position_xyz: Floats, R: Floats) -> PointCloud:
         """The scan of that number from a place in the world, R being R_map_lidar."""
@@ -72,7 +68,8 @@ class Lidar:
         measured *= np.float32(p.lidar_noise)
         measured += ranges[met]
         points = np.empty((len(met), 5), np.float32)
-        np.multiply(self._rays32.take(met, axis=0), measured[:, None], out=points[:, :3])
+        for axis in range(3):
+            np.multiply(self._rays32[axis].take(met), measured, out=points[:, axis])
         points[:, 3] = self._brightness[surface[met]]
         points[:, 4] = 0  # what pads the rings out
         cloud = points.view(POINT)[:, 0]
@@ -84,43 +81,17 @@ class Lidar:
 
         That is the place of a thing among those that stand in the world, -1 for the ground.
         """
-        down = self._rays @ R[2]
+        down = R[2] @ self._rays
         ranges = np.full(len(down), np.inf)
         np.divide(-position_xyz[2], down, out=ranges, where=down < 0)
-        surface = np.full(len(ranges), _GROUND, np.intp)
-        cover = self._silhouettes.cover(position_xyz, R)
-        shape = cover.near_m.shape
-        columns, rows = np.nonzero((cover.near_m < ranges.reshape(shape)).T)
-        rays = rows * shape[1] + columns
-        found, things = self._cast(
-            position_xyz, self._rays.take(rays, axis=0) @ R.T, columns, cover
-        )
-        nearer = np.flatnonzero((things >= 0) & (found < ranges[rays]))
+        surface = np.full(len(down), _GROUND, np.intp)
+        things, rays = self._silhouettes.pairs(position_xyz, R)
+        found = self._things.meet(position_xyz, R, self._rays.take(rays, axis=1), things)
+        nearer = np.flatnonzero(found < ranges[rays])
+        nearer = nearer[np.argsort(-found[nearer])]  # of one ray the nearest is written last
         ranges[rays[nearer]] = found[nearer]
         surface[rays[nearer]] = things[nearer]
         return ranges, surface
-
-    def _cast(
-        self, position_xyz: Floats, rays: Floats, columns: Indices, cover: Cover
-    ) -> tuple[Floats, Indices]:
-        """Ranges and things met, (N,) each, -1 for none: sector by sector of the rays' columns."""
-        found, things = np.full(len(rays), -1.0), np.full(len(rays), -1)
-        starts = np.searchsorted(columns, self._cuts).tolist()
-        for sector, among in enumerate(self._among(cover)):
-            part = slice(starts[sector], starts[sector + 1])
-            if len(among) and part.stop > part.start:
-                found[part], things[part] = self._caster.cast(
-                    position_xyz, rays[part], among, self._params.lidar_far
-                )
-        return found, things
-
-    def _among(self, cover: Cover) -> list[Indices]:
-        """The things that reach into each sector."""
-        columns = int(self._cuts[-1])
-        turns = np.array([-columns, 0, columns])[:, None, None]
-        begins, ends = self._cuts[:-1, None] + turns, self._cuts[1:, None] + turns
-        reach = ((cover.first < ends) & (cover.last > begins)).any(axis=0)
-        return [cover.things[each] for each in reach]
 
 
 def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:

@@ -1,7 +1,7 @@
-"""Rays cast by MuJoCo, at a cost that does not grow with the world.
+"""Where rays meet boxes, cylinders and ellipsoids: as MuJoCo's own rays do, thousands at a time.
 
-``mj_multiRay`` looks at every geom of a model for every ray. So rays are cast sector by sector of
-azimuth, each in a model that holds the few geoms of that sector alone.
+``mj_multiRay`` looks at every geom of a model for every ray. Here each ray is tried against those
+few things alone that it can meet.
 """
 
 from __future__ import annotations
@@ -12,81 +12,87 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.simulation.engine import load_mujoco
 
 Indices = npt.NDArray[np.intp]
-_SHOWN, _HIDDEN = 0, 1  # groups of geoms
-_ANYWHERE = [0.0, 0.0, 0.0, 1e6, 1e6, 1e6]  # of bounding boxes: middle and half sides
-_ALL_SHOWN = np.array([1, 0, 0, 0, 0, 0], np.uint8)
+
+PLANE = 0  # mjtGeom
+_SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 2, 4, 5, 6
+_ROUND = {_SPHERE: 3, _ELLIPSOID: 3, _CYLINDER: 2, _BOX: 0}
+"""Axes, the first ones, along which a thing is round; along the others it is flat."""
+_SIZES = {_SPHERE: [0, 0, 0], _ELLIPSOID: [0, 1, 2], _CYLINDER: [0, 0, 1], _BOX: [0, 1, 2]}
+"""Which of a geom's sizes is its half extent along x, y and z."""
+
+_TINY = 1e-300  # for rays along a cylinder, which never cross its round side
 
 
-class RayCaster:
-    """Casts rays at geoms that do not move.
+class Things:
+    """Geoms that do not move.
+
+    Each is scaled to half extents of one. Then it is what a ball, over its round axes, and slabs
+    from -1 to 1, along its flat ones, have in common; so is the part of a ray that is in it.
 
     Args:
-        model: the whole world's.
-        data: of it, with positions up to date.
-        geoms: (G,) their numbers in it.
+        model, data: of the whole world, positions up to date.
+        geoms: (G,) their numbers in it, those of one type side by side.
+
+    Raises:
+        KeyError: a geom is neither a sphere, an ellipsoid, a cylinder nor a box.
+
+    Source: Kay and Kajiya, Ray tracing complex scenes, 1986.
     """
 
     def __init__(self, model: Any, data: Any, geoms: Indices) -> None:
-        self._mujoco = load_mujoco()
-        self._shapes = (
-            model.geom_type[geoms],
-            model.geom_size[geoms],
-            model.geom_aabb[geoms],
-            model.geom_rbound[geoms],
+        types = model.geom_type[geoms].tolist()
+        halves = np.array(
+            [model.geom_size[g][_SIZES[t]] for g, t in zip(geoms, types, strict=True)]
         )
-        self._places, self._axes = data.geom_xpos[geoms], data.geom_xmat[geoms]
-        self._stages: dict[int, tuple[Any, Any]] = {}
+        axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
+        self._scale = (axes / halves.reshape(-1, 1, 3)).transpose(0, 2, 1)
+        self._places = np.array(data.geom_xpos[geoms])
+        rounds = np.array([_ROUND[t] for t in types])
+        starts = [0, *(np.flatnonzero(np.diff(rounds)) + 1).tolist()]
+        self._kinds = [(n, int(rounds[n])) for n in starts if n < len(rounds)]
 
-    def cast(
-        self, position_xyz: Floats, rays: Floats, among: Indices, far_m: float
-    ) -> tuple[Floats, Indices]:
-        """Ranges in metres and what was met, (N,) each; -1 where nothing was.
+    def meet(self, position_xyz: Floats, R: Floats, rays: Floats, things: Indices) -> Floats:
+        """Ranges in metres at which rays from one place meet each its thing, (N,), or infinity.
+
+        From within a thing it is met where the ray leaves it.
 
         Args:
-            rays: (N, 3) of length 1, in the world.
-            among: (M,) which of the geoms to look at, by their places in the list.
+            position_xyz: (3,) where all start, in the world.
+            R: the axes that the rays are in, R_map_rays.
+            rays: (3, N) of length 1.
+            things: (N,) places in the list, in rising order.
         """
-        model, data = self._set(among)
-        count = len(rays)
-        met, ranges = np.empty(count, np.int32), np.empty(count)
-        self._mujoco.mj_multiRay(
-            model,
-            data,
-            position_xyz,
-            rays.ravel(),
-            _ALL_SHOWN,
-            1,
-            -1,
-            met,
-            ranges,
-            None,
-            count,
-            far_m,
-        )
-        return ranges, np.where(met < 0, -1, among[met])
+        origins = np.einsum("gij,gj->ig", self._scale, position_xyz - self._places)
+        turns = np.moveaxis(self._scale @ R, 0, -1).reshape(9, -1)
+        found = np.empty(len(things))
+        ends = np.searchsorted(things, [start for start, _ in self._kinds] + [len(self._places)])
+        for (_, rounded), begin, end in zip(self._kinds, ends[:-1], ends[1:], strict=True):
+            part = things[begin:end]
+            turn = turns.take(part, axis=1).reshape(3, 3, -1)
+            directions = np.einsum("ijn,jn->in", turn, rays[:, begin:end])
+            found[begin:end] = _enter(origins.take(part, axis=1), directions, rounded)
+        return found
 
-    def _set(self, among: Indices) -> tuple[Any, Any]:
-        """A model of a few geoms more than that, these among them and the others hidden."""
-        count = len(among)
-        room = 1 << max(count - 1, 3).bit_length()
-        if room not in self._stages:
-            self._stages[room] = self._build(room)
-        model, data = self._stages[room]
-        types, sizes, boxes, bounds = self._shapes
-        model.geom_type[:count], model.geom_size[:count] = types[among], sizes[among]
-        model.geom_aabb[:count], model.geom_rbound[:count] = boxes[among], bounds[among]
-        data.geom_xpos[:count], data.geom_xmat[:count] = self._places[among], self._axes[among]
-        model.geom_group[:count], model.geom_group[count:] = _SHOWN, _HIDDEN
-        return model, data
 
-    def _build(self, room: int) -> tuple[Any, Any]:
-        geoms = '<geom size="1"/>' * room
-        xml = f"<mujoco><worldbody>{geoms}</worldbody></mujoco>"
-        model = self._mujoco.MjModel.from_xml_string(xml)
-        model.bvh_aabb[:] = _ANYWHERE
-        data = self._mujoco.MjData(model)
-        self._mujoco.mj_forward(model, data)
-        return model, data
+def _enter(origins: Floats, directions: Floats, rounded: int) -> Floats:
+    """Ranges at which rays (3, N) enter what is round along the first axes and flat along others."""
+    near, far = np.full(origins.shape[1], -np.inf), np.full(origins.shape[1], np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if rounded:
+            near, far = _cross_ball(origins[:rounded], directions[:rounded])
+        for origin, direction in zip(origins[rounded:], directions[rounded:], strict=True):
+            first, second = (-1 - origin) / direction, (1 - origin) / direction
+            near = np.maximum(near, np.minimum(first, second))
+            far = np.minimum(far, np.maximum(first, second))
+        return np.where((near <= far) & (far >= 0), np.where(near >= 0, near, far), np.inf)
+
+
+def _cross_ball(origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
+    """From and to which range rays are in the ball of radius 1; not a number where never."""
+    a = np.maximum(np.einsum("in,in->n", directions, directions), _TINY)
+    b = np.einsum("in,in->n", origins, directions)
+    c = np.einsum("in,in->n", origins, origins) - 1
+    root = np.sqrt(b * b - a * c)
+    return (-b - root) / a, (-b + root) / a

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
@@ -12,18 +10,6 @@ from ros_visualise.data import Floats
 Indices = npt.NDArray[np.intp]
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 _SLACK_RAD = 1e-4
-
-
-class Cover(NamedTuple):
-    """Rows and columns that the nearest things fill: from and to, columns below 0 and above too.
-
-    ``near_m`` (rows, columns) is the shortest range at which a ray can meet anything.
-    """
-
-    near_m: Floats
-    things: Indices
-    first: Indices
-    last: Indices
 
 
 class Silhouettes:
@@ -52,34 +38,39 @@ class Silhouettes:
         turn = axes.reshape(-1, 3, 3).transpose(0, 2, 1)
         self._corners = local @ turn + places[:, None]
         self._elevations, self._columns, self._far_m = elevations, columns, far_m
+        rays = np.arange(len(elevations) * columns).reshape(-1, columns)
+        self._around = np.concatenate([rays, rays], axis=1).ravel()  # rows go around twice
 
-    def cover(self, position_xyz: Floats, R: Floats) -> Cover:
-        """What is seen where, from a place in the world, R being R_map_lidar."""
-        rows, columns = len(self._elevations), self._columns
+    def pairs(self, position_xyz: Floats, R: Floats) -> tuple[Indices, Indices]:
+        """(N,) things, rising, and (N,) rays, counted row by row: which can meet which.
+
+        Seen from a place in the world, R being R_map_lidar.
+        """
+        columns = self._columns
         near, left, right, low, high = _extent((self._corners - position_xyz) @ R)
-        seen = np.flatnonzero(near < self._far_m)
-        seen = seen[np.argsort(-near[seen])]  # the nearest is written last
-        first = np.floor((left[seen] + np.pi) * columns / (2 * np.pi)).astype(np.intp)
-        last = np.ceil((right[seen] + np.pi) * columns / (2 * np.pi)).astype(np.intp) + 1
-        bottom = np.searchsorted(self._elevations, low[seen] - _SLACK_RAD).tolist()
-        top = np.searchsorted(self._elevations, high[seen] + _SLACK_RAD).tolist()
-        shortest = np.full((rows, columns), np.inf)
-        spans = zip(bottom, top, first.tolist(), last.tolist(), near[seen].tolist(), strict=True)
-        for r, s, a, b, m in spans:
-            if b - a >= columns:
-                shortest[r:s] = m
-            elif a < 0 or b > columns:
-                shortest[r:s, a % columns :] = m
-                shortest[r:s, : b % columns] = m
-            else:
-                shortest[r:s, a:b] = m
-        return Cover(shortest, seen, first, last)
+        first = np.floor((left + np.pi) * columns / (2 * np.pi)).astype(np.intp)
+        last = np.ceil((right + np.pi) * columns / (2 * np.pi)).astype(np.intp) + 1
+        width = np.minimum(last - first, columns)
+        bottom = np.searchsorted(self._elevations, low - _SLACK_RAD)
+        top = np.searchsorted(self._elevations, high + _SLACK_RAD)
+        height = np.where(near < self._far_m, top - bottom, 0)
+        things, row = _runs(height)
+        run, column = _runs(width[things])
+        start = (row + bottom[things]) * 2 * columns + first[things] % columns
+        return things[run], self._around[start[run] + column]
+
+
+def _runs(lengths: Indices) -> tuple[Indices, Indices]:
+    """(N,) which run, and how far along it, of runs of these lengths one after another."""
+    which = np.repeat(np.arange(len(lengths)), lengths)
+    return which, np.arange(len(which)) - (np.cumsum(lengths) - lengths)[which]
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Shortest range, azimuths from and to, elevations from and to, (N,) each, of (N, 8, 3)."""
-    middle = corners.mean(axis=1)
-    aside = np.linalg.norm(corners[..., :2] - middle[:, None, :2], axis=-1).max(axis=1)
+    middle = (corners[:, 0] + corners[:, 7]) / 2
+    level = corners[..., :2] - middle[:, None, :2]
+    aside = np.sqrt(np.einsum("gci,gci->gc", level, level).max(axis=1))
     away = np.hypot(middle[:, 0], middle[:, 1])
     level_near, level_far = np.maximum(away - aside, 1e-6), away + aside
     below, above = corners[..., 2].min(axis=1), corners[..., 2].max(axis=1)
