@@ -17,6 +17,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.messages import type_name
+from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType, find
 from ros_visualise.nodes.player import player
@@ -204,7 +205,8 @@ def recording_pipeline(
 ) -> Graph:
     """A recording, one of its image topics through the image nodes, and its odometry to path.
 
-    A recorded topic that is called as one that a node publishes is played below ``/recorded``.
+    A recorded topic that is called as one that a node publishes, or as that of the calibration that
+    goes with it, is played below ``/recorded``.
 
     Args:
         recording: it is open.
@@ -221,7 +223,7 @@ def recording_pipeline(
     odom = _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
     added = [_built_in(name) for name in IMAGE_NODES] if image else []
     made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
-    made |= {"/path"} if odom else set()
+    made |= {info_topic(topic) for topic in made} | ({"/path"} if odom else set())
     outputs = {name: f"/recorded{name}" if name in made else name for name in declared.outputs}
     nodes: tuple[Node, ...] = (Node("player", declared, declared.params(), {}, outputs),)
     nodes += _chained(added, outputs[image]) if image else ()

@@ -2,12 +2,9 @@
 
 from dataclasses import dataclass
 
-import pytest
-
 from ros_visualise.nodes import SourceType
 from ros_visualise.params import Parameters, param, specs
 from ros_visualise.runtime.ros1.playing import PlaybackFollower, PlayingParams, playing_params
-from ros_visualise.runtime.ros1.topics import info_topic
 from ros_visualise.sources.playback import Playback
 
 
@@ -68,16 +65,3 @@ def test_it_can_start_paused():
     playback = Playback()
     PlaybackFollower(playback, Parameters(PlayingParams(paused=True)))
     assert not playback.state.playing
-
-
-@pytest.mark.parametrize(
-    ("image", "info"),
-    [
-        ("/image_raw", "/camera_info"),
-        ("/left/image_rect_color", "/left/camera_info"),
-        ("/edges", "/edges/camera_info"),
-        ("/drone/processed_image", "/drone/processed_image/camera_info"),
-    ],
-)
-def test_where_the_calibration_of_an_image_is(image: str, info: str):
-    assert info_topic(image) == info

@@ -14,6 +14,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.pipelines import Graph, Node
+from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread
@@ -150,7 +151,8 @@ class LocalRuntime:
         path = parse_target(str(target))[0].resolve()
         if any(one.is_open and one.path.resolve() == path for one in self._recordings):
             raise UsageError(f"{path}: is being recorded already; choose another name")
-        recorder = open_recorder(str(target), types, overwrite, on_demand)
+        beside = calibration_topics(self.graph)
+        recorder = open_recorder(str(target), types, overwrite, on_demand, beside=beside)
         recording = RecorderThread(recorder, self.graph, not self.graph.live)
         for name, parameters in self.parameters.items():
             recording.put_event(ParameterEvent(name, new=vars(parameters.current)))

@@ -13,6 +13,7 @@ from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.calibrations import Calibrations
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
 
@@ -39,7 +40,7 @@ class TopicInbox:
 
 
 class RecorderThread:
-    """One file that is being written, on a thread of its own.
+    """One file that is being written, on a thread of its own; before each image its calibration.
 
     Messages are written by the number that the source gave them and then by the order of the nodes,
     so that the same input makes the same file however the threads run. A message is written as soon
@@ -67,6 +68,7 @@ class RecorderThread:
         self._followers = _followers(graph, self.topics)
         self.inboxes = {t: TopicInbox(self, t) for t in (*self._followers, *self.topics)}
         self._recorder = recorder
+        self._calibrations = Calibrations(graph, recorder)
         self._pending_bytes = 0
         self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
         self._order = {topic: place for place, topic in enumerate(self.topics)}
@@ -200,6 +202,9 @@ class RecorderThread:
         self._stamp_ns = message.stamp_ns if is_recorded else message.header.stamp_ns
         self._write_events()
         try:
+            if found := self._calibrations.find(topic, message):
+                self._recorder.write(*found, self._stamp_ns)
+                self.written += 1
             self._recorder.write(topic, message)
             self.written += 1
         except DamagedMessage as error:

@@ -36,11 +36,20 @@ class Recorder(Protocol):
 
     Attributes:
         path: the file or folder.
-        topics: what it records; messages of other topics are let go.
     """
 
     path: Path
-    topics: tuple[str, ...]
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """What it records; messages of other topics are let go."""
+
+    def add(self, topic: str, kind: TopicType) -> None:
+        """Record one more topic from now on; a video lets it go.
+
+        Raises:
+            RecordingError: as `write`.
+        """
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record a message.
@@ -116,6 +125,7 @@ def open_recorder(
     overwrite: bool = False,
     on_demand: Collection[str] = (),
     *,
+    beside: Mapping[str, str] | None = None,
     profile: Profile | None = None,
     compression: str | None = None,
     live: bool = True,
@@ -130,6 +140,7 @@ def open_recorder(
         topics: topic -> type of its messages, of all that there are.
         overwrite: replace a file that exists.
         on_demand: those that are only recorded when they are named.
+        beside: topic -> the one that is recorded with it, if there is such a one.
         profile: an .mcap may hold messages of ROS 1; if nobody says, they are of ROS 2.
         compression: one of `COMPRESSIONS`.
         live: messages come as they are made: a process that is killed loses none, and changes of
@@ -154,6 +165,8 @@ def open_recorder(
         from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
         return Mp4Recorder(path, choose_topic(target, wanted, bool(named)), overwrite)
+    also = [name for topic, name in (beside or {}).items() if topic in wanted]
+    wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
         wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
     return _open_chunked(

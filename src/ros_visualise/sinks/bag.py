@@ -57,11 +57,8 @@ class BagRecorder(ChunkedRecorder):
         live: bool = True,
     ) -> None:
         self._compression = compression
-        self._numbers = {topic: number for number, topic in enumerate(topics)}
-        self._prefixes = {
-            topic: _fields(op=bytes([_MESSAGE]), conn=_U32(number))
-            for topic, number in self._numbers.items()
-        }
+        self._numbers: dict[str, int] = {}
+        self._prefixes: dict[str, bytes] = {}
         self._connections: dict[str, bytes] = {}
         self._seen: set[str] = set()
         self._chunk_infos: list[bytes] = []
@@ -70,8 +67,13 @@ class BagRecorder(ChunkedRecorder):
 
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         for topic, found in declared.items():
-            self._connections[topic] = self._connection(topic, found)
+            self._declare(topic, found)
         self._file.write(_MAGIC + self._bag_header(0))
+
+    def _declare(self, topic: str, declared: Declaration) -> None:
+        self._numbers[topic] = number = len(self._numbers)
+        self._prefixes[topic] = _fields(op=bytes([_MESSAGE]), conn=_U32(number))
+        self._connections[topic] = self._connection(topic, declared)
 
     def _connection(self, topic: str, declared: Declaration) -> bytes:
         header = _fields(

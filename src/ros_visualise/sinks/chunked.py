@@ -32,7 +32,7 @@ class ChunkedRecorder(ABC):
 
     Args:
         path: the file.
-        topics: topic -> type of its messages, of all that may come.
+        topics: topic -> type of its messages; `add` adds others.
         encoder: makes the bytes of messages.
         overwrite: replace a file that exists.
         chunk_bytes: when a chunk is full, unless it is live.
@@ -69,6 +69,21 @@ class ChunkedRecorder(ABC):
             self._begin(self.declared)
             self._end = self._file.tell()
             self._file.keep()
+        except OSError as error:
+            raise self._fail(error) from None
+
+    def add(self, topic: str, kind: TopicType) -> None:
+        """Take another topic from now on; as `ros_visualise.sinks.Recorder`."""
+        if self._closed:
+            raise RecordingError(f"{self.path}: the recording has ended")
+        self.declared[topic] = declared = self._encoder.declare(kind)
+        self.counts[topic] = 0
+        self.topics += (topic,)
+        try:
+            self._end_chunk()
+            self._declare(topic, declared)
+            self._end = self._file.tell()
+            self._keep()
         except OSError as error:
             raise self._fail(error) from None
 
@@ -112,6 +127,10 @@ class ChunkedRecorder(ABC):
     @abstractmethod
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         """Write the file's start."""
+
+    @abstractmethod
+    def _declare(self, topic: str, declared: Declaration) -> None:
+        """Let a topic be known, at the file's end if it has to be written."""
 
     @abstractmethod
     def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:

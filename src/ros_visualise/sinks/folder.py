@@ -43,8 +43,16 @@ class FolderRecorder:
         file = path / f"{path.name}_0.mcap"
         _make_folder(path, overwrite)
         self._recorder = McapRecorder(file, topics, encoder, overwrite, compression, live)
-        self.topics = self._recorder.topics
         self._closed = False
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._recorder.topics
+
+    def add(self, topic: str, kind: TopicType) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._recorder.add(topic, kind)
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """As `ros_visualise.sinks.Recorder`."""

@@ -91,12 +91,18 @@ class McapRecorder(ChunkedRecorder):
 
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         for topic, found in declared.items():
-            self._declare(topic, found)
+            self._register(topic, found)
         header = Header(self._profile, "ros_visualise")
         topics = [header, *self._schemas.values(), *self._channels.values()]
         self._file.write(MCAP0_MAGIC + _records(topics))
 
     def _declare(self, topic: str, declared: Declaration) -> None:
+        known = len(self._schemas)
+        self._register(topic, declared)
+        schemas = list(self._schemas.values())[known:]
+        self._file.write(_records([*schemas, self._channels[topic]]))
+
+    def _register(self, topic: str, declared: Declaration) -> None:
         name = declared.name
         if self._profile == "ros1":
             name = name.replace("/msg/", "/")

@@ -72,6 +72,9 @@ class Mp4Recorder:
         self._closed = False
         self._warned = False
 
+    def add(self, topic: str, kind: TopicType) -> None:
+        """A video holds one topic: others are let go."""
+
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record an image at its stamp; as `ros_visualise.sinks.Recorder`."""
         if topic not in self.topics:

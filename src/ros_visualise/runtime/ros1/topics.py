@@ -17,6 +17,7 @@ import rospy
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Text
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import from_message, to_message
+from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
@@ -29,17 +30,6 @@ log = logging.getLogger(__name__)
 _SAY_AGAIN_S = 10.0
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
 _LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
-
-
-def info_topic(image_topic: str) -> str:
-    """Where the calibration of an image is published.
-
-    ``/camera/image_raw`` has it beside itself, ``/camera/camera_info``, as all of ROS expects; an
-    image of another name is one of several in its namespace and has it below: ``/edges`` has
-    ``/edges/camera_info``.
-    """
-    base, _, name = image_topic.rpartition("/")
-    return f"{base if name.startswith('image') else image_topic}/camera_info"
 
 
 class Output:

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Generator, Mapping
 from contextlib import closing
 
+from ros_visualise.messages.calibrations import CAMERA_INFO, calibration_topic
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, TopicInfo
 
 Read = Callable[[int | None, int | None, Collection[str] | None], Generator[Entry, None, None]]
 """As `Recording.read`."""
 
-_CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
-_COMPRESSED = "sensor_msgs/msg/CompressedImage"
-_IMAGES = ("sensor_msgs/msg/Image", _COMPRESSED)
 _LOOK_BACK_NS = 1_000_000_000
 
 
@@ -34,10 +32,11 @@ def calibrated(
         known: the topics of the recording.
         start_ns, stop_ns, wanted: as in `Recording.read`.
     """
+    types = {topic: info.type for topic, info in known.items()}
     infos = {
         topic: info
-        for topic in known
-        if (wanted is None or topic in wanted) and (info := calibration_topic(topic, known))
+        for topic in types
+        if (wanted is None or topic in wanted) and (info := calibration_topic(topic, types))
     }
     topics = None if wanted is None else {*wanted, *infos.values()}
     last: dict[str, Recorded | None] = {}
@@ -45,7 +44,7 @@ def calibrated(
         for entry in entries:
             message = entry.message
             if isinstance(message, Recorded):
-                if message.type_name == _CAMERA_INFO:
+                if message.type_name == CAMERA_INFO.name:
                     last[entry.topic] = message
                 elif entry.topic in infos:
                     info = infos[entry.topic]
@@ -54,25 +53,6 @@ def calibrated(
                     message.calibration = last[info]
             if wanted is None or entry.topic in wanted:
                 yield entry
-
-
-def calibration_topic(topic: str, known: Mapping[str, TopicInfo]) -> str | None:
-    """The topic with the calibration of an image's camera; None of what is none or has none.
-
-    It stands beside the image: ``/cam/camera_info`` for ``/cam/image_raw`` and for
-    ``/cam/image_raw/compressed``.
-    """
-    if topic not in known or known[topic].type.name not in _IMAGES:
-        return None
-    camera = topic.rpartition("/")[0]
-    places = (
-        [camera, camera.rpartition("/")[0]] if known[topic].type.name == _COMPRESSED else [camera]
-    )
-    for place in places:
-        name = f"{place}/camera_info"
-        if name in known and known[name].type.name == _CAMERA_INFO:
-            return name
-    return None
 
 
 def _nearest(read: Read, topic: str, time_ns: int | None) -> Recorded | None:

@@ -20,6 +20,7 @@ from ros_visualise.messages import to_message
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
 from ros_visualise.pipelines import Graph
+from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.ros1.remote.declaration import our_own
@@ -121,7 +122,8 @@ class RemoteRuntime:
         path = parse_target(str(target))[0].resolve()
         if any(one.is_open and one.path.resolve() == path for one in self._recordings):
             raise UsageError(f"{path}: is being recorded already; choose another name")
-        recorder = open_recorder(str(target), types, overwrite, on_demand)
+        beside = calibration_topics(graph)
+        recorder = open_recorder(str(target), types, overwrite, on_demand, beside=beside)
         recording = RecorderThread(recorder, graph, lossless=False)
         for node in graph.nodes:
             current = self.parameters[node.name].current

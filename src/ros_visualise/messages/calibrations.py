@@ -1,0 +1,61 @@
+"""Where the calibration that goes with an image is published and recorded, and how to get at it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, CompressedImage, Image
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import Recorded, TopicType
+
+CAMERA_INFO = TopicType(type_name(CameraInfo))
+_COMPRESSED = type_name(CompressedImage)
+_IMAGES = (type_name(Image), _COMPRESSED)
+
+
+def info_topic(image_topic: str) -> str:
+    """Where the calibration of an image is published.
+
+    ``/camera/image_raw`` has it beside itself, ``/camera/camera_info``, as all of ROS expects; an
+    image of another name is one of several in its namespace and has it below: ``/edges`` has
+    ``/edges/camera_info``.
+    """
+    base, _, name = image_topic.rpartition("/")
+    return f"{base if name.startswith('image') else image_topic}/camera_info"
+
+
+def calibration_topic(topic: str, known: Mapping[str, TopicType]) -> str | None:
+    """Which of the known topics has the calibration of an image; None of what is none or has none.
+
+    It is the one of `info_topic`, else that of the image's namespace, which ``/cam/left`` may share
+    with others. A compressed image, ``/cam/image_raw/compressed``, has that of the image.
+    """
+    if topic not in known or known[topic].name not in _IMAGES:
+        return None
+    image = topic.rpartition("/")[0] if known[topic].name == _COMPRESSED else topic
+    for name in (info_topic(image), f"{image.rpartition('/')[0]}/camera_info"):
+        if name in known and known[name].name == CAMERA_INFO.name:
+            return name
+    return None
+
+
+def calibration_of(message: Any) -> CameraInfo | None:
+    """The calibration that comes with an image, under its header; None where there is none.
+
+    Args:
+        message: an `Image`, or a `Recorded` one; it is not decoded.
+    """
+    info = _known_calibration(message) if isinstance(message, Recorded) else message.camera_info
+    if not isinstance(info, CameraInfo) or not info.K.any():  # all zero: not calibrated
+        return None
+    return replace(info, header=message.header)
+
+
+def _known_calibration(image: Recorded) -> Any:
+    try:
+        return None if image.calibration is None else image.calibration.content
+    except DamagedMessage:
+        return None

@@ -1,0 +1,69 @@
+"""The calibrations of a running graph's images, recorded beside them as ROS does it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, Image
+from ros_visualise.messages.calibrations import (
+    CAMERA_INFO,
+    calibration_of,
+    calibration_topic,
+    info_topic,
+)
+from ros_visualise.nodes import SourceType
+from ros_visualise.pipelines import Graph
+from ros_visualise.sinks import Recorder
+
+
+def calibration_topics(graph: Graph) -> dict[str, str]:
+    """Topic of images -> where their calibration is: a topic of the graph, or of recordings alone.
+
+    Images of a source have it where the source publishes it; others, and those of a source that
+    does not, where ROS expects it, unless something else is there.
+    """
+    types = {name: topic.ros for name, topic in graph.topics.items()}
+    found = {}
+    for name, topic in graph.topics.items():
+        if topic.type is Image:
+            is_source = isinstance(graph.node(topic.publisher).type, SourceType)
+            given = calibration_topic(name, types) if is_source else None
+            place = given or info_topic(name.removesuffix("/compressed"))
+            if types.get(place, CAMERA_INFO).name == CAMERA_INFO.name:
+                found[name] = place
+    return found
+
+
+class Calibrations:
+    """Makes the messages of those topics of calibrations that the graph itself has not.
+
+    Such a topic is added to the recording when the first calibration comes. An image that comes
+    without one after that is said to be of an uncalibrated camera.
+
+    Args:
+        graph: what runs.
+        recorder: where its images are recorded.
+    """
+
+    def __init__(self, graph: Graph, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._topics: dict[str, str] = {}
+        for images, topic in calibration_topics(graph).items():
+            is_free = topic not in graph.topics and topic not in self._topics.values()
+            if images in recorder.topics and is_free:
+                self._topics[images] = topic
+
+    def find(self, topic: str, image: Any) -> tuple[str, CameraInfo] | None:
+        """What belongs into the recording before a message: a topic of it, and the calibration."""
+        place = self._topics.get(topic)
+        if place is None:
+            return None
+        info = calibration_of(image)
+        if info is None and isinstance(image, Image) and place in self._recorder.topics:
+            info = replace(CameraInfo.uncalibrated(image.height, image.width), header=image.header)
+        if info is None:
+            return None
+        if place not in self._recorder.topics:
+            self._recorder.add(place, CAMERA_INFO)
+        return (place, info) if place in self._recorder.topics else None
