@@ -52,7 +52,7 @@ IMAGES_ALONE = """<style>
 """Beside `STYLE`, where nothing is drawn in 3D."""
 
 BESIDE_SCENE = """<style>
-/* Four windows share a column evenly, however often it was halved; more of them scroll. */
+/* Windows share a column evenly, however often it was halved; more than four of them scroll. */
 [data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]) {
   min-height: max(180px, calc((100vh - 50px) / 4)) !important; }
 </style>"""
