@@ -150,5 +150,5 @@ def test_images_alone_fill_the_page(port):
     page.close()
 
 
-def test_beside_a_scene_windows_share_a_column(client):
+def test_beside_a_scene_windows_share_columns(client):
     client.read_until(lambda: any(re.search("min-height: .*100vh", text) for text in client.html))

@@ -23,7 +23,7 @@ from ros_visualise.ui.scene.scene import Scene
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
 """Pixels on a very wide screen; narrower ones share what they have in this proportion."""
-_MAIN_BESIDE_SCENE, _WINDOWS_BESIDE_SCENE = 330, 620
+_MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE = 330, 310
 _NO_OVERLAY = "none"
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
@@ -170,7 +170,8 @@ def arrange(
     panels = [window.panel for window in chosen]
     if scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
-        _place(panels, min(len(panels), 2), _WINDOWS_BESIDE_SCENE)
+        columns = min(len(panels), 2)
+        _place(panels, columns, columns * _WINDOW_BESIDE_SCENE)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
