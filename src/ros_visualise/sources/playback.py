@@ -63,6 +63,7 @@ class Playback:
         self._time = Timeline(self._clock, _checked_rate(rate))
         self._loop, self._hold, self._live_stamps = loop, hold, live_stamps
         self._quota = Quota(duration_s, frames)
+        self._jumps = 0
         self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._restarting = False  # the source is to be opened anew
@@ -99,6 +100,14 @@ class Playback:
     def has_played(self) -> bool:
         """Something has passed already."""
         return self._quota.frames > 0
+
+    @property
+    def jumps(self) -> int:
+        """How often it went elsewhere: a seek, a step back, the start of a loop, or at first.
+
+        It counts before the first message from there passes.
+        """
+        return self._jumps
 
     @property
     def state(self) -> PlaybackState:
@@ -249,6 +258,7 @@ class Playback:
         self, start_ns: int, recording: Playable[T]
     ) -> Generator[tuple[int, T], None, bool]:
         """Returns whether the end was reached."""
+        self._jumps += 1
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
                 if not self._wait_turn(time_ns, self._is_frame(item)):

@@ -10,7 +10,17 @@ from typing import Any
 import numpy as np
 import viser
 
-from ros_visualise.data import CameraInfo, Image, Path, PointCloud, Text, Transforms
+from ros_visualise.data import (
+    CameraInfo,
+    Image,
+    OccupancyGrid,
+    Path,
+    PointCloud,
+    PolygonStamped,
+    PoseArray,
+    Text,
+    Transforms,
+)
 from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.figures import numeric_fields
@@ -25,7 +35,17 @@ _KEPT = 20_000
 _DRAWN = 1500  # samples of a line that are sent at most
 _WAITING = 1000
 _NS = 1_000_000_000
-_NO_FIGURES = (CameraInfo, Image, Path, PointCloud, Text, Transforms)
+_NO_FIGURES = (
+    CameraInfo,
+    Image,
+    OccupancyGrid,
+    Path,
+    PointCloud,
+    PolygonStamped,
+    PoseArray,
+    Text,
+    Transforms,
+)
 
 
 class History:

@@ -64,7 +64,7 @@ class Overlay:
             return shown
         try:
             T_camera_cloud = between(self._scene.frames, image, self._cloud)
-            return paint(shown, self._cloud, T_camera_cloud, info, "rect" in topic)
+            return paint(shown, self._cloud, T_camera_cloud, info, is_rectified(topic, info))
         except (NoTransform, ValueError):
             return shown  # not known yet, or a model of distortion that is not known at all
 
@@ -75,6 +75,22 @@ def calibration_of(image: Image, known: CameraInfo | None) -> CameraInfo | None:
     if info is None or info.K[0, 0] <= 0:
         return None
     return info if (info.width, info.height) == (image.width, image.height) else None
+
+
+def is_rectified(topic: str, info: CameraInfo) -> bool:
+    """Whether the P of their calibration holds for the images of a topic, rather than K, D and R.
+
+    It does where a part of the topic's name begins as image_proc names its outputs, as in
+    ``image_rect``, ``image_rect_color`` and ``image_rect/compressed``; and where rectifying would
+    change nothing: no distortion, no rotation, and P has the K of the image. What was made of an
+    image, under another name, counts as not rectified else.
+
+    Source: image_proc's topics; sensor_msgs/CameraInfo.
+    """
+    if any(part.startswith("image_rect") for part in topic.split("/")):
+        return True
+    is_plain = not np.any(info.D) and np.array_equal(info.R, np.eye(3))
+    return is_plain and info.P is not None and np.array_equal(info.P[:, :3], info.K)
 
 
 def between(frames: Frames, image: Image, cloud: PointCloud) -> Floats:

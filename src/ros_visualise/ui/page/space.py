@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from enum import Enum
 from functools import partial
 from html import escape
 from typing import Any
 
 import viser
 
-from ros_visualise.data import PointCloud
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.scene.coloring import Coloring
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.scene import Scene
 
@@ -54,12 +53,11 @@ class Space:
                     self._switches[topic] = self._add_switches(topic, kind)
 
     def refresh(self) -> None:
-        """Show which frames there are, and what cannot be drawn."""
-        fixed = self._scene.frames.fixed
-        self._frame.options = (_AUTO, *self._scene.frames.names)
-        problems = self._scene.problems
-        lines = [f"drawn in <b>{escape(fixed)}</b>"] if fixed else []
-        lines += [f"{escape(topic)}: {escape(why)}" for topic, why in problems.items()]
+        """Show which frames there are, what is drawn in which, and what cannot be drawn."""
+        scene = self._scene
+        self._frame.options = (_AUTO, *scene.frames.names)
+        has_transforms = bool(scene.frames.tree.frames())
+        lines = note(scene.frames.fixed, scene.topic_frames, scene.problems, has_transforms)
         self._note.content = f'<div class="rv-note">{"<br>".join(lines)}</div>'
         self._note.visible = bool(lines)
 
@@ -76,7 +74,11 @@ class Space:
     def _add_looks(self) -> None:
         gui, look = self._gui, self._scene.look
         elements: dict[str, viser.GuiInputHandle[Any]] = {
-            "names": gui.add_checkbox("names of frames", look.names),
+            "names": gui.add_checkbox(
+                "names of frames",
+                look.names,
+                hint="one label for those that are closer than their axes are long",
+            ),
             "axes_size": gui.add_slider("axes size", 0.1, 5.0, 0.1, look.axes_size, hint="m"),
             "point_size": gui.add_slider("point size", 0.01, 0.5, 0.01, look.point_size, hint="m"),
             "max_points": gui.add_slider(
@@ -92,11 +94,13 @@ class Space:
     def _add_switches(self, topic: str, kind: type) -> list[viser.GuiInputHandle[Any]]:
         switch = self._gui.add_checkbox(topic, True, hint=kind.__name__)
         switch.on_update(self._posted(topic, partial(self._scene.set_visible, topic)))
-        if kind is not PointCloud:
+        colorings = DRAWINGS[kind].colorings
+        if colorings is None:
             return [switch]
-        choices = [coloring.value for coloring in Coloring]
+        choices = [coloring.value for coloring in colorings]
         color = self._gui.add_dropdown("colour by", choices, hint=topic)
-        color.on_update(self._posted(("color", topic), partial(self._set_coloring, topic)))
+        choose = partial(self._set_coloring, topic, colorings)
+        color.on_update(self._posted(("color", topic), choose))
         return [switch, color]
 
     def _posted(
@@ -117,5 +121,30 @@ class Space:
     def _set_look(self, name: str, value: Any) -> None:
         self._scene.look = replace(self._scene.look, **{name: value})
 
-    def _set_coloring(self, topic: str, name: str) -> None:
-        self._scene.set_coloring(topic, Coloring(name))
+    def _set_coloring(self, topic: str, colorings: type[Enum], name: str) -> None:
+        self._scene.set_coloring(topic, colorings(name))
+
+
+def note(
+    fixed: str, frames: Mapping[str, str], problems: Mapping[str, str], has_transforms: bool
+) -> list[str]:
+    """Lines that say what is drawn where: HTML.
+
+    Args:
+        fixed: the frame in which everything is drawn; empty as long as none is known.
+        frames: topic -> that of its newest message.
+        problems: topic -> why it is not drawn.
+        has_transforms: whether any has come.
+    """
+    if has_transforms or not fixed:
+        where = [f"drawn in <b>{escape(fixed)}</b>"] if fixed else []
+        return where + [f"{escape(topic)}: {escape(why)}" for topic, why in problems.items()]
+    there = [topic for topic, frame in frames.items() if frame in ("", fixed)]
+    apart = [f"{topic} ({frame})" for topic, frame in frames.items() if topic not in there]
+    wrong = {topic: why for topic, why in problems.items() if topic in there}
+    line = (
+        f"no transforms: drawn in <b>{escape(fixed)}</b> is {escape(', '.join(there)) or 'nothing'}"
+    )
+    if apart:
+        line += f"; in frames of their own, not drawn: {escape(', '.join(apart))}"
+    return [line, *(f"{escape(topic)}: {escape(why)}" for topic, why in wrong.items())]

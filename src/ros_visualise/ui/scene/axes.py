@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -16,29 +17,46 @@ _TEXT = 0.7
 _LIFT = 0.06  # of a name above its axes, in lengths of the axes
 
 
+class _Group(NamedTuple):
+    names: list[str]
+    centre: Floats
+
+
 class Axes:
-    """Axes for every frame whose place is known."""
+    """Axes for every frame whose place is known.
+
+    Frames that are nearer to one another than their axes are long share one label, a line for each:
+    with shorter axes there are more labels.
+    """
 
     def __init__(self, scene: viser.SceneApi) -> None:
         self._scene = scene
         self._axes: viser.BatchedAxesHandle | None = None
         self._labels: dict[str, viser.LabelHandle] = {}
+        self._drawn: tuple[Mapping[str, Floats], Look] | None = None
 
     def draw(self, places: Mapping[str, Floats], look: Look) -> None:
         """Show frames: name -> T_fixed_frame."""
+        if self._drawn is not None and _are_same(places, self._drawn[0]) and look == self._drawn[1]:
+            return
+        self._drawn = places, look
         self._draw_axes(places, look)
-        named = places if look.names else {}
-        for name in self._labels.keys() - named.keys():
+        self._draw_labels(clusters(places, _LENGTH * look.axes_size) if look.names else {}, look)
+
+    def _draw_labels(self, groups: Mapping[str, _Group], look: Look) -> None:
+        for name in self._labels.keys() - groups.keys():
             self._labels.pop(name).remove()
-        for name, T in named.items():
+        for name, (names, centre) in groups.items():
+            text = "\n".join(names)
             if name not in self._labels:
                 self._labels[name] = self._scene.add_label(
                     node_name("frames", name),
-                    name,
+                    text,
                     font_screen_scale=_TEXT,
                     anchor="bottom-center",
                 )
-            self._labels[name].position = T[:3, 3] + [0, 0, _LIFT * look.axes_size]
+            self._labels[name].text = text
+            self._labels[name].position = centre + np.array([0, 0, _LIFT * look.axes_size])
 
     def _draw_axes(self, places: Mapping[str, Floats], look: Look) -> None:
         T = np.array(list(places.values())).reshape(-1, 4, 4)
@@ -59,3 +77,26 @@ class Axes:
         self._axes.batched_wxyzs = wxyzs
         self._axes.batched_positions = positions.astype(np.float32)
         self._axes.batched_scales = np.full(len(T), look.axes_size, np.float32)
+
+
+def clusters(places: Mapping[str, Floats], distance_m: float) -> dict[str, _Group]:
+    """Frames that share a label: its first name -> all of their names, and where the first is.
+
+    A frame joins the first group whose first frame is within the distance.
+    """
+    groups: dict[str, _Group] = {}
+    for name, T in places.items():
+        position = T[:3, 3]
+        for names, centre in groups.values():
+            if np.linalg.norm(position - centre) < distance_m:
+                names.append(name)
+                break
+        else:
+            groups[name] = _Group([name], position)
+    return groups
+
+
+def _are_same(places: Mapping[str, Floats], others: Mapping[str, Floats]) -> bool:
+    return places.keys() == others.keys() and all(
+        np.array_equal(T, others[name]) for name, T in places.items()
+    )

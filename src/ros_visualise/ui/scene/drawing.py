@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from enum import Enum
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -45,7 +46,16 @@ class Drawing:
         scene: where to draw.
         name: of its node.
         color: its own, where it has one.
+
+    Attributes:
+        coloring: one of ``colorings``, where a person can choose by what it is coloured.
+        stays: it holds until the next message, and moves with its frame until then; what does not
+            stays where its frame was at the message's time.
     """
+
+    colorings: ClassVar[type[Enum] | None] = None
+    coloring: Enum | None = None
+    stays: ClassVar[bool] = False
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         self._scene, self._name, self._color = scene, name, color

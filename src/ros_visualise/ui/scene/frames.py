@@ -89,6 +89,16 @@ class Frames:
                 raise
             return self.tree.lookup(fixed, frame)
 
+    def places(self) -> dict[str, Floats]:
+        """Frame -> T_fixed_frame as it is known last, of all whose place is known."""
+        found = {}
+        for name in self.tree.frames():
+            try:
+                found[name] = self.locate(name, 0)
+            except NoTransform:
+                continue
+        return found
+
     def _largest_root(self) -> str:
         """The root that most frames hang below."""
         tops: Counter[str] = Counter()

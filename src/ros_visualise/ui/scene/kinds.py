@@ -10,17 +10,23 @@ from ros_visualise.data import (
     Imu,
     LaserScan,
     NavSatFix,
+    OccupancyGrid,
     Odometry,
     Path,
     PointCloud,
+    PolygonStamped,
+    PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
     Transforms,
     TransformStamped,
 )
+from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.ui.scene.cameras import Camera
 from ros_visualise.ui.scene.drawing import Drawing
-from ros_visualise.ui.scene.lines import Way
+from ros_visualise.ui.scene.grids import Grid
+from ros_visualise.ui.scene.lines import Outline, Way
+from ros_visualise.ui.scene.particles import Particles
 from ros_visualise.ui.scene.points import Cloud, Scan
 from ros_visualise.ui.scene.poses import Pose
 from ros_visualise.ui.scene.sensors import Fix, Inertia
@@ -33,6 +39,9 @@ DRAWINGS: dict[type, type[Drawing]] = {
     PoseStamped: Pose,
     PoseWithCovarianceStamped: Pose,
     TransformStamped: Pose,
+    OccupancyGrid: Grid,
+    PolygonStamped: Outline,
+    PoseArray: Particles,
     NavSatFix: Fix,
     Imu: Inertia,
     Image: Camera,
@@ -57,8 +66,8 @@ def is_robot(topic: str) -> bool:
 
 
 def is_beside_image(topic: str, kinds: Mapping[str, type]) -> bool:
-    """Whether a topic is the calibration of images beside it, as image_transport places it."""
+    """Whether a topic is the calibration of images beside it or, of one of several, above it."""
     return kinds[topic] is CameraInfo and any(
-        kind is Image and name.rpartition("/")[0] == topic.rpartition("/")[0]
+        kind is Image and topic in (info_topic(name), f"{name.rpartition('/')[0]}/camera_info")
         for name, kind in kinds.items()
     )

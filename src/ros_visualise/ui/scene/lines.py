@@ -1,4 +1,4 @@
-"""Ways that were passed, as lines: paths, and the trails of what moves."""
+"""Lines: paths, the trails of what moves, and outlines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import Floats, Path
+from ros_visualise.data import Floats, Path, PolygonStamped
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look
 
 _MAX_VERTICES = 5000
@@ -48,6 +48,26 @@ class Way(Drawing):
 
     def extent(self) -> npt.NDArray[np.floating]:
         return thinned(self._vertices)
+
+    def reset(self) -> None:
+        self._line.show(np.zeros((0, 3)))
+
+
+class Outline(Drawing):
+    """A `PolygonStamped`."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._line = Line(scene, f"{name}/line", color)
+        self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, PolygonStamped)
+        self._corners = message.points_xyz[np.isfinite(message.points_xyz).all(axis=1)]
+        self._line.show(np.concatenate([self._corners, self._corners[:1]]))
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return thinned(self._corners)
 
     def reset(self) -> None:
         self._line.show(np.zeros((0, 3)))

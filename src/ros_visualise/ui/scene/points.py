@@ -24,7 +24,7 @@ class _Dots(Drawing):
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self.coloring = Coloring.AUTO
+        self.coloring: Coloring = Coloring.AUTO
         self._points: Points = np.zeros((0, 3), np.float32)
         self._handle: viser.PointCloudHandle | None = None
 
@@ -58,6 +58,8 @@ class _Dots(Drawing):
 
 class Cloud(_Dots):
     """A `PointCloud`: without the points that are none, evenly thinned where there are many."""
+
+    colorings = Coloring
 
     def draw(self, message: Any, look: Look) -> None:
         assert isinstance(message, PointCloud)

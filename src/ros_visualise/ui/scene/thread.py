@@ -59,6 +59,7 @@ class SceneThread:
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
+        self._jumps = 0
         self._at_work = threading.Lock()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
@@ -127,7 +128,16 @@ class SceneThread:
         message = self._messages[topic].take(0)
         if message is not None:
             self._taken_s[topic] = now_s
+            self._forget_before_jump()
             self._scene.show(topic, message)
+
+    def _forget_before_jump(self) -> None:
+        """Let go of what is drawn if the source went elsewhere before the message just taken."""
+        playback = self._runtime.playback
+        jumps = 0 if playback is None else playback.jumps
+        if jumps != self._jumps:
+            self._jumps = jumps
+            self._scene.forget()
 
     def _rest(self, topic: str) -> None:
         """Ask for nothing on a topic until it is wanted again."""

@@ -1,0 +1,138 @@
+"""Maps, as pictures that lie where the map is."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import OccupancyGrid, Pixels
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.geometry import transforms
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move
+
+_SHARP_PX, _MAX_PX = 800, 2048
+"""A picture's longer side: with fewer pixels cells would blur, more would take too long."""
+_UNKNOWN = (0x70, 0x89, 0x86, 255)
+_LETHAL, _INSCRIBED = (255, 0, 255, 255), (0, 255, 255, 255)
+_COSTS_OPACITY = 0.7
+_LAYER_M = 0.01
+
+
+class Scheme(Enum):
+    """What a map's cells tell: ``AUTO`` is costs where the topic is called a costmap."""
+
+    AUTO = "auto"
+    MAP = "map"
+    COSTS = "costs"
+
+
+class Grid(Drawing):
+    """An `OccupancyGrid`: as long as none of its cells changes, nothing is sent but its place."""
+
+    colorings = Scheme
+    stays = True
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self.coloring: Scheme = Scheme.AUTO
+        self._own_scheme = Scheme.COSTS if "costmap" in name else Scheme.MAP
+        self._image: viser.ImageHandle | None = None
+        self._cells = np.zeros((0, 0), np.int8)
+        self._scheme = Scheme.AUTO
+        self._corners: npt.NDArray[np.floating] = np.zeros((0, 3))
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, OccupancyGrid)
+        try:
+            T_frame_origin = transforms.from_pose(message.position_xyz, message.quat_xyzw)
+        except ValueError as error:
+            raise DamagedMessage(f"OccupancyGrid: {error}") from None
+        scheme = self._own_scheme if self.coloring is Scheme.AUTO else self.coloring
+        if not message.cells.size:
+            return
+        image = self._paint(message.cells, scheme)
+        size = np.array(message.cells.shape[::-1]) * message.resolution
+        image.render_width, image.render_height = map(float, size)
+        centre = np.append(size / 2, -depth_of(float(size.max()), scheme))
+        move(image, T_frame_origin @ transforms.from_parts(np.eye(3), centre))
+        corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]) * np.append(size, 0)
+        self._corners = transforms.apply(T_frame_origin, corners)
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return self._corners
+
+    def _paint(self, cells: npt.NDArray[np.int8], scheme: Scheme) -> viser.ImageHandle:
+        if self._image is not None and scheme is self._scheme and _are_same(cells, self._cells):
+            return self._image
+        self._cells, self._scheme = cells, scheme
+        picture = picture_of(cells, scheme)
+        if self._image is None:
+            self._image = self._scene.add_image(
+                f"{self._name}/cells", picture, 1.0, 1.0, cast_shadow=False, receive_shadow=False
+            )
+        else:
+            self._image.image = picture
+        return self._image
+
+
+def picture_of(cells: npt.NDArray[np.int8], scheme: Scheme) -> Pixels:
+    """A picture (H, W, 4) of cells (height, width): RGBA, the first row that of the cells.
+
+    Small maps are enlarged by a whole number; of large ones a pixel is the most occupied of the
+    cells that it stands for, so that thin walls stay.
+    """
+    longer = max(cells.shape)
+    pooled = _pool(cells, -(-longer // _MAX_PX))
+    times = max(_SHARP_PX // longer, 1)
+    return palette_of(scheme)[pooled.view(np.uint8)].repeat(times, axis=0).repeat(times, axis=1)
+
+
+def palette_of(scheme: Scheme) -> Pixels:
+    """Colours (256, 4) of the cells' bytes, RGBA; -1 is the last one.
+
+    Source: the palettes of rviz's map display, of which the one for costs is drawn at 0.7.
+    """
+    values = np.arange(256)
+    palette = np.full((256, 4), 255, np.uint8)
+    palette[101:128] = 0, 255, 0, 255  # more than occupied
+    palette[128:255, 1] = (values[128:255] - 128) * 255 // 126
+    palette[128:255, 2] = 0
+    if scheme is Scheme.COSTS:
+        palette[1:99, 0] = values[1:99] * 255 // 100
+        palette[1:99, 1] = 0
+        palette[1:99, 2] = 255 - palette[1:99, 0]
+        palette[99], palette[100] = _INSCRIBED, _LETHAL
+    else:
+        palette[:101, :3] = (255 - values[:101] * 255 // 100)[:, None]
+    palette[255] = _UNKNOWN
+    if scheme is Scheme.COSTS:
+        palette[:, 3] = round(255 * _COSTS_OPACITY)
+        palette[0, 3] = 0
+    return palette
+
+
+def depth_of(longer_m: float, scheme: Scheme) -> float:
+    """How far below its place a map is drawn, in metres, so that none hides what stands on it.
+
+    Larger ones lie lower, and those of costs on the others.
+    """
+    return _LAYER_M * (float(np.log2(1 + longer_m)) + (1 if scheme is Scheme.COSTS else 2))
+
+
+def _pool(cells: npt.NDArray[np.int8], factor: int) -> npt.NDArray[np.int8]:
+    """The greatest of each square of that many cells along its sides."""
+    if factor == 1:
+        return np.ascontiguousarray(cells)
+    lacking = [(0, -length % factor) for length in cells.shape]
+    padded = np.pad(cells, lacking, constant_values=-128)
+    rows, columns = (length // factor for length in padded.shape)
+    found: npt.NDArray[np.int8] = padded.reshape(rows, factor, columns, factor).max(axis=(1, 3))
+    return found
+
+
+def _are_same(cells: npt.NDArray[np.int8], others: npt.NDArray[np.int8]) -> bool:
+    return cells is others or np.array_equal(cells, others)

@@ -1,0 +1,148 @@
+"""The topics of the scene: what of each is drawn, and what waits to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import CameraInfo, Floats, Odometry
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.geometry import transforms
+from ros_visualise.ui.scene.drawing import PALETTE, Drawing, Look, node_name
+from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
+from ros_visualise.ui.scene.poses import Pose
+
+
+@dataclass
+class Entry:
+    """A topic: its drawing, the message that waits to be drawn, and the one that is.
+
+    ``wanted``: nothing else shows the same; ``visible``: a person wants it; ``until_s``: how long a
+    message waits for its own transform; ``frame``: in which the message drawn is; ``problem``: why
+    the last one is not drawn.
+    """
+
+    kind: type
+    wanted: bool = True
+    visible: bool = True
+    drawing: Drawing | None = None
+    coloring: Enum | None = None
+    waiting: Any = None
+    until_s: float = 0.0
+    shown: Any = None
+    frame: str = ""
+    problem: str = ""
+
+    @property
+    def message(self) -> Any:
+        """The newest; None if there is none."""
+        return self.waiting or self.shown
+
+    def draw(self, drawing: Drawing, look: Look) -> None:
+        """Draw the message that waits."""
+        message, before = self.waiting, self.shown
+        self.waiting, self.shown, self.problem = None, message, ""
+        if before is not None and message.header.stamp_ns < before.header.stamp_ns:
+            drawing.reset()
+        try:
+            drawing.draw(message, look)
+        except (DamagedMessage, ValueError) as error:  # such as a cloud without heights
+            self.problem = str(error)
+
+    def again(self) -> None:
+        """Let what is drawn be drawn once more."""
+        if self.drawing is not None and self.coloring is not None:
+            self.drawing.coloring = self.coloring
+        if self.waiting is None and self.shown is not None:
+            self.waiting, self.until_s = self.shown, 0.0
+
+    def forget(self) -> None:
+        """Time jumped: what was drawn is not there any more."""
+        self.waiting = self.shown = None
+        self.frame = self.problem = ""
+        if self.drawing is not None:
+            self.drawing.reset()
+
+
+class Topics:
+    """The entries of the topics, by name."""
+
+    def __init__(self, scene: viser.SceneApi) -> None:
+        self._scene = scene
+        self._entries: dict[str, Entry] = {}
+
+    def __getitem__(self, topic: str) -> Entry:
+        return self._entries[topic]
+
+    def __iter__(self) -> Iterator[tuple[str, Entry]]:
+        return iter(self._entries.items())
+
+    def get(self, topic: str, kind: type | None = None) -> Entry | None:
+        """That of a topic; where the kind of its messages is told, it is made if need be."""
+        if kind is not None:
+            return self._entries.setdefault(topic, Entry(kind))
+        return self._entries.get(topic)
+
+    def follow(self, kinds: Mapping[str, type]) -> None:
+        """These are the topics from now on, and the classes of their messages."""
+        drawn = {name: kind for name, kind in kinds.items() if kind in DRAWINGS}
+        there = self._entries
+        for name in there.keys() - drawn.keys():
+            if (drawing := there[name].drawing) is not None:
+                drawing.remove()
+        self._entries = {
+            name: there[name]
+            if name in there and there[name].kind is kind
+            else Entry(kind, wanted=not is_beside_image(name, kinds))
+            for name, kind in drawn.items()
+        }
+
+    def drawing(self, topic: str) -> Drawing:
+        """What stands for a topic; it is made when it is first needed."""
+        entry = self._entries[topic]
+        if entry.drawing is None:
+            color = PALETTE[list(self._entries).index(topic) % len(PALETTE)]
+            entry.drawing = DRAWINGS[entry.kind](self._scene, node_name("topics", topic), color)
+            entry.again()
+        return entry.drawing
+
+    def is_seen(self, topic: str) -> bool:
+        """Whether it is to be seen as it is now."""
+        entry = self._entries[topic]
+        return entry.visible and entry.shown is not None and not self.is_covered(topic)
+
+    def is_covered(self, topic: str) -> bool:
+        """Whether an earlier topic shows what the same camera sees; images come first."""
+        entry = self._entries[topic]
+        if entry.kind not in CAMERAS or entry.message is None:
+            return False
+        cameras = {name: one for name, one in self if one.kind in CAMERAS and one.visible}
+        for earlier in sorted(cameras, key=lambda name: cameras[name].kind is CameraInfo):
+            if earlier == topic:
+                return False
+            message = cameras[earlier].message
+            if message and message.header.frame_id == entry.message.header.frame_id:
+                return True
+        return False
+
+    def robot(self) -> Floats | None:
+        """T_fixed_robot by the first odometry; None if there is none."""
+        for _, entry in self:
+            if entry.kind is Odometry and isinstance(entry.drawing, Pose) and entry.shown:
+                return entry.drawing.T_fixed_frame @ entry.drawing.T_frame_body
+        return None
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        """Points (N, 3) in the fixed frame that tell how large all that is drawn is."""
+        parts = [
+            transforms.apply(entry.drawing.T_fixed_frame, entry.drawing.extent())
+            for _, entry in self
+            if entry.drawing is not None and entry.shown is not None and entry.drawing.visible
+        ]
+        return np.concatenate([np.zeros((0, 3)), *parts])
