@@ -6,7 +6,7 @@ import pytest
 from gathering import TOPICS, image, read, read_as_it_is_now
 from mcap.reader import make_reader
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.sinks import COMPRESSIONS, open_recorder
 
 LARGE = 300  # pixels; such an image makes a chunk of its own
@@ -84,3 +84,27 @@ def test_a_bag_has_no_time_zero_which_ros_would_not_play(tmp_path: Path) -> None
     with open_recorder(f"{tmp_path}/r.bag", TOPICS) as recorder:
         recorder.write("/a", image(0))
     assert read(recorder.path) == [("/a", 1)]
+
+
+@pytest.mark.parametrize("name", ["r.mcap", "r.bag"])
+def test_a_topic_that_comes_later_is_there_from_then_on(tmp_path: Path, name: str) -> None:
+    written: list[tuple[str, int]] = []
+    with open_recorder(f"{tmp_path}/{name}", TOPICS) as recorder:
+        for stamp_ns, topic in enumerate(("/a", "/late", "/a", "/late", "/later"), 1):
+            if topic not in recorder.topics:
+                recorder.add(topic, TOPICS["/a"])
+                assert read_as_it_is_now(recorder.path) == written
+            recorder.write(topic, image(stamp_ns))
+            written.append((topic, stamp_ns))
+            assert read_as_it_is_now(recorder.path) == written
+    assert read(recorder.path) == written
+    with pytest.raises(RecordingError, match="has ended"):
+        recorder.add("/latest", TOPICS["/a"])
+
+
+def test_a_video_has_no_room_for_more_topics(tmp_path: Path) -> None:
+    with open_recorder(f"{tmp_path}/r.mp4", TOPICS) as recorder:
+        recorder.add("/late", TOPICS["/a"])
+        recorder.write("/late", image(1, 16))
+        recorder.write("/b", image(2, 16))
+        assert recorder.topics == ("/b",)
