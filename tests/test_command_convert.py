@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -196,7 +197,80 @@ def test_of_a_cut_bag_the_rest_is_written(
     drive.write_bytes(whole[: len(whole) * 2 // 3])
     found = read(convert(drive, tmp_path / "r.mcap", status=1))
     assert 500 < len(found) < 1000
-    assert "drive.bag: " in capsys.readouterr().err
+    why, _ = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(rf"ros-visualise: {drive}: cut off after [\d.]+ of [\d.]+ MB or more", why)
+
+
+def test_of_a_cut_mcap_the_rest_is_written(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = convert(drive, tmp_path / "whole.mcap", "--compression", "none")
+    source.write_bytes(source.read_bytes()[:-100])
+    capsys.readouterr()
+    assert len(read(convert(source, tmp_path / "r.mcap", status=1))) == 1005
+    why, _ = capsys.readouterr().err.splitlines()
+    assert why.startswith(f"ros-visualise: {source}: its end is missing: ")
+
+
+@pytest.mark.parametrize("kept", [20, 100, 400])
+@pytest.mark.parametrize("name", ["w.bag", "w.mcap", "w.db3"])
+@pytest.mark.parametrize("command", ["info", "convert"])
+def test_what_is_cut_before_its_first_message_cannot_be_opened(
+    recordings: Path,
+    drive: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    kept: int,
+    command: str,
+) -> None:
+    source = tmp_path / name
+    if source.suffix == ".db3":
+        shutil.copy(recordings / "bags/evo_tf_example/tf_example.db3", source)
+        source.chmod(0o644)
+    else:
+        convert(drive, source)
+    source.write_bytes(source.read_bytes()[:kept])
+    capsys.readouterr()
+    target = tmp_path / "r.mcap"
+    assert main([command, str(source), *[str(target)] * (command == "convert")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"ros-visualise: {source}: ")
+    assert not target.exists()
+
+
+def test_a_folder_without_metadata_loses_nothing(
+    drive: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = convert(drive, tmp_path / "folder")
+    (folder / "metadata.yaml").unlink()
+    assert len(read(convert(folder, tmp_path / "r.bag"))) == 1005
+    assert "folder: metadata.yaml is missing" in caplog.text
+
+
+def test_what_nobody_can_read_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "json.mcap"
+    with source.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("Some", "jsonschema", b"{}")
+        channel = writer.register_channel("/some", "json", schema)
+        writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    convert(source, tmp_path / "r.mcap", status=2)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "json.mcap: nothing of it can be written: /some: json: only ROS messages" in line
+    assert not (tmp_path / "r.mcap").exists()
+
+
+def test_numbers_have_their_nouns(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = ["--topics", "/imu", "--start", "2", "--duration", "0.005"]
+    convert(drive, tmp_path / "r.mcap", *part)
+    assert ": 1 message on 1 topic, " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,13 @@ from tqdm import tqdm
 
 from ros_visualise.commands.conversion import Conversion, Part
 from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.wording import counted
 from ros_visualise.errors import DamagedMessage, OpenError, RosVisualiseError, UsageError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
-from ros_visualise.sources.recordings import Recording, is_recording, open_recording
+from ros_visualise.sources import open_source
+from ros_visualise.sources.recordings import Recording
 
 _SPIN_S = 0.05
 _NS = 1_000_000_000
@@ -34,11 +36,14 @@ def run(args: Namespace) -> int:
     if kind_of(target) == "mp4":
         raise UsageError(f"{target}: a video is made by ros-visualise bag SRC --record {target}")
     _refuse_source(Path(args.input), target)
-    recording = interruptible(lambda: _open(args.input))
+    recording = interruptible(lambda: open_source(args.input))
     with closing(recording):
         part = _choose_part(recording, args)
         unwritable = _find_unwritable(recording, part, Encoder(encoding))
         types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
+        if unwritable and not types:
+            reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
+            raise OpenError(f"{args.input}: nothing of it can be written: {reasons}")
         recorder = open_recorder(
             args.output,
             types,
@@ -51,21 +56,6 @@ def run(args: Namespace) -> int:
         conversion = Conversion(recording, part, recorder)
         interrupted, error = _watch(conversion)
         return _finish(args, conversion, unwritable, interrupted, error)
-
-
-def _open(path: str) -> Recording:
-    """A recording or, where it is none, a video."""
-    try:
-        return open_recording(path)
-    except OpenError as error:
-        if is_recording(path) or not Path(path).is_file():
-            raise
-        from ros_visualise.sources.recordings.video import VideoRecording
-
-        try:
-            return VideoRecording(path)
-        except OpenError:
-            raise error from None
 
 
 def _refuse_source(source: Path, target: Path) -> None:
@@ -174,8 +164,8 @@ def _finish(
         print(f"ros-visualise: {note}", file=sys.stderr)
     report = _report(conversion, unwritable, notes)
     print(
-        f"{report['path']}: {report['messages']} messages on {len(report['topics'])} topics,"
-        f" {report['bytes'] / 1e6:.1f} MB",
+        f"{report['path']}: {counted(report['messages'], 'message')}"
+        f" on {counted(len(report['topics']), 'topic')}, {report['bytes'] / 1e6:.1f} MB",
         file=sys.stderr,
     )
     if args.json:
@@ -187,11 +177,11 @@ def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> l
     """What was lost, for people."""
     loss = conversion.recording.loss
     notes = [f"{source}: {note}" for note in loss.notes]
-    if loss and not notes:
-        notes.append(f"{source}: {loss.messages} messages could not be read")
+    if loss.messages and not notes:
+        notes.append(f"{source}: {counted(loss.messages, 'message')} could not be read")
     notes += [f"{topic}: left out: {reason}" for topic, reason in unwritable.items()]
     notes += [
-        f"{topic}: {count} messages left out: {conversion.reasons[topic]}"
+        f"{topic}: {counted(count, 'message')} left out: {conversion.reasons[topic]}"
         for topic, count in conversion.left_out.items()
     ]
     return notes

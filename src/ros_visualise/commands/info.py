@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -10,30 +11,25 @@ from typing import Any
 
 from ros_visualise import sources
 from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.wording import counted
 
 _COLUMN = 13
+_FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 
 
 def run(args: Namespace) -> int:
     """Print what a file holds."""
+    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     found = interruptible(lambda: sources.info(args.input))
     if args.json:
         print(json.dumps(found))
         return 0
-    print("\n".join(_video_lines(found) if "codec" in found else _recording_lines(found)))
+    print("\n".join(_lines(found)))
     return 0
 
 
-def _video_lines(found: dict[str, Any]) -> Iterator[str]:
-    for key, value in found.items():
-        if key != "topics":
-            yield f"{key + ':':<12}{value}"
-    for name, topic in found["topics"].items():
-        yield f"{name}  {topic['type']}  {topic['messages']} messages  {topic['hz']} Hz"
-
-
-def _recording_lines(found: dict[str, Any]) -> Iterator[str]:
-    """The lines of ``rosbag info``."""
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    """The lines of ``rosbag info``; of a video, those that it has, and its images'."""
     written = _written_in_ros1 if found["format"].startswith("rosbag ") else str
     rows: list[tuple[str, list[str]]] = [
         ("path", [found["path"]]),
@@ -43,14 +39,21 @@ def _recording_lines(found: dict[str, Any]) -> Iterator[str]:
         ("end", [_time(found["end"])]),
         ("size", [_size(found["size"])]),
         ("messages", [str(found["messages"])]),
-        ("compression", [found["compression"]]),
-        ("types", _types(found["types"], written)),
+        ("compression", [found["compression"]] if "compression" in found else []),
+        ("images", _images(found)),
+        ("types", _types(found.get("types", {}), written)),
         ("topics", _topics(found["topics"], written)),
-        ("lost", _lost(found["lost"])),
+        ("lost", _lost(found.get("lost", {}))),
     ]
     for name, lines in rows:
         for number, line in enumerate(lines):
             yield f"{name + ':' if number == 0 else '':<{_COLUMN}}{line}".rstrip()
+
+
+def _images(found: dict[str, Any]) -> list[str]:
+    if "codec" not in found:
+        return []
+    return [f"{found['width']}x{found['height']}, {found['fps']:.4g} fps, {found['codec']}"]
 
 
 def _types(types: dict[str, str], written: Callable[[str], str]) -> list[str]:
@@ -69,9 +72,9 @@ def _topics(topics: dict[str, dict[str, Any]], written: Callable[[str], str]) ->
     for name, topic in topics.items():
         noun = "msg " if topic["messages"] == 1 else "msgs"
         line = f"{name:<{name_width}}   {topic['messages']:>{count_width}} {noun}"
-        line += f" {'@' if rates[name] else ' '} {rates[name]:>{rate_width}}"
+        line += f" @ {rates[name]:>{rate_width}}"
         line += f" : {written(topic['type']):<{type_width}}"
-        if topic["connections"] > 1:
+        if topic.get("connections", 1) > 1:
             line += f" ({topic['connections']} connections)"
         if "unreadable" in topic:
             line += f" (cannot be read: {topic['unreadable']})"
@@ -82,7 +85,8 @@ def _topics(topics: dict[str, dict[str, Any]], written: Callable[[str], str]) ->
 def _lost(lost: dict[str, Any]) -> list[str]:
     if not any(lost.values()):
         return []
-    return [f"{lost['messages']} messages, {lost['bytes']} bytes", *lost["notes"]]
+    known = [counted(lost[f"{what}s"], what) for what in ("message", "byte") if lost[f"{what}s"]]
+    return [", ".join(known) or "an unknown number of messages", *lost["notes"]]
 
 
 def _written_in_ros1(type_name: str) -> str:
@@ -91,7 +95,9 @@ def _written_in_ros1(type_name: str) -> str:
 
 def _rate(hz: float | None) -> str:
     if hz is None:
-        return ""
+        return "-"
+    if hz < 1:
+        return f"{hz:.2g} Hz"
     return f"{hz:.1f} Hz" if hz < 1000 else f"{hz / 1000:.1f} kHz"
 
 
@@ -111,7 +117,9 @@ def _duration(seconds: float) -> str:
 
 
 def _time(seconds: float) -> str:
-    """Local time with its zone, and seconds."""
+    """Local time with its zone, and seconds; of times that count from a start, seconds alone."""
+    if seconds < _FIRST_DATE_S:
+        return f"{seconds:.2f}"
     hundredths = round(seconds * 100)
     local = time.localtime(hundredths // 100)
     day = time.strftime("%b %d %Y %H:%M:%S", local)

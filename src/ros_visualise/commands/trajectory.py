@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.wording import counted
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.sinks.figure import FIGURE_FORMATS
@@ -81,8 +82,9 @@ def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict
 
 def _summary(found: Trajectory, figures: dict[str, Any]) -> str:
     frame = found.path.header.frame_id
+    poses = counted(figures["poses"], "pose")
     lines = [
-        f"{found.topic}: {figures['poses']} poses{f' in the frame {frame}' if frame else ''}",
+        f"{found.topic}: {poses}{f' in the frame {frame}' if frame else ''}",
         f"length:     {figures['length_m']:.3f} m",
         f"duration:   {figures['duration_s']:.3f} s",
     ]

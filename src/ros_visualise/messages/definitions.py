@@ -61,6 +61,7 @@ class Definitions:
                 for name in changed:
                     self._store.fielddefs.pop(name, None)
                 self._store.register(changed)
+                self._store.cache.clear()  # readers of the types as they were before
             except Exception as error:  # the library's parser raises what it happens to meet
                 raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
             self._given[type_name] = text

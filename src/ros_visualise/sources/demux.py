@@ -16,6 +16,10 @@ from av.video.stream import VideoStream
 from ros_visualise.errors import OpenError
 
 
+class NoVideo(OpenError):
+    """A file in which FFmpeg finds no video."""
+
+
 def open_container(path: Path) -> InputContainer:
     """A file of any name, opened by FFmpeg.
 
@@ -28,10 +32,8 @@ def open_container(path: Path) -> InputContainer:
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
     except (FFmpegError, OSError) as error:
-        what = _what_it_is(path)
-        if not isinstance(error, InvalidDataError):
-            what = f"{error.strerror or error}; {what}"
-        raise OpenError(f"{path}: {what}") from None
+        why = "" if isinstance(error, InvalidDataError) else f"{error.strerror or error}; "
+        raise _no_video(path, why) from None
 
 
 def video_stream(container: InputContainer, path: Path) -> VideoStream:
@@ -42,10 +44,10 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
     """
     streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
     if container.format.name == "tty" or not container.streams:
-        raise OpenError(f"{path}: {_what_it_is(path)}")
+        raise _no_video(path)
     if not streams:
         kinds = " and ".join(sorted({s.type for s in container.streams} - {"video"})) or "pictures"
-        raise OpenError(f"{path}: holds {kinds} but no video; give a video file")
+        raise NoVideo(f"{path}: holds {kinds} but no video; give a video file")
     if streams[0].codec_context is None:
         raise OpenError(f"{path}: of a codec that is not known here; convert it: ffmpeg -i IN OUT")
     streams[0].thread_type = "AUTO"
@@ -97,10 +99,12 @@ def _check_file(path: Path) -> None:
         raise OpenError(f"{path}: you may not read its folder; try chmod u+rx") from None
 
 
-def _what_it_is(path: Path) -> str:
-    """What a file is in which FFmpeg finds no video."""
+def _no_video(path: Path, why: str = "") -> OpenError:
+    """What to say of a file in which FFmpeg finds no video."""
     with path.open("rb") as file:
         is_mp4 = file.read(12)[4:8] == b"ftyp"
     if is_mp4:
-        return "cut off, its index is missing; copy it again, or repair it with untrunc"
-    return "not a video that FFmpeg can read; give a video file"
+        return OpenError(
+            f"{path}: {why}cut off, its index is missing; copy it again, or repair it with untrunc"
+        )
+    return NoVideo(f"{path}: {why}not a video that FFmpeg can read; give a video file")

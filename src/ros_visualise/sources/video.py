@@ -162,7 +162,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     duration_s = (shown.duration_ns or 0) / 1e9
     if not duration_s or images < (shown.frames or 0):
         duration_s = images / shown.fps
-    hz = round(images / duration_s, 3)
+    hz = round(images / duration_s, 3) if images > 1 else None
     return {
         "path": str(path),
         "format": video.format,

@@ -1,13 +1,16 @@
 """What ``info`` tells of recordings, in figures and in words."""
 
 import json
+import re
 from argparse import Namespace
 
+import av
 import made_bags
 import numpy as np
 import pytest
 from made_bags import START_NS, BagWriter
 
+from ros_visualise import cli
 from ros_visualise.commands import info
 from ros_visualise.sources.recordings.summary import mean_rate
 
@@ -57,8 +60,10 @@ def test_as_text(tmp_path, tell):
     assert "duration:    2:02s (122s)" in lines
     assert "types:       my/A            [11111111111111111111111111111111]" in lines
     assert "             std_msgs/String [992ce8a1687cec8c8bd883ec73ca41d1]" in lines
-    assert "topics:      /chatter   3 msgs @ 0.0 Hz : std_msgs/String (2 connections)" in lines
-    assert lines[-1].startswith("             /x         1 msg           : my/A            (cannot")
+    assert "topics:      /chatter   3 msgs @ 0.016 Hz : std_msgs/String (2 connections)" in lines
+    assert lines[-1].startswith(
+        "             /x         1 msg  @        - : my/A            (cannot"
+    )
     assert not any(line.startswith("lost") for line in lines)
 
 
@@ -80,8 +85,54 @@ def test_what_is_lost_is_told(tmp_path, tell):
     made_bags.drive(path)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
-    assert "lost:        0 messages, " in tell(path)
-    assert json.loads(tell(path, as_json=True))["lost"]["bytes"] > len(data) // 3
+    lost = json.loads(tell(path, as_json=True))["lost"]
+    assert lost["bytes"] > len(data) // 3
+    *_, amount, why = tell(path).splitlines()
+    assert amount == f"lost:        {lost['bytes']} bytes"
+    assert re.fullmatch(r" +cut off after [\d.]+ of [\d.]+ MB or more", why)
+
+
+def test_a_video_is_told_of_in_the_same_way(tmp_path, tell):
+    path = make_video(tmp_path / "clip.mp4", frames=20)
+    lines = tell(path).splitlines()
+    assert [line.partition(":")[0] for line in lines] == [
+        *("path", "format", "duration", "start", "end", "size", "messages", "images", "topics")
+    ]
+    assert lines[3:5] == ["start:       0.00", "end:         2.00"]
+    assert lines[-2] == "images:      64x48, 10 fps, mpeg4"
+    assert lines[-1] == "topics:      /image_raw   20 msgs @ 10.0 Hz : sensor_msgs/msg/Image"
+    made_bags.drive(tmp_path / "made.bag")
+    found, of_bag = (json.loads(tell(p, as_json=True)) for p in (path, tmp_path / "made.bag"))
+    only = {"width", "height", "fps", "codec"}
+    assert found.keys() - only <= of_bag.keys()
+    assert found["topics"]["/image_raw"].keys() <= of_bag["topics"]["/imu"].keys()
+
+
+def test_one_image_has_no_rate(tmp_path, tell):
+    path = make_video(tmp_path / "clip.mp4", frames=1)
+    last = tell(path).splitlines()[-1]
+    assert last == "topics:      /image_raw   1 msg  @ - : sensor_msgs/msg/Image"
+
+
+def make_video(path, frames):
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mpeg4", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 48, "yuv420p"
+        for number in range(frames):
+            pixels = np.full((48, 64, 3), number, np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(pixels, "rgb24")))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("command", ["info", "convert"])
+def test_what_can_be_given_is_said(tmp_path, capsys, command):
+    path = tmp_path / "notes.md"
+    path.write_text("# Notes\n")
+    assert cli.main([command, str(path), *[str(tmp_path / "r.mcap")] * (command == "convert")]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith(f"ros-visualise: {path}: neither a recording (.bag, .mcap, ")
+    assert said.endswith(" nor a video that FFmpeg can read\n")
 
 
 @pytest.mark.parametrize(

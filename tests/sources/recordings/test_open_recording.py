@@ -48,10 +48,13 @@ def test_nothing_is_refused(tmp_path):
     assert_refused("/dev/null", "no file")
 
 
-def test_a_folder_of_several_recordings_is_asked_about(tmp_path):
+def test_a_folder_with_one_recording_opens_it_and_with_several_asks(tmp_path):
     assert_refused(tmp_path, "no recording in it")
     (tmp_path / "clip.mp4").write_bytes(OTHER["video"])
     assert_refused(tmp_path, "no recording in it")
+    written = made_bags.drive(tmp_path / "only.bag", steps=1)
+    assert made_bags.contents(open_recording(tmp_path)) == written
+    (tmp_path / "only.bag").unlink()
     for name in "bcdea":
         made_bags.drive(tmp_path / f"{name}.bag", steps=1)
     said = assert_refused(tmp_path, "a.bag, b.bag, c.bag and 2 more")

@@ -23,6 +23,9 @@ _SQLITE = b"SQLite format 3\0"
 _ULOG = b"ULog\x01\x12\x35"
 _SRT = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\r?\n[\d:,. ]+-->")
 _HEAD_SIZE = 4096
+KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
+"""The recordings that there are, for people."""
+
 _LISTED = 3  # of the recordings in a folder, so many are named
 
 
@@ -120,11 +123,15 @@ def open_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     try:
-        return _open_folder(path) if path.is_dir() else _open_file(path)
+        recording = _open_folder(path) if path.is_dir() else _open_file(path)
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+rX") from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
+    if recording.loss and not any(topic.messages for topic in recording.topics.values()):
+        recording.close()
+        raise OpenError(f"{path}: no message of it can be read; copy or record it again")
+    return recording
 
 
 def is_recording(path: str | Path) -> bool:
@@ -166,7 +173,7 @@ def _open_file(path: Path) -> Recording:
 
             return open_srt(path)
     raise OpenError(
-        f"{path}: not a recording that is known here; if it is a video: ros-visualise video {path}"
+        f"{path}: not a recording ({KINDS}); if it is a video: ros-visualise video {path}"
     )
 
 
@@ -183,6 +190,8 @@ def _open_folder(path: Path) -> Recording:
         return open_rosbag2(path)
     if not found:
         raise OpenError(f"{path}: a folder with no recording in it; give a file or folder of one")
+    if len(found) == 1:
+        return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
     names = ", ".join(item.name for item in found[:_LISTED])
     more = f" and {len(found) - _LISTED} more" if len(found) > _LISTED else ""
     raise OpenError(f"{path}: a folder with {names}{more} in it; choose, for instance {found[0]}")

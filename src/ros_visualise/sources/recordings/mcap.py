@@ -55,13 +55,14 @@ class McapFile:
         path: of the file.
         schemas: of its recording.
         loss: where to say what cannot be read.
+        label: what begins each note of that, where the recording has more files.
 
     Raises:
         OpenError: it cannot be read, or is none.
     """
 
-    def __init__(self, path: Path, schemas: Schemas, loss: Loss) -> None:
-        self.path, self._loss = path, loss
+    def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
+        self._loss, self._label = loss, label
         self._lock = threading.Lock()
         self._file = _open(path)
         try:
@@ -131,7 +132,7 @@ class McapFile:
         self._loss.messages += found.messages
         self._loss.bytes += found.bytes
         for note in found.notes:
-            add_note(self._loss, f"{self.path.name}: {note}")
+            add_note(self._loss, f"{self._label}{note}")
         return index
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
@@ -180,7 +181,7 @@ class McapFile:
         row = self._rows[piece]
         self._loss.bytes += int(row["length"])
         self._loss.messages += 0 if messages == UNKNOWN else messages
-        add_note(self._loss, f"{self.path.name}: the piece at byte {row['offset']} is lost: {why}")
+        add_note(self._loss, f"{self._label}the piece at byte {row['offset']} is lost: {why}")
 
 
 def _open(path: Path) -> BinaryIO:

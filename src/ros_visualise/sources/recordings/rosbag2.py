@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -23,8 +24,10 @@ from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.sqlite3 import SqliteFile
 from ros_visualise.sources.recordings.storage import Storage, add_note
 
+log = logging.getLogger(__name__)
+
 _PACKED = ".zstd"
-_FILES: dict[str, Callable[[Path, Schemas, Loss], Storage]] = {
+_FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
     ".db3": SqliteFile,
     ".mcap": McapFile,
 }
@@ -53,7 +56,7 @@ def open_rosbag2(path: Path) -> Recording:
     """
     loss = Loss()
     if path.is_dir():
-        metadata = _read_metadata(path / "metadata.yaml", loss)
+        metadata = _read_metadata(path / "metadata.yaml")
         files = _files(path, metadata, loss)
     else:
         metadata, files = _Metadata(), [path]
@@ -71,7 +74,7 @@ def open_rosbag2(path: Path) -> Recording:
     return recording
 
 
-def _read_metadata(path: Path, loss: Loss) -> _Metadata:
+def _read_metadata(path: Path) -> _Metadata:
     try:
         content = YAML(typ="safe").load(path.read_text(errors="replace"))
         about = content["rosbag2_bagfile_information"]
@@ -79,9 +82,9 @@ def _read_metadata(path: Path, loss: Loss) -> _Metadata:
         mode = str(about.get("compression_mode") or "").lower().replace("none", "")
         messages = about.get("message_count")
     except FileNotFoundError:
-        add_note(loss, "metadata.yaml is missing")
+        log.warning("%s: metadata.yaml is missing; the files tell what it would say", path.parent)
     except (OSError, YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        add_note(loss, "metadata.yaml cannot be read")
+        log.warning("%s: cannot be read; the files tell what it would say", path)
     else:
         return _Metadata(names, messages if isinstance(messages, int) else None, mode)
     return _Metadata()
@@ -127,9 +130,10 @@ def _open_files(
     storages: list[Storage] = []
     failures: list[str] = []
     for file in files:
+        label = "" if file == path else f"{file.name}: "
         try:
             unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
-            storage = _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss)
+            storage = _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss, label)
         except OpenError as error:
             failures.append(str(error))
             add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import threading
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
 from contextlib import closing
@@ -63,7 +63,7 @@ class SeriesRecording:
         self._index = _Index(series)
         self.start_ns, self.end_ns = self._index.span_ns
         self._lost: set[Path] = set()
-        self._lost_in: Counter[str] = Counter()
+        self._damaged: dict[Path, tuple[int, list[str]]] = {}
         self._pool = ThreadPoolExecutor(min(_MOST_WORKERS, 1 + (os.cpu_count() or 1)), "series")
         self._lock = threading.Lock()
         self._closed = False
@@ -140,18 +140,16 @@ class SeriesRecording:
         self._lost.add(error.path)
         self.loss.messages += messages
         self.loss.bytes += error.size
-        self._lost_in[str(error.path.parent)] += 1
-        self._note(error)
+        notes = self.loss.notes
+        place, errors = self._damaged.setdefault(error.path.parent, (len(notes), []))
+        errors.append(str(error).removeprefix(f"{self.path}{os.sep}"))
+        notes[place : place + 1] = [_note(errors)]
 
-    def _note(self, error: DamagedFile) -> None:
-        """One line for each folder, with its first damaged file."""
-        count = self._lost_in[str(error.path.parent)]
-        first, plural = str(error), f"; {count} such files are left out"
-        for number, note in enumerate(self.loss.notes):
-            if note.startswith(str(error.path.parent)):
-                self.loss.notes[number] = note.partition("; ")[0] + plural
-                return
-        self.loss.notes.append(first)
+
+def _note(errors: Sequence[str]) -> str:
+    """One line for each folder, with its first damaged file."""
+    more = f"; {len(errors)} such files are left out" if len(errors) > 1 else ""
+    return f"{errors[0]}{more}"
 
 
 class _Index:

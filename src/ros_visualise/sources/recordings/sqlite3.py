@@ -16,7 +16,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled
+from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled, missing_bytes
 from ros_visualise.sources.recordings.sqlite3_tables import channels, connect, has_index
 from ros_visualise.sources.recordings.storage import Channel, Query, add_note
 
@@ -37,13 +37,14 @@ class SqliteFile:
         path: of the file.
         schemas: of its recording.
         loss: where to say what cannot be read.
+        label: what begins each note of that, where the recording has more files.
 
     Raises:
         OpenError: it cannot be read, or is no file of rosbag2.
     """
 
-    def __init__(self, path: Path, schemas: Schemas, loss: Loss) -> None:
-        self.path, self._loss = path, loss
+    def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
+        self.path, self._loss, self._label = path, loss, label
         self.size = path.stat().st_size
         self.compressions: Collection[str] = ("none",)
         self._lock = threading.Lock()
@@ -55,7 +56,9 @@ class SqliteFile:
             self.channels: Mapping[int, Channel] = channels(self._database, schemas)
         except sqlite3.Error as error:
             self.close()
-            raise OpenError(f"{path}: no ROS 2 bag that can be read: {error}") from None
+            raise OpenError(
+                f"{path}: no ROS 2 bag that can be read: {error}; copy it again"
+            ) from None
         self._readable = {
             number: (channel.topic, channel.type_name, channel.definitions)
             for number, channel in self.channels.items()
@@ -66,7 +69,7 @@ class SqliteFile:
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
         if unknown:
             loss.messages += unknown
-            add_note(loss, f"{path.name}: {unknown} messages of topics that it does not name")
+            add_note(loss, f"{label}{unknown} messages of topics that it does not name")
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
         """As `Storage.select`."""
@@ -193,14 +196,13 @@ class SqliteFile:
         self._rows = rows[np.lexsort((rows["id"], rows["stamp_ns"]))]
         self._loss.messages += gap
         if error is not None:
-            add_note(
-                self._loss, f"{self.path.name}: cut off or damaged, read where it can be: {error}"
-            )
+            add_note(self._loss, f"{self._label}cut off or damaged, read where it can be: {error}")
         return self._rows
 
     def _without_cut(self, rows: _Rows) -> _Rows:
         """Rows without those that SQLite fills up with zeros, where the file ends in a page."""
         [(page,)] = self._select("PRAGMA page_size")
+        self._loss.bytes += missing_bytes(self.path, page)
         if self.size % page == 0:
             return rows
         cut = cut_rows(self.path, page)

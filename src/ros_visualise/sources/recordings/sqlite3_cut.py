@@ -1,6 +1,6 @@
 """Where a SQLite file ends within a page, which SQLite itself fills up with zeros unseen.
 
-Source: "Database File Format", sqlite.org/fileformat2.html, sections 1.6 and 2.
+Source: "Database File Format", sqlite.org/fileformat2.html, sections 1.3, 1.6 and 2.
 """
 
 from __future__ import annotations
@@ -8,10 +8,19 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+_PAGE_COUNT_AT = 28
 _LEAF = 13
 _OVERFLOW_LINK_BYTES = 4
 _CELLS = struct.Struct(">xxxH")
 _CELLS_START = 8
+
+
+def missing_bytes(path: Path, page_bytes: int) -> int:
+    """How much shorter a file is than its own header says."""
+    with path.open("rb") as file:
+        file.seek(_PAGE_COUNT_AT)
+        pages = int.from_bytes(file.read(4), "big")
+    return max(0, pages * page_bytes - path.stat().st_size)
 
 
 def cut_rows(path: Path, page_bytes: int) -> set[int]:

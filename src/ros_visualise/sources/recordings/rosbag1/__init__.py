@@ -159,8 +159,6 @@ def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
     layout = read_layout(file, size)
     if layout.encryptor:
         raise OpenError(f"{path}: encrypted; decrypt it first, with ROS: rosbag decrypt {path}")
-    if not layout.chunks and layout.loss:
-        raise OpenError(f"{path}: nothing of it can be read; copy or record it again")
     return layout
 
 

@@ -25,6 +25,7 @@ class Scan:
         self._layout = Layout(indexed=False)
         self._bare: int | None = None
         self._needed = index_position  # the file was at least as long
+        self._damages: list[tuple[int, int, str]] = []  # from where to where, and what it is
 
     def run(self, position: int) -> Layout:
         """What there is from that position on."""
@@ -64,7 +65,7 @@ class Scan:
         chunk, end = self._indexed_chunk(record, position)
         if is_unfinished:
             end = self._size
-            self._note(position, "a chunk that was never finished")
+            self._damages.append((position, end, "a chunk that was never finished"))
         if not chunk.counts or not chunk.counts.keys() <= self._layout.connections.keys():
             chunk, end = self._look_into(chunk, end)
         if chunk.counts:
@@ -112,7 +113,7 @@ class Scan:
                 end = walk.stop  # its own length may be what is wrong: look on from here
             else:
                 self._layout.loss.bytes += content.end - walk.stop
-                self._note(chunk.position, "the rest of a chunk is damaged or cut off")
+                self._damages.append((chunk.position, end, "the rest of a chunk is damaged"))
         return walk.chunk(chunk.position), end
 
     def _end_bare(self, end: int) -> None:
@@ -168,15 +169,19 @@ class Scan:
 
     def _lose(self, start: int, end: int, why: str) -> None:
         self._layout.loss.bytes += end - start
-        self._note(start, why)
-
-    def _note(self, position: int, why: str) -> None:
-        if len(self._layout.loss.notes) < NOTES:
-            self._layout.loss.notes.append(f"at {position / 1e6:.1f} MB: {why}")
+        self._damages.append((start, end, why))
 
     def _check_end(self) -> None:
-        missing = self._needed - self._size
-        if missing > 0:
+        """Say what is damaged; of all that the end of the file cuts, one thing."""
+        notes = self._layout.loss.notes
+        within = [damage for damage in self._damages if damage[1] < self._size]
+        at_end = [damage for damage in self._damages if damage[1] >= self._size]
+        missing = max(0, self._needed - self._size)
+        self._layout.loss.bytes += missing
+        notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in within[:NOTES]]
+        if missing:
             here, whole = self._size / 1e6, self._needed / 1e6
-            self._layout.loss.bytes += missing
-            self._layout.loss.notes.append(f"cut off after {here:.1f} of {whole:.1f} MB or more")
+            digits = 1 if whole >= 1 else 4
+            notes.append(f"cut off after {here:.{digits}f} of {whole:.{digits}f} MB or more")
+        else:
+            notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in at_end[:1]]
