@@ -125,9 +125,10 @@ class FlightController:
         tilt_y = torque[1] / (4 * self._frame.arm)
         spin = torque[2] / (4 * self._frame.drag)
         tilts = (tilt_x - tilt_y, -tilt_x - tilt_y, tilt_x + tilt_y, -tilt_x + tilt_y)
-        each = min(max(thrust / 4, -min(tilts)), max(top - max(tilts), 0.0))
-        room = min(min(each + t, top - each - t) for t in tilts)
-        spin = max(-max(room, 0.0), min(max(room, 0.0), spin))
+        lowest, highest = min(tilts), max(tilts)
+        each = min(max(thrust / 4, -lowest), max(top - highest, 0.0))
+        room = max(min(each + lowest, top - each - highest), 0.0)
+        spin = max(-room, min(room, spin))
         spins = (spin, -spin, -spin, spin)
         return tuple(max(0.0, min(top, each + t + s)) for t, s in zip(tilts, spins, strict=True))
 

@@ -189,7 +189,7 @@ class Quadrotor:
         else:
             wanted = (0.0, 0.0, -_SINK) if self._mode is Mode.LANDING else self._commanded()
             pull = [3.0 * (w - v) for w, v in zip(wanted, self._velocity, strict=True)]
-        size = math.sqrt(sum(a * a for a in pull))
+        size = math.hypot(*pull)
         share = min(1.0, MAX_ACCELERATION / size) if size else 1.0
         ax, ay, az = (share * a for a in pull)
         (x, y, z), (vx, vy, vz), dt = self._point, self._velocity, self._dt_s
@@ -201,7 +201,7 @@ class Quadrotor:
         """Acceleration of a critically damped spring to the carrot."""
         lead = carrot.lead(self._point, self._cruise * self._dt_s)
         off = [c - p for c, p in zip(lead, self._point, strict=True)]
-        if carrot.at_end and math.sqrt(sum(d * d for d in off)) < _ARRIVED_M and self._next:
+        if carrot.at_end and math.hypot(*off) < _ARRIVED_M and self._next:
             self._next.pop(0)()
         self._head(carrot.yaw)
         k = _STIFFNESS

@@ -77,7 +77,7 @@ class Things:
 
 
 def _enter(origins: Floats, directions: Floats, rounded: int) -> Floats:
-    """Ranges at which rays (3, N) enter what is round along the first axes and flat along others."""
+    """Ranges at which rays (3, N) enter what is round along its first axes, flat along others."""
     near, far = np.full(origins.shape[1], -np.inf), np.full(origins.shape[1], np.inf)
     with np.errstate(divide="ignore", invalid="ignore"):
         if rounded:
