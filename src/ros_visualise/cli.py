@@ -132,7 +132,9 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
             "--image", metavar="TOPIC|none", help="images for the nodes (default: the first topic)"
         )
         command.add_argument(
-            "--odom", metavar="TOPIC|none", help="what the path is made of (default: the first)"
+            "--odom",
+            metavar="TOPIC|none",
+            help="what the path is made of (default: the first); /tf:PARENT.CHILD for two frames",
         )
 
 

@@ -14,6 +14,7 @@ from ros_visualise.data import (
     Odometry,
     PoseStamped,
     PoseWithCovarianceStamped,
+    Transforms,
 )
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.messages import type_name
@@ -21,6 +22,7 @@ from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType, find
 from ros_visualise.nodes.player import player
+from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 
 
@@ -212,22 +214,26 @@ def recording_pipeline(
         recording: it is open.
         topics: of these alone; none: of all.
         image: the topic of images; None: the first one, an empty text: none.
-        odom: the topic that the path is made of; None: the first of odometry, else of poses, else
-            of positions; an empty text: none.
+        odom: the topic that the path is made of, or a pair of frames, as
+            `ros_visualise.sources.frame_pairs.parse_pair`; None: the first of odometry, else of
+            poses, else of positions; an empty text: none.
 
     Raises:
         UsageError: a topic is not there or not of the right type.
     """
     declared = player(recording, topics)
     image = _choose(declared, "--image", image, (Image,))
-    odom = _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
+    pair = _find_pair(recording, declared, odom) if odom else None
+    odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
     added = [_built_in(name) for name in IMAGE_NODES] if image else []
     made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
     made |= {info_topic(topic) for topic in made} | ({"/path"} if odom else set())
     outputs = {name: f"/recorded{name}" if name in made else name for name in declared.outputs}
     nodes: tuple[Node, ...] = (Node("player", declared, declared.params(), {}, outputs),)
     nodes += _chained(added, outputs[image]) if image else ()
-    if odom:
+    if pair:
+        nodes += (_following(pair, outputs),)
+    elif odom:
         port = _PATH_INPUTS[declared.outputs[odom]]
         nodes += (place(_built_in("path"), {port: outputs[odom]}),)
     return Graph(nodes)
@@ -253,6 +259,29 @@ _PATH_INPUTS: dict[type, str] = {
     NavSatFix: "fix",
 }
 """What path can follow -> its input, the best first."""
+
+
+def _find_pair(recording: Recording, played: SourceType, odom: str) -> NamedPair | None:
+    """The pair of frames that the path is to follow; None where it is to follow a topic."""
+    if played.outputs.get(odom) is Transforms:
+        raise UsageError(ask_for_pair(recording, f"--odom {odom}"))
+    if ":" not in odom:
+        return None
+    pair = parse_pair(recording, odom)
+    if pair.topic not in played.outputs:
+        raise UsageError(f"--odom {odom}: {pair.topic} is not played; add it to --topics")
+    pair = pair._replace(static=pair.static if pair.static in played.outputs else None)
+    need_motion(recording, pair)
+    return pair
+
+
+def _following(pair: NamedPair, topics: Mapping[str, str]) -> Node:
+    """The path node on the topics of a pair of frames."""
+    inputs = {"tf": topics[pair.topic]}
+    if pair.static:
+        inputs["tf_static"] = topics[pair.static]
+    frames = {"tf_parent": pair.parent, "tf_child": pair.child}
+    return _configure(place(_built_in("path"), inputs), frames)
 
 
 def _choose(

@@ -13,6 +13,7 @@ from ruamel.yaml.error import YAMLError
 
 from ros_visualise import nodes as registry
 from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     Graph,
@@ -27,6 +28,7 @@ from ros_visualise.sources.recordings import open_recording
 log = logging.getLogger(__name__)
 
 _NONE = "none"
+_PATH = "path"
 
 
 def graph_of(args: Namespace) -> Graph:
@@ -45,7 +47,7 @@ def graph_of(args: Namespace) -> Graph:
         last = last if after else added.name
     if args.params:
         try:
-            graph = graph.configured(_read_yaml(args.params))
+            graph = _configured(graph, _read_yaml(args.params), args)
         except ParameterError as error:
             raise UsageError(f"{args.params}: {error}") from None
     for text in args.set:
@@ -53,7 +55,8 @@ def graph_of(args: Namespace) -> Graph:
         node, dot, param = key.partition(".")
         if not (equals and dot):
             raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
-        graph = graph.configured({node: {param: value}})
+        graph = _configured(graph, {node: {param: value}}, args)
+    _refuse_unfed_pair(graph)
     return graph
 
 
@@ -107,6 +110,28 @@ _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
     "bag": _recording,
     "kitti": _recording,
 }
+
+
+def _configured(graph: Graph, settings: dict[str, dict[str, Any]], args: Namespace) -> Graph:
+    is_there = any(node.name == _PATH for node in graph.nodes)
+    if _PATH in settings and not is_there and _GRAPHS[args.command] is _recording:
+        raise UsageError(
+            "no node 'path' here: name what it is to follow by --odom TOPIC, or two frames by"
+            " --odom /tf:PARENT.CHILD"
+        )
+    return graph.configured(settings)
+
+
+def _refuse_unfed_pair(graph: Graph) -> None:
+    """A path that is to follow a frame by tf, and gets none, would stay empty for ever."""
+    for node in graph.nodes:
+        if not isinstance(node.params, PathParams) or "tf" in node.inputs:
+            continue
+        if node.params.tf_parent or node.params.tf_child:
+            raise UsageError(
+                f"{node.name}: no tf comes to it here, so leave tf_parent and tf_child empty; two"
+                " frames of a recording are followed by --odom /tf:PARENT.CHILD"
+            )
 
 
 def _size(args: Namespace) -> dict[str, str]:

@@ -21,11 +21,19 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError, UsageError
+from ros_visualise.errors import DamagedMessage, RosVisualiseError, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.located import PLANE_FRAME, Locator
 from ros_visualise.geometry.pair import FramePair
 from ros_visualise.messages.recorded import content
+from ros_visualise.sources.frame_pairs import (
+    HISTORY_S,
+    ask_for_pair,
+    find_topic,
+    parse_pair,
+    refuse_rest,
+    topics_of,
+)
 from ros_visualise.sources.recordings import Recording
 
 _KINDS = (
@@ -38,9 +46,6 @@ _KINDS = (
     Transforms,
 )
 """What a way can be read from, what is taken rather first."""
-
-_HISTORY_S = 60.0
-"""How far apart the transforms of one chain may be recorded."""
 
 
 @dataclass
@@ -78,9 +83,8 @@ def read_trajectory(recording: Recording, topic: str | None = None) -> Trajector
 
     Args:
         recording: what to read.
-        topic: its name, or of a pair of frames ``/tf:PARENT.CHILD``, as the package evo writes it,
-            with the topic of static transforms after another colon where it is not
-            ``/tf_static``. None: the only one of the best type.
+        topic: its name, or that of a pair of frames, as `parse_pair`. None: the only one of the
+            best type.
 
     Raises:
         UsageError: there is no such topic, or none is to be preferred; all are listed.
@@ -90,10 +94,10 @@ def read_trajectory(recording: Recording, topic: str | None = None) -> Trajector
     if topic is not None and ":" in topic:
         poses = reader.transforms(topic)
     else:
-        topic = _find(recording, topic) if topic is not None else _choose(recording)
+        topic = find_topic(recording, topic, _KINDS) if topic is not None else _choose(recording)
         kind = recording.topics[topic].type.data_class
         if kind is Transforms:
-            raise UsageError(_ask_for_frames(recording, topic))
+            raise UsageError(ask_for_pair(recording, f"--topic {topic}"))
         poses = reader.last_path(topic) if kind is Path else reader.poses(topic)
     return _ordered(topic, list(poses), reader)
 
@@ -141,34 +145,17 @@ class _Reader:
 
     def transforms(self, name: str) -> Iterator[_Pose]:
         """Of one frame in another, at the stamps of all transforms between them that move."""
-        moving, parent, child, static = self._parse(name)
-        tree = FrameTree(_HISTORY_S)
-        pair = FramePair(tree, parent, child)
-        if static is not None:  # all of them first: they hold at all times
-            for _, message in self._messages(static):
+        named = parse_pair(self._recording, name)
+        tree = FrameTree(HISTORY_S)
+        pair = FramePair(tree, named.parent, named.child)
+        if named.static is not None:  # all of them first: they hold at all times
+            for _, message in self._messages(named.static):
                 pair.add(message, static=True)
-        for _, message in self._messages(moving):
+        for _, message in self._messages(named.topic):
             for stamp_ns, pose in pair.add(message):
-                yield _Pose(stamp_ns, stamp_ns, pose, parent)
+                yield _Pose(stamp_ns, stamp_ns, pose, named.parent)
         self._pair_refused = pair.refused
-        try:
-            newest_ns = tree.newest_ns(parent, child)
-        except NoTransform as error:
-            raise UsageError(f"{self._recording.path}: {error}; choose of these") from None
-        if newest_ns is None:
-            raise UsageError(f"{self._recording.path}: {child} does not move in {parent}")
-
-    def _parse(self, name: str) -> tuple[str, str, str, str | None]:
-        topic, _, rest = name.partition(":")
-        frames, _, static = rest.partition(":")
-        parent, _, child = frames.partition(".")
-        if not (parent and child):
-            raise UsageError(f"{name}: write a pair of frames as /tf:PARENT.CHILD")
-        moving = _find(self._recording, topic, (Transforms,))
-        there = {name.lstrip("/"): name for name in self._recording.topics}
-        if static:
-            return moving, parent, child, _find(self._recording, static, (Transforms,))
-        return moving, parent, child, there.get("tf_static")
+        refuse_rest(self._recording, named, tree)
 
     def _messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         with closing(self._recording.read(topics=[topic])) as entries:
@@ -179,42 +166,16 @@ class _Reader:
                     self._damaged += 1
 
 
-def _find(recording: Recording, wanted: str, kinds: tuple[type, ...] = _KINDS) -> str:
-    """The topic of that name, with or without its first slash."""
-    there = _candidates(recording, kinds)
-    found = [name for name in there if name.lstrip("/") == wanted.lstrip("/")]
-    if not found:
-        listed = ", ".join(there) or "none that a way can be read from"
-        raise UsageError(f"{recording.path}: no poses on {wanted}; there is {listed}")
-    return found[0]
-
-
 def _choose(recording: Recording) -> str:
-    there = _candidates(recording)
+    there = topics_of(recording, _KINDS)
     for kind in _KINDS:
-        of_kind = _candidates(recording, (kind,))
+        of_kind = topics_of(recording, (kind,))
         if len(of_kind) == 1 or (of_kind and kind is Transforms):
             return of_kind[0]
         if of_kind:
             listed = ", ".join(there)
             raise UsageError(f"{recording.path}: several have poses; choose --topic of {listed}")
     raise UsageError(f"{recording.path}: no topic of poses in it; see ros-visualise info")
-
-
-def _candidates(recording: Recording, kinds: tuple[type, ...] = _KINDS) -> list[str]:
-    topics = recording.topics.items()
-    return [name for name, info in topics if info.type.data_class in kinds and info.messages]
-
-
-def _ask_for_frames(recording: Recording, topic: str) -> str:
-    tree = FrameTree(_HISTORY_S)
-    for entry in recording.read(topics=_candidates(recording, (Transforms,))):
-        try:
-            tree.add(content(entry.message))
-        except (DamagedMessage, ValueError):
-            continue
-    frames = ", ".join(tree.frames())
-    return f"{recording.path}: choose two frames by --topic {topic}:PARENT.CHILD of {frames}"
 
 
 def _ordered(topic: str, poses: list[_Pose], reader: _Reader) -> Trajectory:
