@@ -4,13 +4,18 @@ import os
 import shutil
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
+import viser
+from page_client import Client
 
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.server import close_server, open_server
+from ros_visualise.ui.scene.scene import Scene
 
 FLAGS = [
     "--no-sandbox",
@@ -84,3 +89,52 @@ def browse(chromium, page: Page) -> Iterator[Callable[[], object]]:
     yield open_browser
     for context in contexts:
         context.close()
+
+
+class Clock:
+    """Seconds that a test sets."""
+
+    now_s = 0.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """The time of the scene."""
+    return Clock()
+
+
+@pytest.fixture
+def server(port: int) -> Iterator[viser.ViserServer]:
+    """An empty page."""
+    server = open_server("127.0.0.1", port, "test")
+    yield server
+    close_server(server)
+
+
+@pytest.fixture
+def scene(server: viser.ViserServer, clock: Clock) -> Scene:
+    """A scene on it."""
+    return Scene(server, clock)
+
+
+class Look:
+    """Waits until the browser's node of a topic is as it should be, and gives the node."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+
+    def __call__(self, name: str, check: Callable[[dict], object] = lambda node: True) -> dict:
+        name, nodes = f"/world/{name}".rstrip("/"), self.client.nodes
+        self.client.read_until(lambda: name in nodes and check(nodes[name]))
+        return nodes[name]
+
+
+@pytest.fixture
+def look(port: int, server: viser.ViserServer) -> Iterator[Look]:
+    """A browser's view of the scene."""
+    client = Client(port)
+    with closing(client.socket):
+        yield Look(client)

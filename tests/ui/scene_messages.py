@@ -1,4 +1,4 @@
-"""Messages for the scene, of round numbers."""
+"""Messages for the scene, of round numbers, and what is asked of what is drawn."""
 
 import numpy as np
 
@@ -47,3 +47,20 @@ def image(frame="camera", stamp_s=1.0, value=100, calibrated=True):
     info = CameraInfo(120, 160, K) if calibrated else None
     pixels = np.full((120, 160), value, np.uint8)
     return Image(pixels, "mono8", Header(int(stamp_s * S), frame), info)
+
+
+def draw(scene, **messages):
+    """Show messages on the topics of these names, and draw them."""
+    for topic, message in messages.items():
+        scene.show(f"/{topic}", message)
+    scene.refresh()
+
+
+def is_at(xyz):
+    """Whether a node is there, in its parent's frame."""
+    return lambda node: "position" in node and np.allclose(node["position"], xyz)
+
+
+def has(name, count):
+    """Whether a node has so many of something."""
+    return lambda node: name in node and len(node[name]) == count

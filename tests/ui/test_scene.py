@@ -1,11 +1,20 @@
 """The scene as a browser is told of it."""
 
-from contextlib import contextmanager
-
 import numpy as np
 import pytest
-from page_client import Client
-from scene_messages import LEFT, LEVEL, S, cloud, image, odometry, tf, transform
+from scene_messages import (
+    LEFT,
+    LEVEL,
+    S,
+    cloud,
+    draw,
+    has,
+    image,
+    is_at,
+    odometry,
+    tf,
+    transform,
+)
 
 from ros_visualise.data import (
     CameraInfo,
@@ -20,71 +29,10 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Text,
 )
-from ros_visualise.ui.page.server import close_server, open_server
 from ros_visualise.ui.scene.coloring import Coloring
 from ros_visualise.ui.scene.drawing import Look
-from ros_visualise.ui.scene.scene import Scene
 
 LINE = np.stack([np.arange(11.0), np.zeros(11), np.zeros(11)], axis=1)
-
-
-class Clock:
-    now_s = 0.0
-
-    def __call__(self):
-        return self.now_s
-
-
-@pytest.fixture
-def clock():
-    return Clock()
-
-
-@pytest.fixture
-def server(port):
-    server = open_server("127.0.0.1", port, "test")
-    yield server
-    close_server(server)
-
-
-@pytest.fixture
-def scene(server, clock):
-    return Scene(server, clock)
-
-
-@pytest.fixture
-def look(port, server):
-    """Waits until the browser's node of a topic is as it should be, and gives the node."""
-
-    @contextmanager
-    def closing():
-        client = Client(port)
-        yield client
-        client.socket.close()
-
-    with closing() as client:
-
-        def look(name, check=lambda node: True):
-            name = f"/world/{name}".rstrip("/")
-            client.read_until(lambda: name in client.nodes and check(client.nodes[name]))
-            return client.nodes[name]
-
-        look.client = client
-        yield look
-
-
-def draw(scene, **messages):
-    for topic, message in messages.items():
-        scene.show(f"/{topic}", message)
-    scene.refresh()
-
-
-def is_at(xyz):
-    return lambda node: "position" in node and np.allclose(node["position"], xyz)
-
-
-def has(name, count):
-    return lambda node: name in node and len(node[name]) == count
 
 
 def test_a_cloud_stands_where_its_frame_was_at_its_own_time(scene, look):

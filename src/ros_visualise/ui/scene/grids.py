@@ -16,9 +16,8 @@ from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move
 
 _SHARP_PX, _MAX_PX = 800, 2048
 """A picture's longer side: with fewer pixels cells would blur, more would take too long."""
-_UNKNOWN = (0x70, 0x89, 0x86, 255)
-_LETHAL, _INSCRIBED = (255, 0, 255, 255), (0, 255, 255, 255)
-_COSTS_OPACITY = 0.7
+_UNKNOWN, _BEYOND = (0x70, 0x89, 0x86), (0, 255, 0)
+_LETHAL, _INSCRIBED = (255, 0, 255), (0, 255, 255)
 _LAYER_M = 0.01
 
 
@@ -72,7 +71,13 @@ class Grid(Drawing):
         picture = picture_of(cells, scheme)
         if self._image is None:
             self._image = self._scene.add_image(
-                f"{self._name}/cells", picture, 1.0, 1.0, cast_shadow=False, receive_shadow=False
+                f"{self._name}/cells",
+                picture,
+                1.0,
+                1.0,
+                format="png",
+                cast_shadow=False,
+                receive_shadow=False,
             )
         else:
             self._image.image = picture
@@ -80,7 +85,7 @@ class Grid(Drawing):
 
 
 def picture_of(cells: npt.NDArray[np.int8], scheme: Scheme) -> Pixels:
-    """A picture (H, W, 4) of cells (height, width): RGBA, the first row that of the cells.
+    """A picture (H, W, 3) of cells (height, width): RGB, the first row that of the cells.
 
     Small maps are enlarged by a whole number; of large ones a pixel is the most occupied of the
     cells that it stands for, so that thin walls stay.
@@ -92,26 +97,22 @@ def picture_of(cells: npt.NDArray[np.int8], scheme: Scheme) -> Pixels:
 
 
 def palette_of(scheme: Scheme) -> Pixels:
-    """Colours (256, 4) of the cells' bytes, RGBA; -1 is the last one.
+    """Colours (256, 3) of the cells' bytes, RGB; that of -1 is the last one.
 
-    Source: the palettes of rviz's map display, of which the one for costs is drawn at 0.7.
+    Source: the palettes of rviz's map display. Nothing is transparent in ours: pictures that lie
+    over one another would hide each other's holes.
     """
     values = np.arange(256)
-    palette = np.full((256, 4), 255, np.uint8)
-    palette[101:128] = 0, 255, 0, 255  # more than occupied
+    palette = np.zeros((256, 3), np.uint8)
+    palette[:101] = (255 - values[:101] * 255 // 100)[:, None]
+    palette[101:128] = _BEYOND
+    palette[128:255, 0] = 255
     palette[128:255, 1] = (values[128:255] - 128) * 255 // 126
-    palette[128:255, 2] = 0
     if scheme is Scheme.COSTS:
-        palette[1:99, 0] = values[1:99] * 255 // 100
-        palette[1:99, 1] = 0
-        palette[1:99, 2] = 255 - palette[1:99, 0]
+        red = values[1:99] * 255 // 100
+        palette[1:99] = np.stack([red, np.zeros_like(red), 255 - red], axis=1)
         palette[99], palette[100] = _INSCRIBED, _LETHAL
-    else:
-        palette[:101, :3] = (255 - values[:101] * 255 // 100)[:, None]
     palette[255] = _UNKNOWN
-    if scheme is Scheme.COSTS:
-        palette[:, 3] = round(255 * _COSTS_OPACITY)
-        palette[0, 3] = 0
     return palette
 
 

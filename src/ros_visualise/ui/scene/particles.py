@@ -13,42 +13,44 @@ from ros_visualise.geometry import rotations
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look
 from ros_visualise.ui.scene.lines import thinned
 
-_LENGTH = 0.3
-_THIN, _THICK, _HEAD = 0.012, 0.035, 0.1
+_NO_LINES = np.zeros((0, 2, 3), np.float32)
+_LEAST = 1e-6  # a shorter quaternion is no rotation
+_LENGTH, _WIDTH_PX = 0.3, 1.5
+_ARROW = np.array([[[0, 0], [1, 0]], [[1, 0], [0.7, 0.15]], [[1, 0], [0.7, -0.15]]])
+"""Its lines: start and end of each, along the x and the y axis of a pose, in lengths."""
 
 
 class Particles(Drawing):
-    """A `PoseArray`: an arrow along the x axis of each, in one element for all."""
+    """A `PoseArray`: a flat arrow along the x axis of each, in one element for all."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
-        self._arrows = scene.add_arrows(f"{name}/arrows", np.zeros((0, 2, 3)), color)
+        self._lines = scene.add_line_segments(
+            f"{name}/arrows", _NO_LINES, color, thickness=_WIDTH_PX, thickness_units="screen"
+        )
         self._positions: npt.NDArray[np.floating] = np.zeros((0, 3))
 
     def draw(self, message: Any, look: Look) -> None:
         assert isinstance(message, PoseArray)
-        size = look.axes_size
-        self._arrows.shaft_radius, self._arrows.head_radius = _THIN * size, _THICK * size
-        self._arrows.head_length = _HEAD * size
-        arrows = arrows_of(message, _LENGTH * size)
-        self._positions = arrows[:, 0]
-        self._arrows.points = arrows.astype(np.float32)
+        arrows = arrows_of(message, _LENGTH * look.axes_size)
+        self._positions = arrows[::3, 0]
+        self._lines.points = arrows.astype(np.float32)
 
     def extent(self) -> npt.NDArray[np.floating]:
         return self._positions
 
     def reset(self) -> None:
-        self._positions = np.zeros((0, 3))
-        self._arrows.points = np.zeros((0, 2, 3), np.float32)
+        self._positions, self._lines.points = np.zeros((0, 3)), _NO_LINES
 
 
 def arrows_of(poses: PoseArray, length_m: float) -> npt.NDArray[np.floating]:
-    """Start and tip (N, 2, 3) of arrows along the poses' x axes; poses that are none are left out.
+    """Start and end (3 N, 2, 3) of the lines of arrows, three for each; those of no pose left out.
 
     Where there are very many, they are thinned evenly.
     """
     rows = np.concatenate([poses.positions_xyz, poses.quats_xyzw], axis=1)
-    valid = np.isfinite(rows).all(axis=1) & (np.abs(rows[:, 3:]).max(axis=1, initial=0) > 1e-6)
+    valid = np.isfinite(rows).all(axis=1) & (np.linalg.norm(rows[:, 3:], axis=1) > _LEAST)
     kept = thinned(rows[valid])
-    ahead = rotations.to_matrix(kept[:, 3:])[:, :, 0]
-    return np.stack([kept[:, :3], kept[:, :3] + length_m * ahead], axis=1)
+    along = rotations.to_matrix(kept[:, 3:])[:, :, :2]
+    lines: npt.NDArray[np.floating] = np.einsum("nij,lej->nlei", along, length_m * _ARROW)
+    return (lines + kept[:, None, None, :3]).reshape(-1, 2, 3)
