@@ -54,16 +54,17 @@ class Silhouettes:
         bottom = np.searchsorted(self._elevations, low - _SLACK_RAD)
         top = np.searchsorted(self._elevations, high + _SLACK_RAD)
         height = np.where(near < self._far_m, top - bottom, 0)
-        things, row = _runs(height)
-        run, column = _runs(width[things])
-        start = (row + bottom[things]) * 2 * columns + first[things] % columns
-        return things[run], self._around[start[run] + column]
+        things = np.repeat(np.arange(len(height)), height)
+        row = _runs(bottom, height)
+        start = 2 * columns * row + (first % columns)[things]
+        spans = width[things]
+        return np.repeat(things, spans), self._around[_runs(start, spans)]
 
 
-def _runs(lengths: Indices) -> tuple[Indices, Indices]:
-    """(N,) which run, and how far along it, of runs of these lengths one after another."""
-    which = np.repeat(np.arange(len(lengths)), lengths)
-    return which, np.arange(len(which)) - (np.cumsum(lengths) - lengths)[which]
+def _runs(starts: Indices, lengths: Indices) -> Indices:
+    """Numbers counted up from each start, runs of these lengths one after another."""
+    before = np.cumsum(lengths) - lengths
+    return np.arange(lengths.sum()) + np.repeat(starts - before, lengths)
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
