@@ -1,4 +1,4 @@
-"""What is plotted of messages, and the picture of the tree of frames."""
+"""What is plotted of messages, the picture of the tree of frames, and what is said of both."""
 
 import xml.etree.ElementTree as ET
 
@@ -8,6 +8,7 @@ from scene_messages import S, odometry
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.ui.page.fields import History, fields_of
+from ros_visualise.ui.page.space import note
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.scene.links import Link
 
@@ -97,3 +98,26 @@ def test_frames_that_go_round_are_pictured():
     assert {"a", "b"} <= set(
         texts_of([Link("a", "b", True, 0, None), Link("b", "a", True, 0, None)])
     )
+
+
+def test_without_transforms_it_is_said_what_is_drawn_and_what_is_not():
+    frames = {"/scan": "laser", "/fix": "", "/odom": "<odom>"}
+    problems = {"/odom": "no transform from <odom> to laser", "/scan": "of no size"}
+    first, second = note("laser", frames, problems, has_transforms=False)
+    assert first == (
+        "no transforms: drawn in <b>laser</b> is /scan, /fix;"
+        " in frames of their own, not drawn: /odom (&lt;odom&gt;)"
+    )
+    assert second == "/scan: of no size"
+    assert note("laser", {"/scan": "laser"}, {}, False) == [
+        "no transforms: drawn in <b>laser</b> is /scan"
+    ]
+
+
+def test_with_transforms_it_is_said_what_has_none():
+    problems = {"/odom": "no transform"}
+    assert note("map", {"/odom": "odom"}, problems, True) == [
+        "drawn in <b>map</b>",
+        "/odom: no transform",
+    ]
+    assert note("", {}, {}, False) == []

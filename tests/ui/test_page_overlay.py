@@ -6,7 +6,7 @@ from scene_messages import K, cloud, image, tf, transform
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.errors import NoTransform
-from ros_visualise.ui.page.overlay import between, calibration_of, paint, scaled
+from ros_visualise.ui.page.overlay import between, calibration_of, is_rectified, paint, scaled
 from ros_visualise.ui.scene.frames import Frames
 
 INFO = CameraInfo(120, 160, K)
@@ -72,3 +72,30 @@ def test_a_calibration_has_to_be_of_the_image():
     assert calibration_of(bare, None) is None
     assert calibration_of(bare, CameraInfo(480, 640, K)) is None
     assert calibration_of(bare, CameraInfo.uncalibrated(120, 160)) is None
+
+
+P = np.hstack([K, [[-40.0], [0], [0]]])
+PLAIN = CameraInfo(120, 160, K, P=P)
+DISTORTED = CameraInfo(120, 160, K, np.array([0.1, 0, 0, 0, 0]), P=P)
+
+
+@pytest.mark.parametrize(
+    "topic", ["image_rect", "/left/image_rect_color", "/cam/image_rect/compressed"]
+)
+def test_images_are_rectified_that_are_called_as_image_proc_calls_them(topic):
+    assert is_rectified(topic, DISTORTED)
+
+
+@pytest.mark.parametrize("topic", ["/image_raw", "/direct/image", "/rectangles", "/edges"])
+def test_other_images_are_rectified_where_that_would_change_nothing(topic):
+    assert is_rectified(topic, PLAIN)
+    assert not is_rectified(topic, DISTORTED)
+    assert not is_rectified(topic, CameraInfo(120, 160, K, P=P * [[2], [2], [1]]))
+    turned = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert not is_rectified(topic, CameraInfo(120, 160, K, R=turned, P=P))
+    assert not is_rectified(topic, CameraInfo(120, 160, K))
+
+
+def test_of_a_rectified_image_the_projection_holds():
+    shifted = [[1.025 + 40 * 5 / 100 / 5, -0.475, 5.0]]  # P's last column takes 0.4 m off
+    assert changed(paint(GRAY, cloud(shifted), np.eye(4), PLAIN, True)) == [[50, 100]]

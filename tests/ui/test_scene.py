@@ -273,6 +273,17 @@ def test_all_frames_have_axes_and_names_when_asked_for(scene, look):
     look.client.read_until(lambda: "/world/frames/a" not in look.client.nodes)
 
 
+def test_close_frames_have_one_label_of_several_lines(scene, look):
+    scene.look = Look(names=True)
+    draw(scene, tf=tf(transform("map", "a", [0.1, 0, 0], 1), transform("map", "b", [9, 0, 0], 1)))
+    assert look("frames/a")["text"] == "a\nmap"
+    assert look("frames/b")["text"] == "b"
+    scene.look = Look(names=True, axes_size=0.1)
+    scene.refresh()
+    look("frames/map", lambda node: node["text"] == "map")
+    look("frames/a", lambda node: node["text"] == "a")
+
+
 def test_the_world_moves_under_the_cameras_so_that_the_robot_stays(scene, look):
     def step(x):
         draw(scene, tf=tf(transform("map", "base_link", [x, 1, 0], x)))

@@ -7,6 +7,7 @@ from scene_messages import LEFT, S, cloud, tf, transform
 from ros_visualise.data import CameraInfo, Image, LaserScan, Odometry, Transforms
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import rotations
+from ros_visualise.ui.scene.axes import clusters
 from ros_visualise.ui.scene.cameras import view_of
 from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo
 from ros_visualise.ui.scene.frames import Frames
@@ -224,3 +225,20 @@ def test_links_tell_rate_and_age():
     assert static.rate_hz is None
     frames.add(tf(transform("odom", "base_link", [0, 0, 0], 0.5)), static=False)
     assert frames.links.all()[0].stamp_ns == S // 2
+
+
+def test_frames_that_are_close_together_share_a_label():
+    frames = frames_of(
+        transform("base_link", "camera", [2, 0, 0]),
+        transform("camera", "camera_optical", [0.1, 0, 0]),
+        transform("base_link", "imu", [0, 0.3, 0]),
+        transform("base_link", "lidar", [0, 0, 0.8]),
+    )
+    groups = clusters(frames.places(), 0.5)
+    assert {name: group.names for name, group in groups.items()} == {
+        "base_link": ["base_link", "imu"],
+        "camera": ["camera", "camera_optical"],
+        "lidar": ["lidar"],
+    }
+    assert np.allclose(groups["camera"].centre, [2, 0, 0])
+    assert len(clusters(frames.places(), 0.05)) == 5
