@@ -137,6 +137,42 @@ def test_messages_without_stamps_go_by_the_time_of_arrival():
     assert sum(path.step(params, odom=message) is not None for message in unstamped) == 50
 
 
+class Watch:
+    """A clock that a test sets."""
+
+    time_ns = 0
+
+    def monotonic_ns(self):
+        return self.time_ns
+
+
+def test_the_last_poses_are_published_when_none_has_come_for_a_period():
+    params = replace(EACH, rate=5)
+    node = PathNode(params, watch := Watch())
+    for n in range(50):  # at 100 Hz: the last one is not due
+        watch.time_ns = n * 10_000_000
+        path = node.step(params, odom=odometry(n, time_s=n / 100))
+        assert node.tick(params) is None
+    assert path is None
+    watch.time_ns += 199_999_999
+    assert node.tick(params) is None
+    watch.time_ns += 1
+    assert len(node.tick(params).stamps_ns) == 50
+    watch.time_ns += 10**9
+    assert node.tick(params) is None  # it has not grown since
+    assert node.finish() is None
+
+
+def test_a_path_that_waits_is_published_though_other_messages_come():
+    params = replace(EACH, rate=5)
+    node = PathNode(params, watch := Watch())
+    for n in range(2):
+        node.step(params, odom=odometry(n, time_s=n / 100))
+    watch.time_ns += 200_000_000
+    assert node.step(params, tf=transforms(("map", "odom", 1, 5))) is None
+    assert len(node.tick(params).stamps_ns) == 2
+
+
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
 def test_what_is_no_number_is_refused_and_counted(wrong):
     good, bad = odometry(1), odometry(wrong)
@@ -348,6 +384,18 @@ def test_a_jump_back_in_time_begins_a_new_path(runtime):
         runtime.topic("/odom").publish(Packet(number, odometry(x, time_s=time_s), 0))
         seen.append(subscription.take(5).positions_xyz[:, 0].tolist())
     assert seen == [[0], [0, 1], [2], [2, 3]]
+
+
+def test_the_last_poses_are_published_though_no_message_follows(runtime):
+    runtime.parameters["path"].update({"rate": 5.0})
+    subscription = runtime.subscribe("/path", depth=10)
+    for number in range(50):
+        message = odometry(number, time_s=number / 100)
+        runtime.topic("/odom").publish(Packet(number, message, 0))
+    lengths = [0]
+    while lengths[-1] < 50:
+        lengths.append(len(subscription.take(60).stamps_ns))
+    assert subscription.take(0) is None
 
 
 def test_a_path_is_recorded(runtime, tmp_path: File):

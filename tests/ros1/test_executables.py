@@ -282,6 +282,19 @@ def test_a_path_is_there_for_latecomers(start, hear, publish):
     assert [pose.header.stamp.secs for pose in path.poses] == [1 + n for n in range(30)]
 
 
+def test_the_last_poses_are_in_the_path_though_no_message_follows(start, hear, publish):
+    start("path", "_min_distance:=0.1")
+    odom = publish("odom", Odometry)
+    paths = hear("path", PathMessage)
+    for number in range(8):  # at 50 Hz, of which 5 Hz are published: only the first is due
+        message = Odometry()
+        message.header.stamp, message.header.frame_id = rospy.Time.from_sec(1 + number / 50), "odom"
+        message.pose.pose.position.x = float(number)
+        message.pose.pose.orientation.w = 1.0
+        odom.publish(message)
+    wait_for(lambda: length(paths) == 8, "the whole path")
+
+
 def length(paths: Heard) -> int:
     return len(paths.messages[-1].poses) if paths.messages else 0
 

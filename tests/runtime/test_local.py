@@ -503,3 +503,50 @@ def test_a_topic_by_itself_counts_as_wanted():
     run = Run(graph_of(source_type=sparing, counter={"frames": 1}))
     run.to_the_end()
     assert run.runtime.topic("/image_raw").awaited
+
+
+def test_where_messages_come_from_outside_a_node_is_asked_what_is_due():
+    @node("keeper", inputs={"image": Image}, outputs={"image": Image})
+    class Keeper:
+        def __init__(self, params):
+            self.kept = None
+
+        def step(self, image, params):
+            self.kept = image
+
+        def tick(self, params):
+            kept, self.kept = self.kept, None
+            return kept
+
+    declared = Keeper.declared
+    keeper = Node("keeper", declared, declared.params(), {"image": "/in"}, {"image": "/out"})
+    runtime = LocalRuntime(Graph((keeper,)), None)
+    subscription = runtime.subscribe("/out")
+    runtime.start()
+    image = Image(np.zeros((2, 3), np.uint8), "mono8")
+    runtime.publish("/in", image)
+    until(lambda: subscription.take(1) is image)
+    runtime.stop()
+    assert not runtime.failed
+
+
+def test_in_a_recording_none_is_for_two_runs_would_differ():
+    asked = []
+
+    @node("keeper", inputs={"image": Image}, outputs={"image": Image})
+    class Keeper:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            return image
+
+        def tick(self, params):
+            asked.append(True)
+
+    run = Run(graph_of(Keeper), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    run.runtime.wait(0.3)
+    run.runtime.stop()
+    assert not asked

@@ -11,12 +11,14 @@ A node is a function or, where it keeps a state, a class with
 - ``step(<an input by name>, params)``, called for each message, and where needed
 - ``reset()``, when time has jumped backwards,
 - ``finish()``, at the end of the stream,
+- ``tick(params)``, now and then where messages come from outside, so that nobody knows whether
+  another comes: what is due by now,
 - ``report()``, figures of its own for the run report,
 - methods decorated with `action`: buttons on the page, services on a ROS graph.
 
 A node of several inputs gets each message alone, so its ``step`` has a default for each of them.
-``step`` and actions answer with the message of its only output, with a dict of output name to
-message, or with None: nothing for this one.
+``step``, ``tick``, ``finish`` and actions answer with the message of its only output, with a dict
+of output name to message, or with None: nothing for this one.
 
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
@@ -124,6 +126,9 @@ class _Optional:
         pass
 
     def finish(self) -> Any:
+        return None
+
+    def tick(self, params: Any) -> Any:
         return None
 
     def receive(self, port: str, message: Any) -> None:

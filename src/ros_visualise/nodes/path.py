@@ -78,6 +78,7 @@ class PathNode:
         self._pair = FramePair(self._tree, params.tf_parent, params.tf_child)
         self._followed = ""
         self._is_due = self._has_grown = False
+        self._arrived_ns = 0
         self.reset()
 
     def reset(self) -> None:
@@ -114,6 +115,12 @@ class PathNode:
         if tf is not None and self._pair.child:
             self._take_transforms(tf, params, static=False)
         return self.finish() if self._is_due else None
+
+    def tick(self, params: PathParams) -> Path | None:
+        """The path, where its last poses wait for others, and none has come for a whole period."""
+        period_ns = 1e9 / params.rate if params.rate else 0
+        silence_ns = self._clock.monotonic_ns() - self._arrived_ns
+        return self.finish() if silence_ns >= period_ns else None
 
     def finish(self) -> Path | None:
         """The path, if it has grown since the last time."""
@@ -176,12 +183,11 @@ class PathNode:
         if header.frame_id != self._header.frame_id:
             self._begin()
         self._header = header
+        self._arrived_ns = self._clock.monotonic_ns()
         self._travel.add(header.stamp_ns, pose[:3].tolist())
         if self._track.is_apart(pose, params.min_distance, math.radians(params.min_angle)):
             self._track.append(header.stamp_ns, pose, params.max_poses)
             self._has_grown = True
-        if not params.rate or self._pacer.passes(self._time_ns(), params.rate):
+        time_ns = header.stamp_ns or self._arrived_ns
+        if not params.rate or self._pacer.passes(time_ns, params.rate):
             self._is_due = True
-
-    def _time_ns(self) -> int:
-        return self._header.stamp_ns or self._clock.monotonic_ns()

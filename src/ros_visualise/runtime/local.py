@@ -189,7 +189,7 @@ class LocalRuntime:
     def _join(self, node: Node) -> NodeThread:
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}
         runner = NodeRunner(node, self.parameters[node.name])
-        thread = NodeThread(runner, outputs)
+        thread = NodeThread(runner, outputs, ticks=self.graph.source is None)
         for topic, entrance in thread.inputs.items():
             self._topics[topic].connect(entrance)
         return thread

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -13,6 +14,8 @@ from ros_visualise.runtime.topics import Topic
 
 _KEPT = 256
 """Messages of an input that may wait for their turn, but of images and clouds the newest alone."""
+
+_TICK_S = 0.1
 
 
 class Input:
@@ -44,10 +47,14 @@ class NodeThread:
     Args:
         runner: the node.
         outputs: output name -> topic.
+        ticks: ask the node now and then what is due. That goes by the clock on the wall, and would
+            make two runs of the same recording differ.
     """
 
-    def __init__(self, runner: NodeRunner, outputs: Mapping[str, Topic]) -> None:
+    def __init__(self, runner: NodeRunner, outputs: Mapping[str, Topic], ticks: bool) -> None:
         self.runner = runner
+        self._tick_s = _TICK_S if ticks and not runner.stateless else None
+        self._ticked_s = time.monotonic()
         self.inbox = Inbox(lossless=False)
         self.inputs = {
             topic: Input(self.inbox, port, runner.node.type.inputs[port], self._input_closed)
@@ -61,10 +68,13 @@ class NodeThread:
     def run(self) -> None:
         """Until the inbox is closed and empty."""
         try:
-            while (packet := self.inbox.take()) is not None:
-                with self._at_work:
-                    self._last = packet
-                    self._publish(self._step(packet))
+            while not self.inbox.ended:
+                packet = self.inbox.take(self._tick_s)
+                if packet is not None:
+                    with self._at_work:
+                        self._last = packet
+                        self._publish(self._step(packet))
+                self._tick_in_time()
             with self._at_work:
                 self._last = self._last._replace(number=END)
                 self._publish(self.runner.finish())
@@ -75,10 +85,7 @@ class NodeThread:
 
     def act(self, name: str) -> None:
         """Run an action of the node between two steps."""
-        with self._at_work:
-            answer = self.runner.act(name)
-            if answer:
-                self._publish(answer)
+        self._say(lambda: self.runner.act(name))
 
     def repeat_last(self) -> None:
         """Process the last message once more, with the parameters as they are now."""
@@ -96,6 +103,17 @@ class NodeThread:
         if packet.message is None:
             return NOTHING
         return self.runner.step({packet.port: packet.message}, packet.arrival_ns)
+
+    def _tick_in_time(self) -> None:
+        if self._tick_s is not None and time.monotonic() - self._ticked_s >= self._tick_s:
+            self._ticked_s = time.monotonic()
+            self._say(self.runner.tick)
+
+    def _say(self, ask: Callable[[], Mapping[str, Any]]) -> None:
+        """Publish what the node answers between two steps, if anything."""
+        with self._at_work:
+            if answer := ask():
+                self._publish(answer)
 
     def _publish(self, answer: Mapping[str, Any]) -> None:
         number, arrival_ns = self._last.number, self._last.arrival_ns

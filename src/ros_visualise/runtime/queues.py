@@ -57,6 +57,12 @@ class Inbox:
             self._lossless = lossless
             self._changed.notify_all()
 
+    @property
+    def ended(self) -> bool:
+        """Whether nothing can be taken any more."""
+        with self._changed:
+            return self._closed and not self._packets
+
     def put(self, packet: Packet, keep: int | None = None) -> None:
         """Add a packet; after `close` it is let go.
 

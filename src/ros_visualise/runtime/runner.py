@@ -80,6 +80,14 @@ class NodeRunner:
             self._fail(error)
             return NOTHING
 
+    def tick(self) -> Mapping[str, Any]:
+        """What is due although no message came."""
+        try:
+            return self._by_output(self._state.tick(self._parameters.current))
+        except Exception as error:
+            self._fail(error)
+            return NOTHING
+
     def finish(self) -> Mapping[str, Any]:
         """What the node still has at the end of the stream."""
         try:
