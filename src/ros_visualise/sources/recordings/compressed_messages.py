@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 import numpy.typing as npt
 import zstandard
 
 from ros_visualise.sources.recordings import Entry, Loss
-from ros_visualise.sources.recordings.storage import Query, Storage, add_note
+from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_note
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -34,19 +35,9 @@ class CompressedMessages:
         """As `Storage.select`."""
         return self._storage.select(query)
 
-    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
-        """As `Storage.read_piece`."""
-        for entry in self._storage.read_piece(piece, query):
-            message = entry.message
-            if message.data[:4] == _ZSTD:  # no CDR begins like that
-                try:
-                    message.data = (
-                        zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
-                    )
-                except (zstandard.ZstdError, MemoryError):
-                    self._lose(entry)
-                    continue
-            yield entry
+    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+        """As `Storage.open_piece`."""
+        return _DecompressedPiece(self._storage.open_piece(piece, query, shelf), self._decompress)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`."""
@@ -56,8 +47,31 @@ class CompressedMessages:
         """As `Storage.close`."""
         self._storage.close()
 
+    def _decompress(self, entry: Entry) -> bool:
+        """Decompress a message if it is compressed; whether that could be done."""
+        message = entry.message
+        if message.data[:4] == _ZSTD:  # no CDR begins like that
+            try:
+                message.data = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
+            except (zstandard.ZstdError, MemoryError):
+                self._lose(entry)
+                return False
+        return True
+
     def _lose(self, entry: Entry) -> None:
         if (entry.topic, entry.stamp_ns) not in self._lost:
             self._lost.add((entry.topic, entry.stamp_ns))
             self._loss.messages += 1
             add_note(self._loss, "messages whose zstd data is damaged")
+
+
+class _DecompressedPiece:
+    def __init__(self, piece: Piece, decompress: Callable[[Entry], bool]) -> None:
+        self._piece, self._decompress = piece, decompress
+
+    @property
+    def stamp_ns(self) -> int | None:
+        return self._piece.stamp_ns
+
+    def read(self, before_ns: int) -> Iterator[Entry]:
+        return filter(self._decompress, self._piece.read(before_ns))

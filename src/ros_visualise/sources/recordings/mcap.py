@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Collection, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.errors import OpenError
-from ros_visualise.messages.recorded import Recorded
-from ros_visualise.sources.recordings import Entry, Loss, Recording
+from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.mcap_channels import describe
 from ros_visualise.sources.recordings.mcap_index import (
     UNKNOWN,
@@ -21,6 +21,7 @@ from ros_visualise.sources.recordings.mcap_index import (
     indexed_stamps,
     read_index,
 )
+from ros_visualise.sources.recordings.mcap_piece import McapPiece
 from ros_visualise.sources.recordings.mcap_records import (
     ANY_CHANNEL,
     EVER,
@@ -33,7 +34,8 @@ from ros_visualise.sources.recordings.mcap_records import (
 from ros_visualise.sources.recordings.mcap_scan import scan
 from ros_visualise.sources.recordings.merging import MergedRecording
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.storage import Channel, Query, add_note
+from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.storage import Channel, Piece, Query, add_note
 
 
 def open_mcap(path: Path) -> Recording:
@@ -94,13 +96,9 @@ class McapFile:
             is_asked &= rows["start_ns"] < query.stop_ns
         return np.flatnonzero(is_asked)
 
-    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
-        """As `Storage.read_piece`."""
-        loaded = self._load(piece)
-        if loaded is None:
-            return
-        records = memoryview(loaded)
-        shared = len(records) // 2  # a message that is most of its piece needs no copy
+    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+        """As `Storage.open_piece`."""
+        records = self._load(piece) or b""
         wanted = {
             number: (channel.topic, channel.type_name, channel.definitions)
             for number, channel in self.channels.items()
@@ -111,10 +109,7 @@ class McapFile:
             there, _ = messages(records, ANY_CHANNEL, *EVER)
             missing = max(0, int(self._rows[piece]["messages"]) - len(there))
             self._lose(piece, "its records contradict each other", missing)
-        for stamp_ns, number, start, stop in found:
-            topic, type_name, definitions = wanted[number]
-            data = records[start:stop] if stop - start > shared else bytes(records[start:stop])
-            yield Entry(topic, stamp_ns, Recorded(type_name, data, definitions, stamp_ns))
+        return McapPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`; from the index behind each chunk, where it is whole."""
@@ -156,7 +151,7 @@ class McapFile:
             stamps_ns = table[table[:, 1] == channel, 0]
             yield int(channel), stamps_ns.astype(np.int64)
 
-    def _load(self, piece: int) -> Records | None:
+    def _load(self, piece: int, check: bool = True) -> Records | None:
         """The records of a piece; None where they are damaged, or the file is closed."""
         row = self._rows[piece]
         with self._lock:
@@ -169,7 +164,7 @@ class McapFile:
                 self._lose(piece, f"{error.strerror}", int(row["messages"]))
                 return None
         try:
-            return decompress(data) if row["is_chunk"] else data
+            return decompress(data, check) if row["is_chunk"] else data
         except Damaged as damage:
             self._lose(piece, str(damage), int(row["messages"]))
             return None

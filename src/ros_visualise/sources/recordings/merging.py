@@ -13,12 +13,11 @@ import numpy.typing as npt
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
-from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Query, Storage
+from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Piece, Query, Storage
 
 
-def merge(
-    starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Iterator[Entry]]
-) -> Iterator[Entry]:
+def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
     """All entries of all pieces in order of their stamps; of equal ones, the first piece's first.
 
     A piece is opened when its time has come and let go of at its end: at no time are more open
@@ -26,28 +25,22 @@ def merge(
 
     Args:
         starts_ns: (N,) the first stamp of each piece, or one before it.
-        open_piece: reads the piece of a number, in order of its stamps.
+        open_piece: reads the piece of a number.
     """
-    order = np.argsort(starts_ns, kind="stable")[::-1].tolist()
-    running: list[tuple[int, int, Entry, Iterator[Entry]]] = []
-    while order or running:
-        if order and (not running or (int(starts_ns[order[-1]]), order[-1]) < running[0][:2]):
-            piece = order.pop()
-            entries = open_piece(piece)
-            first = next(entries, None)
-            if first is not None:
-                heappush(running, (first.stamp_ns, piece, first, entries))
-            continue
-        _, piece, first, entries = heappop(running)
-        yield first
-        limit = running[0][:2] if running else (LATEST_NS, 0)
-        if order:
-            limit = min(limit, (int(starts_ns[order[-1]]), order[-1]))
-        for entry in entries:
-            if (entry.stamp_ns, piece) > limit:
-                heappush(running, (entry.stamp_ns, piece, entry, entries))
-                break
-            yield entry
+    waiting = np.argsort(starts_ns, kind="stable")[::-1].tolist()
+    running: list[tuple[int, int, Piece]] = []
+    while waiting or running:
+        if waiting and (not running or (int(starts_ns[waiting[-1]]), waiting[-1]) < running[0][:2]):
+            number = waiting.pop()
+            piece = open_piece(number)
+        else:
+            _, number, piece = heappop(running)
+            following = [running[0][:2]] if running else []
+            following += [(int(starts_ns[waiting[-1]]), waiting[-1])] if waiting else []
+            stamp_ns, other = min(following, default=(LATEST_NS, 0))
+            yield from piece.read(stamp_ns + (number < other))
+        if piece.stamp_ns is not None:
+            heappush(running, (piece.stamp_ns, number, piece))
 
 
 class MergedRecording:
@@ -125,10 +118,12 @@ class MergedRecording:
         ends = np.cumsum([len(pieces) for pieces in chosen])
         starts_ns = [s.starts_ns[p] for s, p in zip(self._storages, chosen, strict=True)]
 
-        def open_piece(number: int) -> Iterator[Entry]:
+        shelf = Shelf()
+
+        def open_piece(number: int) -> Piece:
             file = int(np.searchsorted(ends, number, side="right"))
             piece = chosen[file][number - ends[file]]
-            return self._storages[file].read_piece(int(piece), query)
+            return self._storages[file].open_piece(int(piece), query, shelf)
 
         return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
 

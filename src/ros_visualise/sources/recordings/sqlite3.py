@@ -16,9 +16,16 @@ from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss
 from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled, missing_bytes
 from ros_visualise.sources.recordings.sqlite3_tables import channels, connect, has_index
-from ros_visualise.sources.recordings.storage import Channel, Query, add_note
+from ros_visualise.sources.recordings.storage import (
+    Channel,
+    Piece,
+    Query,
+    StreamedPiece,
+    add_note,
+)
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
 _MOST_AT_ONCE, _BYTES_AT_ONCE = 256, 1 << 18  # rows that are fetched while holding the lock
@@ -76,8 +83,11 @@ class SqliteFile:
         is_empty = not self._topics(query) or not len(self.starts_ns)
         return np.arange(0 if is_empty else 1)
 
-    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
-        """As `Storage.read_piece`."""
+    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+        """As `Storage.open_piece`."""
+        return StreamedPiece(self._entries(query))
+
+    def _entries(self, query: Query) -> Iterator[Entry]:
         last = (_EARLIEST_NS, _EARLIEST_NS)
         try:
             for number, stamp_ns, topic, data in self._ordered(query):

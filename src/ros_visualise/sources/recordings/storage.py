@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sources.recordings import Entry, Loss
+from ros_visualise.sources.recordings.shelf import Shelf
 
 LATEST_NS = 2**64
 """After every stamp that a file can hold."""
@@ -42,6 +43,36 @@ class Query(NamedTuple):
         return not channel.unreadable and (self.topics is None or channel.topic in self.topics)
 
 
+class Piece(Protocol):
+    """A part of a file that is being read, in order of the stamps, then of the file."""
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """That of its next message; None at its end."""
+
+    def read(self, before_ns: int) -> Iterator[Entry]:
+        """Its next messages up to a stamp; none once the file is closed."""
+
+
+class StreamedPiece:
+    """A `Piece` of entries that come one after the other; the next one is there already."""
+
+    def __init__(self, entries: Iterator[Entry]) -> None:
+        self._entries = entries
+        self._next = next(entries, None)
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """As `Piece.stamp_ns`."""
+        return None if self._next is None else self._next.stamp_ns
+
+    def read(self, before_ns: int) -> Iterator[Entry]:
+        """As `Piece.read`."""
+        while self._next is not None and self._next.stamp_ns < before_ns:
+            entry, self._next = self._next, next(self._entries, None)
+            yield entry
+
+
 class Storage(Protocol):
     """A file's channels and its pieces, which are numbered in the order of the file.
 
@@ -63,8 +94,8 @@ class Storage(Protocol):
     def select(self, query: Query) -> npt.NDArray[np.intp]:
         """The pieces that may hold what is asked for, in the order of the file."""
 
-    def read_piece(self, piece: int, query: Query) -> Iterator[Entry]:
-        """A piece's messages in order of their stamps, then of the file; none after `close`."""
+    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+        """Read the messages of a piece that are asked for; ``shelf``: that of all who are read."""
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Channels and stamps of their messages, those of one channel in any number of arrays."""

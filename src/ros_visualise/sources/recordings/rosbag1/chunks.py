@@ -18,7 +18,7 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 """A message of a chunk: where in its content the record begins."""
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
-_KEPT_SIZE = 256 << 20  # chunks that overlap in time are read in turns: so much stays decompressed
+_KEPT_SIZE = 96 << 20  # chunks that overlap in time are read in turns: so much stays decompressed
 
 
 class Chunk(NamedTuple):

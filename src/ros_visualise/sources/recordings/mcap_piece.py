@@ -1,0 +1,97 @@
+"""Reading a chunk of an MCAP file, or a run of messages outside chunks."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.recorded import Recorded
+from ros_visualise.sources.recordings import Entry
+from ros_visualise.sources.recordings.mcap_records import Place, Records
+from ros_visualise.sources.recordings.shelf import Shelf
+
+
+class McapPiece:
+    """A `ros_visualise.sources.recordings.storage.Piece`.
+
+    Where many are read in turns, each keeps only its share of messages, those that come next, and
+    is loaded again when they are used up.
+
+    Args:
+        places: its messages, in order of time.
+        channels: topic, type and definitions of them.
+        records: in which the places are.
+        load: gives the records again; None where they cannot be read any more.
+        shelf: that of all pieces that are read in turns.
+    """
+
+    def __init__(
+        self,
+        places: Sequence[Place],
+        channels: Mapping[int, tuple[str, str, Definitions]],
+        records: Records,
+        load: Callable[[], Records | None],
+        shelf: Shelf,
+    ) -> None:
+        self._places, self._channels = places, channels
+        self._load, self._shelf = load, shelf
+        self._next = 0
+        self._records: memoryview | None = None
+        self._ahead: deque[bytes] = deque()
+        if places:
+            shelf.join()
+            self._keep(records)
+
+    @property
+    def stamp_ns(self) -> int | None:
+        """As `Piece.stamp_ns`."""
+        return self._places[self._next][0] if self._next < len(self._places) else None
+
+    def read(self, before_ns: int) -> Iterator[Entry]:
+        """As `Piece.read`."""
+        places = self._places
+        while self._next < len(places) and places[self._next][0] < before_ns:
+            stamp_ns, number, start, stop = places[self._next]
+            data = self._data(start, stop)
+            self._next = len(places) if data is None else self._next + 1
+            if self._next == len(places):
+                self._shelf.leave(self)
+            if data is not None:
+                topic, type_name, definitions = self._channels[number]
+                yield Entry(topic, stamp_ns, Recorded(type_name, data, definitions, stamp_ns))
+
+    def forget(self) -> None:
+        """As `Keeper.forget`."""
+        self._records = None
+        self._ahead.clear()
+
+    def _data(self, start: int, stop: int) -> bytes | memoryview | None:
+        """The bytes of the next message."""
+        if self._records is None and not self._ahead:
+            records = self._load()
+            if records is None:
+                return None
+            self._keep(records)
+        if self._records is None:
+            return self._ahead.popleft()
+        data = self._records[start:stop]
+        is_most = 2 * len(data) > len(self._records)  # then it needs no copy
+        return data if is_most else bytes(data)
+
+    def _keep(self, records: Records) -> None:
+        """All of the piece if that is no more than its share; else the next messages alone."""
+        share = self._shelf.share
+        if len(records) <= share:
+            self._records = memoryview(records)
+            self._shelf.keep(self, len(records))
+            return
+        size = 0
+        for index in range(self._next, len(self._places)):
+            _, _, start, stop = self._places[index]
+            size += stop - start
+            if size > share and self._ahead:
+                size -= stop - start
+                break
+            self._ahead.append(bytes(records[start:stop]))
+        self._shelf.keep(self, size)
