@@ -15,7 +15,7 @@ from ros_graph import PATIENCE_S, end, wait_for
 from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
 
-from ros_visualise.data import Image, Odometry, PointCloud, Transforms
+from ros_visualise.data import Image, OccupancyGrid, Odometry, PointCloud, Transforms
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.params import Parameters
@@ -182,7 +182,12 @@ def test_topics_of_every_kind_are_shown_and_decoded(runtime, ros_master, tmp_pat
     script = tmp_path / "robot.py"
     script.write_text(ROBOT)
     robot = ros_master.run(sys.executable, str(script))
-    types = {"/robot/odom": Odometry, "/robot/points": PointCloud, "/tf": Transforms}
+    types = {
+        "/robot/odom": Odometry,
+        "/robot/points": PointCloud,
+        "/robot/map": OccupancyGrid,
+        "/tf": Transforms,
+    }
     try:
         wait_until(lambda: set(types) <= set(runtime.graph.topics))
         assert {name: runtime.graph.topics[name].type for name in types} == types
@@ -190,24 +195,30 @@ def test_topics_of_every_kind_are_shown_and_decoded(runtime, ros_master, tmp_pat
         odometry = runtime.subscribe("/robot/odom", depth=5).take(PATIENCE_S)
         cloud = runtime.subscribe("/robot/points").take(PATIENCE_S)
         [transform] = runtime.subscribe("/tf", depth=5).take(PATIENCE_S).transforms
+        grid = runtime.subscribe("/robot/map").take(PATIENCE_S)
     finally:
         end(robot)
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert list(odometry.position_xyz) == [1.5, 0, 0]
     assert np.array_equal(cloud.xyz, [[1, 2, 3], [4, 5, 6]])
+    assert grid.cells.tolist() == [[0, 100, -1], [50, 1, 2]]
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
 
 
 ROBOT = """
 import numpy as np, rospy
 from geometry_msgs.msg import TransformStamped
-from nav_msgs.msg import Odometry
+from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 rospy.init_node("robot")
 odom = rospy.Publisher("/robot/odom", Odometry, queue_size=1)
 points = rospy.Publisher("/robot/points", PointCloud2, queue_size=1)
 tf = rospy.Publisher("/tf", TFMessage, queue_size=1)
+latched = rospy.Publisher("/robot/map", OccupancyGrid, queue_size=1, latch=True)
+grid = OccupancyGrid(data=[0, 100, -1, 50, 1, 2])
+grid.info.width, grid.info.height = 3, 2
+latched.publish(grid)
 here = Odometry(child_frame_id="base_link")
 here.header.frame_id, here.pose.pose.position.x = "odom", 1.5
 here.pose.pose.orientation.w = 1
