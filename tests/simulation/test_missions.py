@@ -40,18 +40,32 @@ def test_a_file_gives_way_points(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("shape: circle", "square, figure_of_eight, lawn_mower"),
-        ("speed: 1", "shape"),
-        ("shape: square\nwaypoints: [[0, 0, 1]]", "shape"),
-        ("shape: square\nspeeed: 1", "no key 'speeed'"),
-        ("shape: square\nspeed: fast", "speed cannot be 'fast'"),
-        ("shape: square\nspeed: -1", "above 0"),
-        ("shape: square\nlaps: 1.5", "laps cannot be 1.5"),
-        ("shape: square\nsize: [1, 2, 3]", "size cannot be"),
-        ("waypoints: [[0, 0]]", "way point is"),
-        ("waypoints: 5", "waypoints cannot be 5"),
+        ("shape: circle", "choose one of square, figure_of_eight, lawn_mower"),
+        ("shape: [1]", "give one of square, figure_of_eight, lawn_mower"),
+        ("speed: 1", "give a shape (square, figure_of_eight, lawn_mower) or waypoints"),
+        ("waypoints: []", "give a shape"),
+        ("shape: square\nwaypoints: [[0, 0, 1]]", "leave one out"),
+        ("shape: square\nspeeed: 1", "no key 'speeed': choose of shape, size, center"),
+        ("shape: square\nspeed: fast", "speed cannot be 'fast': give a number"),
+        ("shape: square\nspeed: .nan", "speed cannot be nan"),
+        ("shape: square\nspeed: -1", "speed is -1.0: it has to be from 0.01 to 100 m/s"),
+        ("shape: square\nsize: 1e300", "from 0.1 to 1000 m"),
+        ("shape: lawn_mower\nspacing: 1e-9", "from 0.1 to 1000 m"),
+        ("shape: square\nlaps: 1.5", "laps cannot be 1.5: give a whole number"),
+        (f"shape: square\nlaps: {10**30}", "from 0 to 1000000"),
+        (f"shape: square\nspeed: {10**400}", "speed cannot be"),
+        ("shape: square\nsize: [1, 2, 3]", "size cannot be [1, 2, 3]: give a number or two"),
+        ("shape: square\nland: 1", "give true or false"),
+        ("waypoints: [[0, 0]]", "a way point is [x, y, z] or [x, y, z, yaw]"),
+        ("waypoints: [[0, 0, -1]]", "not below the ground"),
+        ("waypoints: [[1e9, 0, 1]]", "within 10000 m"),
+        ("waypoints: 5", "waypoints cannot be 5: give a list"),
         ("- 1", "keys and values"),
-        ("shape: [", "is no YAML"),
+        ("", "keys and values"),
+        ("shape: [", "is no YAML: "),
+        ("a: 1\nb: c: d", "in line 2"),
+        ("a: " + 3000 * "[", "nested too deeply"),
+        ("\0", "is no YAML: give a text file"),
     ],
 )
 def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, complaint: str):
@@ -65,6 +79,11 @@ def test_a_wrong_file_is_one_line(tmp_path: Path, text: str, complaint: str):
 def test_no_file_is_one_line(tmp_path: Path):
     with pytest.raises(OpenError, match=r"no such file.* one of square, figure_of_eight"):
         read_mission(tmp_path / "none.yaml")
+
+
+def test_way_points_on_the_ground_are_flown_at_the_height():
+    mission = Mission(waypoints=((1, 0, 0), (2, 0, 3)), height=1.5)
+    assert mission.route().points == [(1, 0, 1.5), (2, 0, 3)]
 
 
 def test_a_lawn_mower_covers_its_field_with_rows_no_further_apart_than_asked():

@@ -69,6 +69,29 @@ def test_a_way_point_is_flown_to():
         simulation.goto(PoseStamped(np.zeros(3), quarter, Header(0, "base_link")))
 
 
+def test_to_a_goal_on_the_ground_plane_it_flies_as_high_as_it_is():
+    simulation = Simulation("quadrotor", "plane", settings=BLIND_QUADROTOR)
+    ahead = np.array([0, 0, 0, 1.0])
+    simulation.goto(PoseStamped(np.array([2.0, 0.0, 0.0]), ahead))
+    from_ground = collect(simulation, 9.0)["truth"][-1]
+    assert from_ground.position_xyz == pytest.approx([2, 0, 2.0], abs=0.05)
+    simulation.goto(PoseStamped(np.array([2.0, 0.0, 3.0]), ahead))
+    collect(simulation, 5.0)
+    simulation.goto(PoseStamped(np.array([0.0, 1.0, 0.0]), ahead))
+    height = [m.position_xyz[2] for m in collect(simulation, 6.0)["truth"]]
+    assert height == pytest.approx([3.0] * len(height), abs=0.1)
+
+
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_what_is_not_finite_is_refused(robot: str):
+    settings = {"husky": BLIND_HUSKY, "quadrotor": BLIND_QUADROTOR}[robot]
+    simulation = Simulation(robot, "plane", settings=settings)
+    with pytest.raises(UsageError, match="finite"):
+        simulation.command(twist(x=math.nan, z=1.0))
+    with pytest.raises(UsageError, match="finite"):
+        simulation.goto(PoseStamped(np.array([math.inf, 0, 1.0]), np.array([0, 0, 0, 1.0])))
+
+
 @pytest.mark.parametrize(("asked", "got"), [(0.5, 0.5), (1.0, 1.0), (4.0, 1.0), (-4.0, -1.0)])
 def test_the_rover_drives_as_fast_as_asked_up_to_its_top_speed(asked: float, got: float):
     settings = replace(BLIND_HUSKY, command_timeout=30.0)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.attitude import Vector
@@ -17,6 +18,26 @@ from ros_visualise.simulation.route import Route
 
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
 _EIGHT_POINTS = 120
+_FAR_M = 10_000
+_LIMITS = {
+    "size": (0.1, 1000, "m"),
+    "center": (-_FAR_M, _FAR_M, "m"),
+    "spacing": (0.1, 1000, "m"),
+    "height": (0.3, 1000, "m"),
+    "speed": (0.01, 100, "m/s"),
+    "laps": (0, 1_000_000, "(0: without an end)"),
+}
+_POINT = "a way point is [x, y, z] or [x, y, z, yaw] in metres and degrees"
+_FORMS = {
+    "shape": f"one of {', '.join(SHAPES)}",
+    "size": "a number or two, in metres",
+    "center": "x and y in metres",
+    "laps": "a whole number",
+    "waypoints": "a list of [x, y, z] or [x, y, z, yaw], metres and degrees",
+    "closed": "true or false",
+    "land": "true or false",
+}
+"""What a file has to say; of the others it is a number."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +46,10 @@ class Mission:
 
     ``shape`` is one of `SHAPES` or empty, ``size`` its extent along x and y in metres around
     ``center``; ``spacing`` lies between a lawn mower's rows. ``waypoints`` are [x, y, z, yaw?]
-    in ``map``, yaw in degrees; ``closed`` leads back to the first. ``height`` (m) is for shapes and
-    fliers, ``speed`` in m/s, ``laps`` 0 goes on for ever. A flier takes off before and lands after
-    it where it took off, unless ``land`` is false.
+    in ``map``, yaw in degrees; ``closed`` leads back to the first. ``height`` (m) is that of shapes
+    and of way points on the ground, for fliers; ``speed`` in m/s, as far as the robot can; ``laps``
+    0 goes on for ever. A flier takes off before and lands after it where it took off, unless
+    ``land`` is false.
 
     Raises:
         OpenError: there is no such shape, no way, or a value makes no sense.
@@ -45,21 +67,27 @@ class Mission:
     land: bool = True
 
     def __post_init__(self) -> None:
-        if bool(self.shape) == bool(self.waypoints):
-            raise OpenError(f"a mission has a shape ({', '.join(SHAPES)}) or waypoints")
+        if self.shape and self.waypoints:
+            raise OpenError("a mission has a shape or waypoints, not both: leave one out")
+        if not (self.shape or self.waypoints):
+            raise OpenError(f"no way to go: give a shape ({', '.join(SHAPES)}) or waypoints")
         if self.shape and self.shape not in SHAPES:
             raise OpenError(f"no shape {self.shape!r}: choose one of {', '.join(SHAPES)}")
-        if any(len(point) not in (3, 4) for point in self.waypoints):
-            raise OpenError("a way point is [x, y, z] or [x, y, z, yaw]")
-        if min(*self.size, self.spacing, self.speed, self.height) <= 0 or self.laps < 0:
-            raise OpenError(
-                "size, spacing, height and speed of a mission are above 0, laps not below"
-            )
+        for name, (low, high, unit) in _LIMITS.items():
+            value = getattr(self, name)
+            if not all(low <= v <= high for v in (value if isinstance(value, tuple) else [value])):
+                raise OpenError(f"{name} is {value}: it has to be from {low} to {high} {unit}")
+        for point in self.waypoints:
+            if len(point) not in (3, 4):
+                raise OpenError(f"{_POINT}, not {reprlib.repr(list(point))}")
+            if not (max(map(abs, point)) <= _FAR_M and point[2] >= 0):
+                where = f"within {_FAR_M} m and not below the ground"
+                raise OpenError(f"the way point {list(point)} has to be {where}")
 
     def route(self) -> Route:
         """Its way in ``map``."""
         if self.waypoints:
-            points = [(p[0], p[1], p[2]) for p in self.waypoints]
+            points = [(p[0], p[1], p[2] or self.height) for p in self.waypoints]
             yaws = [math.radians(p[3]) if len(p) == 4 else None for p in self.waypoints]
             return Route(points, self.closed, yaws)
         draw = {"square": _square, "figure_of_eight": _eight, "lawn_mower": self._mow}
@@ -94,25 +122,34 @@ def read_mission(path: str | Path) -> Mission:
     Raises:
         OpenError: there is no such file, or no mission in it.
     """
-    try:
-        content = YAML(typ="safe", pure=True).load(Path(path))
-    except FileNotFoundError:
-        advice = f"give a YAML file or one of {', '.join(SHAPES)}"
-        raise OpenError.missing(path, advice) from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise OpenError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
-    except YAMLError as error:
-        raise OpenError(f"{path}: is no YAML: {' '.join(str(error).split())}") from None
+    content = _load(path)
     if not isinstance(content, dict):
         raise OpenError(f"{path}: a mission is keys and values, such as shape: square")
-    known = {field.name: field for field in fields(Mission)}
+    known = [field.name for field in fields(Mission)]
     for name in content:
         if name not in known:
-            raise OpenError(f"{path}: no key {name!r}; there are {', '.join(known)}")
+            raise OpenError(f"{path}: no key {name!r}: choose of {', '.join(known)}")
     try:
         return Mission(**{name: _read(name, value) for name, value in content.items()})
     except OpenError as error:
         raise OpenError(f"{path}: {error}") from None
+
+
+def _load(path: str | Path) -> Any:
+    try:
+        return YAML(typ="safe", pure=True).load(Path(path))
+    except FileNotFoundError:
+        advice = f"give a YAML file or one of {', '.join(SHAPES)}"
+        raise OpenError.missing(path, advice) from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}: give a YAML file") from None
+    except MarkedYAMLError as error:
+        line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise OpenError(f"{path}: is no YAML: {error.problem}{line}") from None
+    except (YAMLError, UnicodeDecodeError, ValueError):
+        raise OpenError(f"{path}: is no YAML: give a text file of keys and values") from None
+    except RecursionError:
+        raise OpenError(f"{path}: is nested too deeply: a mission is keys and values") from None
 
 
 def _read(name: str, value: Any) -> Any:
@@ -125,13 +162,14 @@ def _read(name: str, value: Any) -> Any:
             if len(pair) != 2:
                 raise ValueError
             return pair
-        if name == "shape":
-            return str(value)
         if name in ("closed", "land"):
             return _of_type(value, bool)
+        if name == "shape":
+            return _of_type(value, str)
         return _of_type(value, int) if name == "laps" else _number(value)
-    except (TypeError, ValueError):
-        raise OpenError(f"{name} cannot be {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        form = _FORMS.get(name, "a number")
+        raise OpenError(f"{name} cannot be {reprlib.repr(value)}: give {form}") from None
 
 
 def _of_type(value: Any, kind: type) -> Any:

@@ -7,7 +7,9 @@ from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.data import PoseStamped, Transforms, Twist
+import numpy as np
+
+from ros_visualise.data import Floats, PoseStamped, Transforms, Twist
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.description import describe
@@ -123,15 +125,23 @@ class Simulation:
             self._suite.close()
 
     def command(self, twist: Twist) -> None:
-        """Go with that velocity until ``command_timeout`` has passed; it gives up a mission."""
+        """Go with that velocity until ``command_timeout`` has passed; it gives up a mission.
+
+        Raises:
+            UsageError: it is not finite.
+        """
+        _check_finite("a velocity", twist.linear_xyz, twist.angular_xyz)
         self._orders.append(lambda: self._robot.command(twist, self.time_ns / 1e9))
 
     def goto(self, goal: PoseStamped) -> None:
         """Go to a pose in ``map``; it gives up a mission.
 
+        To one on the ground plane, as rviz's tool sends it, a quadrotor flies as high as it is.
+
         Raises:
-            UsageError: the pose is in another frame.
+            UsageError: the pose is in another frame, or not finite.
         """
+        _check_finite("a way point", goal.position_xyz, goal.quat_xyzw)
         if goal.header.frame_id not in ("", frames.MAP):
             raise UsageError(f"a way point is in the frame map, not {goal.header.frame_id}")
         self._orders.append(lambda: self._robot.go_to(goal))
@@ -197,3 +207,8 @@ class Simulation:
         if self.world.path_xy:
             return follow_path(self.world.path_xy, 0.8)
         return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)
+
+
+def _check_finite(what: str, *arrays: Floats) -> None:
+    if not all(np.isfinite(array).all() for array in arrays):
+        raise UsageError(f"{what} is of finite numbers")

@@ -19,6 +19,7 @@ from ros_visualise.simulation.settings import QuadrotorParams
 AIRFRAME = Airframe(1.5, (0.0291, 0.0291, 0.0552), 0.177, 0.016, 7.5)
 STANDING_M = 0.16  # of base_link over the ground
 TAKE_OFF_M = 2.0
+_LOWEST_M = 1.0  # that it flies to a goal or to a mission
 MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
 MAX_ACCELERATION = 3.0  # m/s^2
 MAX_TURN = math.radians(70)  # per second
@@ -97,9 +98,14 @@ class Quadrotor:
         self._twist, self._commanded_s = ((x, y, z), float(twist.angular_xyz[2])), time_s
 
     def go_to(self, goal: PoseStamped) -> None:
-        """Fly there, after taking off where need be, and turn to its heading."""
+        """Fly there, after taking off where need be, and turn to its heading.
+
+        To a goal on the ground plane, as rviz's tool sends it, it flies as high as it is.
+        """
         x, y, z, w = goal.quat_xyzw.tolist()
         px, py, pz = goal.position_xyz.tolist()
+        if pz <= 0:
+            pz = TAKE_OFF_M if self._mode is Mode.LANDED else max(self._point[2], _LOWEST_M)
         yaw = yaw_of((w, x, y, z))
         self._after_take_off(pz, lambda: self._fly([self._point, (px, py, pz)], 2.0, yaw=yaw))
 
@@ -158,7 +164,7 @@ class Quadrotor:
     def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
         self._next = []
         if self._mode is Mode.LANDED:
-            self._rise(max(height_m, 1.0))
+            self._rise(max(height_m, _LOWEST_M))
             self._next.append(then)
         else:
             self._mode = Mode.FLYING

@@ -64,7 +64,8 @@ class Silhouettes:
 def _runs(starts: Indices, lengths: Indices) -> Indices:
     """Numbers counted up from each start, runs of these lengths one after another."""
     before = np.cumsum(lengths) - lengths
-    return np.arange(lengths.sum()) + np.repeat(starts - before, lengths)
+    runs: Indices = np.arange(lengths.sum()) + np.repeat(starts - before, lengths)
+    return runs
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
