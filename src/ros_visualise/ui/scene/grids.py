@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import Enum
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 import viser
@@ -93,7 +94,10 @@ def picture_of(cells: npt.NDArray[np.int8], scheme: Scheme) -> Pixels:
     longer = max(cells.shape)
     pooled = _pool(cells, -(-longer // _MAX_PX))
     times = max(_SHARP_PX // longer, 1)
-    return palette_of(scheme)[pooled.view(np.uint8)].repeat(times, axis=0).repeat(times, axis=1)
+    picture: Pixels = palette_of(scheme).take(pooled.view(np.uint8), axis=0)
+    if times > 1:
+        picture = cv2.resize(picture, None, fx=times, fy=times, interpolation=cv2.INTER_NEAREST)
+    return picture
 
 
 def palette_of(scheme: Scheme) -> Pixels:
@@ -130,8 +134,8 @@ def _pool(cells: npt.NDArray[np.int8], factor: int) -> npt.NDArray[np.int8]:
         return np.ascontiguousarray(cells)
     lacking = [(0, -length % factor) for length in cells.shape]
     padded = np.pad(cells, lacking, constant_values=-128)
-    rows, columns = (length // factor for length in padded.shape)
-    found: npt.NDArray[np.int8] = padded.reshape(rows, factor, columns, factor).max(axis=(1, 3))
+    rows = padded.reshape(-1, factor, padded.shape[1]).max(axis=1)
+    found: npt.NDArray[np.int8] = rows.reshape(len(rows), -1, factor).max(axis=2)
     return found
 
 

@@ -114,8 +114,8 @@ class Scene:
             for topic, entry in self._topics:
                 if entry.waiting is not None:
                     self._try(topic, entry)
-                elif entry.shown is not None and entry.drawing is not None and entry.drawing.stays:
-                    self._place_again(entry)
+                else:
+                    entry.follow(self.frames)
                 if entry.drawing is not None:
                     entry.drawing.visible = self._topics.is_seen(topic)
             self._places = self.frames.places()
@@ -193,15 +193,6 @@ class Scene:
         drawing.place(T)
         drawing.settle(message, self.frames)
         entry.draw(drawing, self._look)
-
-    def _place_again(self, entry: Entry) -> None:
-        assert entry.drawing is not None
-        try:
-            T = self.frames.locate(entry.frame, 0)
-        except NoTransform:
-            return
-        if not np.array_equal(T, entry.drawing.T_fixed_frame):
-            entry.drawing.place(T)
 
     def _robot(self) -> Floats | None:
         """T_fixed_robot: by its frame, else by the first odometry."""

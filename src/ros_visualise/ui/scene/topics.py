@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -12,9 +13,10 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import CameraInfo, Floats, Odometry
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.scene.drawing import PALETTE, Drawing, Look, node_name
+from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.poses import Pose
 
@@ -54,6 +56,15 @@ class Entry:
             drawing.draw(message, look)
         except (DamagedMessage, ValueError) as error:  # such as a cloud without heights
             self.problem = str(error)
+
+    def follow(self, frames: Frames) -> None:
+        """Put what stays until the next message where its frame is now."""
+        if self.drawing is None or self.shown is None or not self.drawing.stays:
+            return
+        with suppress(NoTransform):
+            T_fixed_frame = frames.locate(self.frame, 0)
+            if not np.array_equal(T_fixed_frame, self.drawing.T_fixed_frame):
+                self.drawing.place(T_fixed_frame)
 
     def again(self) -> None:
         """Let what is drawn be drawn once more."""
