@@ -136,6 +136,11 @@ def test_a_map_whose_origin_is_no_pose_is_told(scene):
     draw(scene, map=grid(quat=np.zeros(4)), empty=grid(np.zeros((0, 5), np.int8)))
     assert "OccupancyGrid" in scene.problems["/map"]
     assert "/empty" not in scene.problems
+    for wrong in (grid(xyz=[np.nan, 0, 0]), grid(resolution=np.nan), grid(resolution=0.0)):
+        draw(scene, map=grid())
+        assert scene.problems == {}
+        draw(scene, map=wrong)
+        assert "is no number" in scene.problems["/map"]
 
 
 def test_particles_are_arrows_in_one_element(scene, look):

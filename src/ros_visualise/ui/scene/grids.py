@@ -51,6 +51,8 @@ class Grid(Drawing):
             T_frame_origin = transforms.from_pose(message.position_xyz, message.quat_xyzw)
         except ValueError as error:
             raise DamagedMessage(f"OccupancyGrid: {error}") from None
+        if not (np.isfinite(T_frame_origin).all() and 0 < message.resolution < np.inf):
+            raise DamagedMessage("OccupancyGrid: its origin or its resolution is no number")
         scheme = self._own_scheme if self.coloring is Scheme.AUTO else self.coloring
         if not message.cells.size:
             return

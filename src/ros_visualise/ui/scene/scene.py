@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any
 
-import numpy as np
 import viser
 
 from ros_visualise.data import CameraInfo, Floats, Image, Text, Transforms
