@@ -126,7 +126,12 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
     kitti.add_argument("input", metavar="DIR")
     for command in (bag, kitti):
         command.add_argument(
-            "--topics", nargs="+", default=[], metavar="TOPIC", help="play these alone"
+            "--topics",
+            action="extend",
+            nargs="+",
+            default=[],
+            metavar="TOPIC",
+            help="play these alone",
         )
         command.add_argument(
             "--image", metavar="TOPIC|none", help="images for the nodes (default: the first topic)"
@@ -157,7 +162,9 @@ def _add_convert(commands: Any) -> None:
     convert.add_argument(
         "output", metavar="DST", help=".bag, .mcap, or a name without these for a ROS 2 folder"
     )
-    convert.add_argument("--topics", nargs="+", default=[], metavar="TOPIC", help="these alone")
+    convert.add_argument(
+        "--topics", action="extend", nargs="+", default=[], metavar="TOPIC", help="these alone"
+    )
     convert.add_argument(
         "--start", type=not_negative, metavar="S", help="begin at this time, seconds"
     )

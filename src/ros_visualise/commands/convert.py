@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from ros_visualise.commands.conversion import Conversion, Part
 from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.commands.wording import counted
+from ros_visualise.commands.wording import counted, sized
 from ros_visualise.errors import DamagedMessage, OpenError, RosVisualiseError, UsageError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
@@ -77,7 +77,7 @@ def _choose_part(recording: Recording, args: Namespace) -> Part:
     start_ns = recording.start_ns + round((args.start or 0) * _NS)
     if start_ns > recording.end_ns:
         length_s = (recording.end_ns - recording.start_ns) / _NS
-        raise UsageError(f"--start {args.start:g}: {recording.path} ends after {length_s:.1f} s")
+        raise UsageError(f"--start {args.start:g}: {recording.path} ends after {length_s:.3f} s")
     stop_ns = None if args.duration is None else start_ns + round(args.duration * _NS)
     return Part(topics, start_ns if args.start else None, stop_ns)
 
@@ -165,7 +165,7 @@ def _finish(
     report = _report(conversion, unwritable, notes)
     print(
         f"{report['path']}: {counted(report['messages'], 'message')}"
-        f" on {counted(len(report['topics']), 'topic')}, {report['bytes'] / 1e6:.1f} MB",
+        f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}",
         file=sys.stderr,
     )
     if args.json:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ros_visualise import sources
 from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.commands.wording import counted
+from ros_visualise.commands.wording import counted, sized
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
@@ -102,8 +102,7 @@ def _rate(hz: float | None) -> str:
 
 
 def _size(size: int) -> str:
-    short = f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"
-    return f"{short} ({size} bytes)"
+    return f"{sized(size)} ({size} bytes)"
 
 
 def _duration(seconds: float) -> str:

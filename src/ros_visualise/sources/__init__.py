@@ -60,6 +60,7 @@ def _may_be_video(path: Path) -> bool:
 
 
 def _neither(path: str | os.PathLike[str]) -> OpenError:
-    from ros_visualise.sources.recordings import KINDS
+    from ros_visualise.sources.recordings import KINDS, unknown_file
 
-    return OpenError(f"{path}: neither a recording ({KINDS}) nor a video that FFmpeg can read")
+    what = f"neither a recording ({KINDS}) nor a video that FFmpeg can read"
+    return unknown_file(Path(path), what)

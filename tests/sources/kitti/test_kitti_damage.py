@@ -88,4 +88,4 @@ def test_damaged_lines_of_times_are_filled(opened, changeable, drive_0009):
     recording = opened(changeable)
     stamps = recording.stamps_ns()
     assert stamps["/cam00/image_rect"][1] == stamps["/velodyne_points"][1]
-    assert "image_00: 2 times are missing" in recording.notes[0]
+    assert "image_00: 2 of 5 times are missing" in recording.notes[0]

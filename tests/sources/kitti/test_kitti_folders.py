@@ -9,6 +9,7 @@ from kitti_reading import fixed_transform, messages, replace_file
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.kitti import is_kitti, open_kitti
+from ros_visualise.sources.recordings import open_recording
 
 MS = 1_000_000
 
@@ -153,3 +154,21 @@ def test_unsynced_drive_is_told_by_its_images_where_its_name_says_nothing(opened
     recording = opened(drive)
     assert "/cam00/image_raw" in recording.topics
     assert fixed_transform(recording, "velodyne", "cam00_optical").shape == (4, 4)
+
+
+@pytest.mark.parametrize("part", ["image_02", "image_02/data", "oxts/data"])
+def test_of_a_part_the_whole_is_named(changeable, part):
+    with pytest.raises(OpenError, match="a part of a KITTI drive") as error:
+        open_recording(changeable / part)
+    assert str(error.value).endswith(f"give the whole: {changeable}")
+
+
+def test_a_camera_without_images_is_said(opened, changeable):
+    for path in (changeable / "image_02/data").iterdir():
+        path.unlink()
+    shutil.rmtree(changeable / "image_03/data")
+    shutil.rmtree(changeable / "image_01")
+    recording = opened(changeable)
+    assert [note.partition(":")[0] for note in recording.notes] == ["image_02", "image_03"]
+    assert all("holds no frames" in note for note in recording.notes)
+    assert {topic[:6] for topic in recording.topics if topic.startswith("/cam")} == {"/cam00"}

@@ -1,5 +1,9 @@
 """What a path is, is found out by looking at it."""
 
+import bz2
+import gzip
+import lzma
+
 import made_bags
 import pytest
 
@@ -40,6 +44,13 @@ def test_what_is_none_is_refused(tmp_path, kind):
     path.write_bytes(OTHER[kind])
     assert not is_recording(path)
     assert_refused(path, "record it again" if kind == "empty" else f"ros-visualise video {path}")
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])
+def test_what_is_packed_is_to_be_unpacked(tmp_path, pack):
+    path = tmp_path / "drive.bag.packed"
+    path.write_bytes(pack(b"#ROSBAG V2.0\n" + bytes(1000)))
+    assert_refused(path, "unpack it")
 
 
 def test_nothing_is_refused(tmp_path):

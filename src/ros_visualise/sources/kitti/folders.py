@@ -11,9 +11,12 @@ from ros_visualise.errors import OpenError
 CAMERAS = range(4)
 """0 and 1 are gray, 2 and 3 in colour; 0 and 2 left, 1 and 3 right."""
 
+PARTS = {"oxts", "velodyne_points", *(f"image_{camera:02d}" for camera in CAMERAS)}
+"""The folders of a raw drive's sensors."""
+
+_PART_DEPTH = 2  # of image_02/data in a drive
 _DEPTH = 3  # of the folder above a benchmark: dataset/sequences/00
 _MOST_FOLDERS = 2000  # looked into, where somebody gives their home folder
-_DRIVE_PARTS = {"oxts", "velodyne_points", *(f"image_{camera:02d}" for camera in CAMERAS)}
 _SEQUENCE_PARTS = {"velodyne", *(f"image_{camera}" for camera in CAMERAS)}
 _LISTED = 5
 
@@ -42,6 +45,12 @@ def has_folder(path: Path) -> bool:
     return bool(_find(path))
 
 
+def find_whole(part: Path) -> Path | None:
+    """The drive or the sequence of which a folder is a part, if it is one."""
+    above = part.absolute().parents[:_PART_DEPTH]
+    return next((folder for folder in above if _is_drive(folder) or is_sequence(folder)), None)
+
+
 def is_sequence(folder: Path) -> bool:
     """Whether it is a sequence of the odometry benchmark."""
     names = _names(folder)
@@ -64,7 +73,7 @@ def is_unsynced(drive: Path) -> bool | None:
 
 def _is_drive(folder: Path) -> bool:
     """Whether it holds a sensor's folder as the raw drives have it: with its ``data`` below."""
-    return any((folder / name / "data").is_dir() for name in _names(folder) & _DRIVE_PARTS)
+    return any((folder / name / "data").is_dir() for name in _names(folder) & PARTS)
 
 
 def _find(path: Path) -> list[Path]:

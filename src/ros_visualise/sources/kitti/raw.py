@@ -14,7 +14,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
 from ros_visualise.sources.kitti.files import Files, list_files
-from ros_visualise.sources.kitti.folders import CAMERAS, is_unsynced
+from ros_visualise.sources.kitti.folders import CAMERAS, PARTS, is_unsynced
 from ros_visualise.sources.kitti.scanner import Scanner
 from ros_visualise.sources.kitti.series import (
     BASE,
@@ -70,6 +70,8 @@ def open_drive(folder: Path) -> SeriesRecording:
     drive = _Drive(folder, scans, samples, {c: files for c, files in images.items() if files})
     if not drive.parts:
         raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")
+    empty = sorted(name for name in PARTS - drive.parts.keys() if (folder / name).is_dir())
+    drive.notes += [f"{name}: holds no frames; unpack it again if it should" for name in empty]
     unsynced = _is_unsynced(drive)
     times = _stamp(drive, synced=not unsynced)
     start_ns = min(int(one.min()) for one in times.values())

@@ -100,8 +100,9 @@ def complete(
         rest = [number for number in lacking if number not in one.times]
         if rest:
             sources.append(_count(one, rest, known, synced, start_ns, periods_ns[one.name]))
-        what = "no timestamps.txt" if not one.has_file else f"{len(lacking)} times are missing"
-        notes.append(f"{one.name}: {what}; {len(lacking)} frames stamped {', '.join(sources)}")
+        some = f"{len(lacking)} of {len(one.numbers)} times are missing"
+        what = some if one.has_file else "no times, as there is no timestamps.txt"
+        notes.append(f"{one.name}: {what}; frames without one are stamped {', '.join(sources)}")
     return notes
 
 

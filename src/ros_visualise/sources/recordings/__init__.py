@@ -22,6 +22,8 @@ _MCAP = b"\x89MCAP0\r\n"
 _SQLITE = b"SQLite format 3\0"
 _ULOG = b"ULog\x01\x12\x35"
 _SRT = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\r?\n[\d:,. ]+-->")
+_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
+"""How zip, gzip, bzip2, xz, zstd and 7z begin."""
 _HEAD_SIZE = 4096
 KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
 """The recordings that there are, for people."""
@@ -143,6 +145,13 @@ def is_recording(path: str | Path) -> bool:
         return False
 
 
+def unknown_file(path: Path, what: str) -> OpenError:
+    """What to say of a file that nobody here can read; ``what`` it is, unless it is an archive."""
+    if _head(path).startswith(_ARCHIVES):
+        what = "a packed file; unpack it and give what is in it"
+    return OpenError(f"{path}: {what}")
+
+
 def _open_file(path: Path) -> Recording:
     if not path.exists():
         raise OpenError.missing(path)
@@ -172,13 +181,13 @@ def _open_file(path: Path) -> Recording:
             from ros_visualise.sources.logs.dji import open_srt
 
             return open_srt(path)
-    raise OpenError(
-        f"{path}: not a recording ({KINDS}); if it is a video: ros-visualise video {path}"
+    raise unknown_file(
+        path, f"not a recording ({KINDS}); if it is a video: ros-visualise video {path}"
     )
 
 
 def _open_folder(path: Path) -> Recording:
-    from ros_visualise.sources.kitti import is_kitti, open_kitti
+    from ros_visualise.sources.kitti import find_whole, is_kitti, open_kitti
     from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 
     if (path / "metadata.yaml").is_file():
@@ -188,6 +197,9 @@ def _open_folder(path: Path) -> Recording:
     found = _recordings_in(path)
     if found and _is_one_split_bag(found):
         return open_rosbag2(path)
+    whole = None if found else find_whole(path)
+    if whole is not None:
+        raise OpenError(f"{path}: a part of a KITTI drive; give the whole: {whole}")
     if not found:
         raise OpenError(f"{path}: a folder with no recording in it; give a file or folder of one")
     if len(found) == 1:

@@ -98,7 +98,7 @@ class _Pieces:
         if unknown:
             add_note(self._loss, f"{unknown} messages of channels that it does not describe")
         missing = self._claimed - sum(counts.values())
-        if missing > 0 and self._loss.messages + unknown < missing:
+        if missing > 0 and not self._loss.notes:  # which say why
             add_note(self._loss, f"of {self._claimed} messages {missing} are missing")
         self._loss.messages = max(self._loss.messages + unknown, missing)
         return self._index

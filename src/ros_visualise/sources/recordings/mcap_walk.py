@@ -215,5 +215,5 @@ def _check_end(file: BinaryIO, position: int, size: int, last: Record | None, lo
         add_note(
             loss,
             f"its end is missing: cut off, or never closed by its recorder; "
-            f"{position / 1e6:.1f} MB are whole, {rest} bytes after them are not",
+            f"{position} of {size} bytes are whole",
         )

@@ -167,4 +167,5 @@ def _compare(metadata: _Metadata, storages: Iterable[Storage], loss: Loss) -> No
     missing = (metadata.messages or 0) - found
     if missing > 0:
         loss.messages = max(loss.messages, missing)
-        add_note(loss, f"metadata.yaml counts {metadata.messages} messages, {found} are there")
+        if not loss.notes:  # which say why
+            add_note(loss, f"metadata.yaml counts {metadata.messages} messages, {found} are there")
