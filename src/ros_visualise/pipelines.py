@@ -249,7 +249,8 @@ def simulation_pipeline(robot: str, **settings: Any) -> Graph:
     source = _placed(find(robot))
     images = _chained([_built_in(name) for name in IMAGE_NODES], source.outputs["image"])
     path = place(_built_in("path"), {"odom": source.outputs["odom"]})
-    return Graph((source, *images, path)).configured({robot: settings})
+    filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
+    return Graph((source, *images, path)).configured({robot: settings, "filters": filters})
 
 
 _PATH_INPUTS: dict[type, str] = {

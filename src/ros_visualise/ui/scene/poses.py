@@ -31,7 +31,7 @@ class Pose(Drawing):
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self.T_frame_body: Floats = np.eye(4)
-        self._axes = scene.add_frame(f"{name}/axes", axes_length=0.8, axes_radius=0.02)
+        self._axes = scene.add_frame(f"{name}/axes", axes_length=0.5, axes_radius=0.012)
         self._axes.origin_color = color
         self._line = Line(scene, f"{name}/trail", color)
         self._trail = Trail()

@@ -10,7 +10,7 @@ import viser
 
 from ros_visualise.data import Floats
 
-_NEAREST_M, _FARTHEST_M = 2.0, 28.0
+_NEAREST_M, _FARTHEST_M = 4.0, 28.0
 _MOST = 70  # percent of what is drawn decides how far away the camera stands
 _BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
 _SETTLED_S = 1.5
