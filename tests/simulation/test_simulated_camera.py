@@ -1,6 +1,9 @@
 """Images show known things where the camera's model says."""
 
 import math
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import cv2
@@ -9,7 +12,9 @@ import pytest
 from simulated_runs import collect
 
 from ros_visualise.data import Image
+from ros_visualise.errors import OpenError
 from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
+from ros_visualise.simulation.rendering import choose_backend
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +125,29 @@ def test_a_gimbal_keeps_the_camera_level():
         _, R = mounting.optical_in_map(np.zeros(3), turn)
         straight_down = R[:, 2] @ (0, 0, -1)
         assert straight_down == pytest.approx(1 if gimbal else turn[2, 2])
+
+
+def test_no_opengl_is_one_line_that_says_what_to_do(monkeypatch):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("MUJOCO_GL", "glfw")
+    with pytest.raises(OpenError, match=r"glfw tried.*: unset MUJOCO_GL, or apt install libegl1"):
+        choose_backend.__wrapped__()
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    with pytest.raises(OpenError, match="turn the camera off"):
+        choose_backend.__wrapped__()
+
+
+def test_a_platform_that_mujoco_does_not_know_is_one_line():
+    done = subprocess.run(
+        [sys.executable, "-m", "ros_visualise", "sim", "husky", "--world", "plane"],
+        env={**os.environ, "MUJOCO_GL": "nonsense"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.strip().count("\n") == 0
+    assert "MUJOCO_GL=nonsense does not work here: unset MUJOCO_GL" in done.stderr
 
 
 def test_images_that_nobody_wants_are_not_made():

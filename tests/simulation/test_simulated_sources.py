@@ -96,3 +96,45 @@ def test_set_down_anew_it_goes_on_in_time():
     assert truth[0].header.stamp_ns >= 2 * S
     assert again[-1][1].header.stamp_ns < 4 * S
     assert abs(truth[0].position_xyz[0] - START_X) < 0.05
+
+
+SEEING = {"camera": True, "camera_width": 32, "camera_height": 24, "camera_rate": 5.0}
+
+
+def next_image(messages):
+    return next(message for name, message in messages if name == "image")
+
+
+def test_sought_while_paused_the_image_of_that_time_is_shown():
+    playback = Playback(rate=0, hold=True)
+    messages = make("husky", playback, mission="square", **SEEING).messages()
+    seen = {}
+    while len(seen) < 12:
+        image = next_image(messages)
+        seen[image.header.stamp_ns] = image.pixels
+    playback.pause()
+    playback.seek(1.27)
+    image = next_image(messages)
+    assert playback.state.position_s == 1.2
+    assert (image.pixels == seen[12 * S // 10]).all()
+    playback.step(-1)
+    assert (next_image(messages).pixels == seen[S]).all()
+    playback.step(-1)
+    playback.seek(0.0)
+    assert (next_image(messages).pixels == seen[0]).all()
+    playback.step(2)
+    stepped = [next_image(messages) for _ in range(2)]
+    assert (stepped[1].pixels == seen[4 * S // 10]).all()
+    playback.close()
+
+
+def test_steps_go_from_message_to_message_where_there_are_no_images():
+    playback = Playback(rate=0, hold=True)
+    messages = make("husky", playback).messages()
+    start = [next(messages)[0] for _ in range(7)]
+    assert start == ["robot_description", "tf_static", "tf", "odom", "truth", "imu", "fix"]
+    playback.pause()
+    playback.step()
+    name, message = next(messages)
+    assert (name, message.header.stamp_ns) == ("imu", S // 100)
+    playback.close()

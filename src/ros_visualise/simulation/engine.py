@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 from typing import Any
 
 from ros_visualise.errors import OpenError
@@ -12,15 +13,25 @@ def load_mujoco() -> Any:
     """The module ``mujoco``.
 
     Raises:
-        OpenError: it is not installed, or too old.
+        OpenError: it is not installed, or too old, or not to be had with what MUJOCO_GL says.
     """
+    advice = advise_opengl()
     try:
         mujoco = importlib.import_module("mujoco")
     except ImportError as error:
         raise OpenError(f"the simulator needs MuJoCo ({error}): {_INSTALL}") from None
+    except (AttributeError, OSError, RuntimeError):  # of PyOpenGL, without that platform's library
+        asked = os.environ.get("MUJOCO_GL", "")
+        raise OpenError(f"MUJOCO_GL={asked} does not work here: {advice}") from None
     if tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 5):
         raise OpenError(f"the simulator needs MuJoCo 3.5, not {mujoco.__version__}: {_INSTALL}")
     return mujoco
+
+
+def advise_opengl() -> str:
+    """What to do where there is no OpenGL."""
+    unset = "unset MUJOCO_GL, or " if os.environ.get("MUJOCO_GL") else ""
+    return f"{unset}apt install libegl1 libgl1-mesa-dri, or libosmesa6"
 
 
 _INSTALL = "pip install 'ros_visualise[sim]'"

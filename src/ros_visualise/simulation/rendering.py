@@ -6,6 +6,7 @@ import importlib
 import os
 import subprocess
 import sys
+import time
 from functools import cache
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.errors import OpenError
-from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.engine import advise_opengl, load_mujoco
 
 _PROBE_TIMEOUT_S = 60.0
 
@@ -42,8 +43,7 @@ def choose_backend() -> str:
         if (name != "glfw" or os.environ.get("DISPLAY")) and _works(name):
             return name
     raise OpenError(
-        f"no OpenGL for the simulated camera ({', '.join(candidates)} tried): "
-        "apt install libegl1 libgl1-mesa-dri, or libosmesa6"
+        f"no OpenGL for the simulated camera ({', '.join(candidates)} tried): {advise_opengl()}"
     )
 
 
@@ -80,7 +80,6 @@ class Renderer:
     def __init__(self, model: Any, size: tuple[int, int]) -> None:
         mujoco = self._mujoco = load_mujoco()
         width, height = size
-        context = importlib.import_module(f"mujoco.{choose_backend()}").GLContext
         self._model = model
         self._rows = np.empty((height, width, 3), np.uint8)
         self._rect = mujoco.MjrRect(0, 0, width, height)
@@ -90,9 +89,7 @@ class Renderer:
         self._camera = mujoco.MjvCamera()
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = 0
-        self._gl = context(width, height)
-        self._gl.make_current()
-        self._target = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        self._gl, self._target = _open_context(mujoco, model, size)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
 
     def render(self, data: Any, position_xyz: Floats, R_map_camera: Floats) -> Pixels:
@@ -122,5 +119,22 @@ class Renderer:
         self._target.free()
         self._gl.free()
 
+
+def _open_context(mujoco: Any, model: Any, size: tuple[int, int]) -> tuple[Any, Any]:
+    """An OpenGL context, current, and what MuJoCo draws with in it."""
+    name = choose_backend()
+    make = importlib.import_module(f"mujoco.{name}").GLContext
+    for rest_s in _RESTS_S:
+        context = make(*size)
+        try:
+            context.make_current()
+            return context, mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
+        except mujoco.FatalError:
+            time.sleep(rest_s)
+    raise OpenError(f"OpenGL by {name} failed: {advise_opengl()}")
+
+
+_RESTS_S = 0.1, 0.3, 1.0, 0.0
+"""An X server that its last client has left, as `choose_backend` does, is away for a moment."""
 
 _OPENGL: npt.NDArray[np.float64] = np.array([1.0, -1.0, -1.0])  # its cameras look along -z, y up

@@ -14,12 +14,17 @@ from ros_visualise.sources.playback import Playback
 
 _NO_MISSION = "none"
 _SAID_ONCE = ("robot_description", "tf_static")
+_FRAME = "image"  # what a person steps through
+
+Batch = tuple[Output, ...]
+"""Messages that pass together."""
 
 
 class SimulatedRobot:
     """Steps a simulation as its messages become due.
 
-    Its time begins anew where playing goes back; then what was asked of the robot is forgotten.
+    Where playing goes back all is simulated anew up to there; what was asked of the robot meanwhile
+    is forgotten.
 
     Args:
         robot: ``husky`` or ``quadrotor``.
@@ -48,27 +53,42 @@ class SimulatedRobot:
         self._arguments = robot, world, seed, None if mission == _NO_MISSION else mission, settings
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
-        self._skipping = False
+        self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
+        self._sees = settings.camera
+        self._sought_ns = 0
         self._simulation = self._make()
 
     def messages(self) -> Iterator[tuple[str, Any]]:
         """The sensors' messages as they become due, stamped with the time of the playback."""
-        for stamp_ns, output in self._playback.run(self):
-            yield output.name, restamped(output.message, stamp_ns - output.stamp_ns)
+        for stamp_ns, batch in self._playback.run(self, self._is_frame):
+            for output in batch:
+                shown_ns = 0 if output.name in _SAID_ONCE else batch[-1].stamp_ns
+                yield output.name, restamped(output.message, stamp_ns - shown_ns)
 
-    def read(self, start_ns: int) -> Generator[tuple[int, Output], None, None]:
-        """(Time since the start, message), from that time on.
+    def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
+        """(Time since the start, messages), from those shown at that time on.
 
-        What lies before is not rendered; what is said but once comes at that time.
+        The first batch holds the last message of each output until then, the image at its end.
         """
         start_ns -= self._origin_ns
         simulation = self._begin(start_ns)
+        shown: dict[str, Output] = {}
         for output in simulation.run():
-            self._skipping = output.stamp_ns < start_ns
-            if not self._skipping or output.name in _SAID_ONCE:
-                yield max(output.stamp_ns, start_ns) + self._origin_ns, output
+            if output.stamp_ns <= start_ns:
+                shown[output.name] = output
+            else:
+                yield from self._show(shown)
+                yield output.stamp_ns + self._origin_ns, (output,)
             if self._playback.closed or (simulation.finished and not self._playback.holds):
-                return
+                break
+        yield from self._show(shown)
+
+    def _show(self, shown: dict[str, Output]) -> Iterator[tuple[int, Batch]]:
+        """Let go of what is held."""
+        batch = sorted(shown.values(), key=lambda output: (output.name == _FRAME, output.stamp_ns))
+        shown.clear()
+        if batch:
+            yield batch[-1].stamp_ns + self._origin_ns, tuple(batch)
 
     def command(self, twist: Twist) -> None:
         """Go with that velocity."""
@@ -84,6 +104,7 @@ class SimulatedRobot:
 
     def _begin(self, start_ns: int) -> Simulation:
         """The simulation at a time: the present one, unless its time has passed."""
+        self._sought_ns = start_ns
         if self._simulation.time_ns > max(start_ns, 0):
             self._simulation = self._make()
         return self._simulation
@@ -92,7 +113,15 @@ class SimulatedRobot:
         return Simulation(*self._arguments, self._is_wanted)
 
     def _is_wanted(self, output: str) -> bool:
-        return not self._skipping and (self.wants is None or self.wants(output))
+        """What is dear is not made on the way to a time, but for what is to be seen there."""
+        on_the_way = self._simulation.time_ns <= self._sought_ns - self._look_back_ns
+        return not on_the_way and self._is_awaited(output)
+
+    def _is_awaited(self, output: str) -> bool:
+        return self.wants is None or self.wants(output)
+
+    def _is_frame(self, batch: Batch) -> bool:
+        return batch[-1].name == _FRAME or not (self._sees and self._is_awaited(_FRAME))
 
 
 def restamped(message: Any, shift_ns: int) -> Any:
