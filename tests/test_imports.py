@@ -15,6 +15,7 @@ LAYERS = [
     {"messages", "vision"},
     {"sources", "sinks", "simulation"},
     {"nodes"},
+    {"graph"},
     {"pipelines"},
     {"runtime"},
     {"ui"},

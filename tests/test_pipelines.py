@@ -2,8 +2,9 @@ import pytest
 
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.graph import parse_node
 from ros_visualise.nodes import load, node
-from ros_visualise.pipelines import image_pipeline, parse_node, path_pipeline
+from ros_visualise.pipelines import image_pipeline, path_pipeline
 
 OWN = """
 from dataclasses import dataclass

@@ -12,10 +12,11 @@ from functools import partial
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.graph import Graph, Node, parse_node
 from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
-from ros_visualise.pipelines import IMAGE_NODES, Graph, Node, alone, chain, parse_node
+from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.rate import WallClock
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.clock import ClockPublisher, ros_clock

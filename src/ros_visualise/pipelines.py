@@ -1,13 +1,10 @@
-"""The pipelines, as graphs of nodes: what runs, and which topics join it."""
+"""The pipelines that there are, as graphs of nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
-from ros_visualise import params
 from ros_visualise.data import (
     Image,
     NavSatFix,
@@ -16,132 +13,13 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Transforms,
 )
-from ros_visualise.errors import ParameterError, UsageError
-from ros_visualise.messages import type_name
+from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph, Node, place
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType, find
 from ros_visualise.nodes.player import player
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
-
-
-@dataclass(frozen=True)
-class Node:
-    """A node in a graph: its name there, its type, what it starts with, and its topics.
-
-    ``inputs`` and ``outputs`` map the names in the node's declaration to topics.
-    """
-
-    name: str
-    type: NodeType | SourceType
-    params: Any
-    inputs: Mapping[str, str]
-    outputs: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class Topic:
-    """A topic: the class of its messages, the node that publishes it, and whether only on demand.
-
-    ``ros`` is its type on a ROS graph and in recordings, and whether its last message holds.
-    """
-
-    type: type
-    publisher: str
-    on_demand: bool
-    ros: TopicType
-
-
-@dataclass(frozen=True)
-class Graph:
-    """Nodes in the order in which messages pass them; a source, if there is one, comes first."""
-
-    nodes: tuple[Node, ...]
-
-    @property
-    def source(self) -> Node | None:
-        """The node that everything starts from; None where messages come from outside."""
-        return next((node for node in self.nodes if isinstance(node.type, SourceType)), None)
-
-    @property
-    def live(self) -> bool:
-        """Whether what it starts from cannot wait for whoever is slow."""
-        source = self.source
-        return source is None or (isinstance(source.type, SourceType) and source.type.live)
-
-    @property
-    def makes_time(self) -> bool:
-        """Whether its source tells what time it is."""
-        source = self.source
-        return source is not None and isinstance(source.type, SourceType) and source.type.makes_time
-
-    @property
-    def inputs(self) -> dict[str, type]:
-        """The topics that come from outside, and the type of their messages."""
-        return {
-            topic: node.type.inputs[port]
-            for node in self.nodes
-            for port, topic in node.inputs.items()
-            if topic not in self.topics
-        }
-
-    @property
-    def topics(self) -> dict[str, Topic]:
-        """Every topic by name, in the order of the nodes."""
-        return {
-            topic: _topic(node, port) for node in self.nodes for port, topic in node.outputs.items()
-        }
-
-    def node(self, name: str) -> Node:
-        """The node of that name.
-
-        Raises:
-            UsageError: there is none; those that there are are listed.
-        """
-        for node in self.nodes:
-            if node.name == name:
-                return node
-        raise UsageError(f"no node {name!r} here; there is {', '.join(n.name for n in self.nodes)}")
-
-    def configured(self, settings: Mapping[str, Mapping[str, Any]]) -> Graph:
-        """The same graph with other starting parameters: node -> parameter -> value.
-
-        Raises:
-            UsageError: no such node or parameter, or a value out of its range.
-        """
-        for name in settings:
-            self.node(name)
-        return Graph(tuple(_configure(node, settings.get(node.name, {})) for node in self.nodes))
-
-    def insert(self, added: NodeType, after: str) -> Graph:
-        """The same graph with a node of one's own, fed by the main output of ``after``.
-
-        Whoever listened to that output listens to the new node's instead, if it is of that type.
-
-        Raises:
-            UsageError: no such node, the name is taken, or its input is not what ``after`` gives.
-        """
-        before = self.node(after)
-        if any(node.name == added.name for node in self.nodes):
-            raise UsageError(f"there is a node {added.name!r} already; name yours differently")
-        port, topic = next(iter(before.outputs.items()))
-        given = before.type.outputs[port]
-        if list(added.inputs.values()) != [given]:
-            raise UsageError(
-                f"{added.name}: needs one input of type {given.__name__} after {after}"
-            )
-        new = place(added, {next(iter(added.inputs)): topic})
-        taken = [output for output in new.outputs.values() if output in self.topics]
-        if taken:
-            raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
-        own = next((t for p, t in new.outputs.items() if added.outputs[p] is given), topic)
-        nodes: list[Node] = []
-        for node in self.nodes:
-            inputs = {port: own if t == topic else t for port, t in node.inputs.items()}
-            nodes += [replace(node, inputs=inputs)] + ([new] if node is before else [])
-        return Graph(tuple(nodes))
-
 
 IMAGE_NODES = ("fps_control", "filters", "edge_detector")
 """The nodes that images pass in the pipelines, in order."""
@@ -193,7 +71,8 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
             raise UsageError(f"{declared.name}: is there twice")
         if list(declared.inputs.values()) != [given]:
             raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
-        node = place(declared, {next(iter(declared.inputs)): topic})
+        inputs = {next(iter(declared.inputs)): topic}
+        node = place(declared, inputs, _OUTPUTS.get(declared.name))
         nodes += (node,)
         topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
     return nodes
@@ -282,7 +161,7 @@ def _following(pair: NamedPair, topics: Mapping[str, str]) -> Node:
     if pair.static:
         inputs["tf_static"] = topics[pair.static]
     frames = {"tf_parent": pair.parent, "tf_child": pair.child}
-    return _configure(place(_built_in("path"), inputs), frames)
+    return place(_built_in("path"), inputs).configured(frames)
 
 
 def _choose(
@@ -317,32 +196,6 @@ def alone(declared: NodeType | SourceType) -> Graph:
     return Graph((place(declared, {port: f"/{port}" for port in declared.inputs}),))
 
 
-def parse_node(text: str) -> tuple[str, str, str | None]:
-    """``FILE.py:NAME[@AFTER]`` as (file, name, after); None where it does not say.
-
-    Raises:
-        UsageError: it is not of that form.
-    """
-    path, colon, name = text.rpartition(":")
-    name, _, after = name.partition("@")
-    if not colon or not name or Path(path).suffix != ".py":
-        raise UsageError(f"{text}: give a node of your own as FILE.py:NAME or FILE.py:NAME@AFTER")
-    return path, name, after or None
-
-
-def place(declared: NodeType, inputs: Mapping[str, str]) -> Node:
-    """A node in a graph, with its own parameters, on its topics of the pipelines if it is in them.
-
-    Args:
-        declared: its type.
-        inputs: input name -> topic.
-    """
-    single = len(declared.outputs) == 1
-    named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
-    outputs = _OUTPUTS.get(declared.name, named)
-    return Node(declared.name, declared, declared.params(), inputs, outputs)
-
-
 def _placed(source: NodeType | SourceType) -> Node:
     """A source on its topics of the pipelines."""
     inputs = {port: f"/{port}" for port in source.inputs}
@@ -350,21 +203,7 @@ def _placed(source: NodeType | SourceType) -> Node:
     return Node(source.name, source, source.params(), inputs, outputs)
 
 
-def _topic(node: Node, port: str) -> Topic:
-    cls = node.type.outputs[port]
-    known = node.type.ros.get(port) if isinstance(node.type, SourceType) else None
-    ros = known or TopicType(type_name(cls), latched=port in node.type.latched)
-    return Topic(cls, node.name, port in node.type.on_demand, ros)
-
-
 def _built_in(name: str) -> NodeType:
     found = find(name)
     assert isinstance(found, NodeType)
     return found
-
-
-def _configure(node: Node, changes: Mapping[str, Any]) -> Node:
-    try:
-        return replace(node, params=params.update(node.params, changes))
-    except ParameterError as error:
-        raise ParameterError(f"{node.name}: {error}") from None

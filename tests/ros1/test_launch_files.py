@@ -10,16 +10,10 @@ from typing import Any
 
 import pytest
 
+from ros_visualise.graph import Graph
 from ros_visualise.nodes import SourceType, find
 from ros_visualise.params import specs, update
-from ros_visualise.pipelines import (
-    IMAGE_NODES,
-    Graph,
-    alone,
-    chain,
-    image_pipeline,
-    simulation_pipeline,
-)
+from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.ros1.playing import playing_params
 
 PACKAGE = Path(__file__).parents[2]

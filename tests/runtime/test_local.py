@@ -9,10 +9,10 @@ import pytest
 
 from ros_visualise.data import Deferred, Header, Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import node, source
 from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import param
-from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import open_recording

@@ -9,8 +9,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from ros_visualise.data import CameraInfo, Header, Image
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NoParams, source
-from ros_visualise.pipelines import Graph, Node, image_pipeline, recording_pipeline
+from ros_visualise.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import open_recording

@@ -9,9 +9,9 @@ import pytest
 
 from ros_visualise.data import Header, Image, ParameterEvent
 from ros_visualise.errors import RecordingError
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
-from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.runtime.recording import RecorderThread
 

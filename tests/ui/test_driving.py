@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from page_client import Client
 
-from ros_visualise.pipelines import Graph, simulation_pipeline
+from ros_visualise.graph import Graph
+from ros_visualise.pipelines import simulation_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page

@@ -7,9 +7,9 @@ import pytest
 from page_client import Client
 
 from ros_visualise.data import Image
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import Parameters
-from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.page import Page

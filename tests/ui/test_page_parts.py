@@ -11,9 +11,10 @@ import pytest
 
 from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import param, specs
-from ros_visualise.pipelines import Graph, Node, chain, image_pipeline
+from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import topic_table

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from ros_visualise.pipelines import Graph, image_pipeline
+from ros_visualise.graph import Graph
+from ros_visualise.pipelines import image_pipeline
 from ros_visualise.ui.watching import watch
 
 EMPTY, FULL = Graph(()), image_pipeline("landscape")

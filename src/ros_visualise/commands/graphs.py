@@ -13,12 +13,11 @@ from ruamel.yaml.error import YAMLError
 
 from ros_visualise import nodes as registry
 from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.graph import Graph, parse_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
-    Graph,
     image_pipeline,
-    parse_node,
     recording_pipeline,
     simulation_pipeline,
 )

@@ -14,7 +14,7 @@ from typing import Any
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.errors import RosVisualiseError, UsageError
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.sinks import parse_target

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ros_visualise.errors import RecordingError
+from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
-from ros_visualise.pipelines import Graph
 from ros_visualise.sources.playback import Playback
 
 

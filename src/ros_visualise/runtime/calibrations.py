@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import CameraInfo, Image
+from ros_visualise.graph import Graph
 from ros_visualise.messages.calibrations import (
     CAMERA_INFO,
     calibration_of,
@@ -13,7 +14,6 @@ from ros_visualise.messages.calibrations import (
     info_topic,
 )
 from ros_visualise.nodes import SourceType
-from ros_visualise.pipelines import Graph
 from ros_visualise.sinks import Recorder
 
 

@@ -11,9 +11,9 @@ from typing import Any
 
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
-from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox, Packet

@@ -11,8 +11,8 @@ from typing import Any
 
 from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import DamagedMessage, RecordingError
+from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import Recorded
-from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.calibrations import Calibrations
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder

@@ -10,10 +10,10 @@ from typing import Any
 
 from ros_visualise.data import Transforms
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
-from ros_visualise.pipelines import Node
 from ros_visualise.runtime.stats import NodeStats
 
 log = logging.getLogger(__name__)

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.graph import Node
 from ros_visualise.nodes import Source, SourceType
 from ros_visualise.params import Parameters
-from ros_visualise.pipelines import Node
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui import View
 

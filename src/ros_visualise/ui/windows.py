@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import cv2
 
 from ros_visualise.data import Image
-from ros_visualise.pipelines import Node
+from ros_visualise.graph import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.pane import ROW, STRIP, Pane
 from ros_visualise.ui.screen import check_windows, provide_font, screen_size

@@ -10,8 +10,8 @@ from typing import Any
 
 from ros_visualise.data import Image, Text
 from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import SourceType
-from ros_visualise.pipelines import Graph, Node
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.diagnostics import Diagnostics

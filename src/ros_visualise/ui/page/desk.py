@@ -11,7 +11,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.pipelines import Graph, Node
+from ros_visualise.graph import Graph, Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot

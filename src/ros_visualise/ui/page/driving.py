@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from ros_visualise.data import Twist
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.worker import Worker
 

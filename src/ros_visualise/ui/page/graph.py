@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import NamedTuple
 
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 
 _ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
 _CHARACTER = 6.6

@@ -11,7 +11,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 
 _KEPT = 60
 _COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3bc9db")

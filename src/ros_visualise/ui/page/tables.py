@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'

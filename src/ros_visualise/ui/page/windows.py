@@ -11,8 +11,8 @@ from typing import Any
 import viser
 
 from ros_visualise.data import Image, PointCloud
+from ros_visualise.graph import Node
 from ros_visualise.params import Spec, specs
-from ros_visualise.pipelines import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Container, Mapping
 
 from ros_visualise.data import Image, Text, Transforms
-from ros_visualise.pipelines import Graph
+from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime, Subscription
 from ros_visualise.ui.scene.kinds import is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene

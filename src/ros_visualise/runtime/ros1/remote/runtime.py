@@ -16,10 +16,10 @@ import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph
 from ros_visualise.messages import to_message
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
-from ros_visualise.pipelines import Graph
 from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread
