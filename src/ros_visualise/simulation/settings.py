@@ -116,3 +116,14 @@ class QuadrotorParams(RobotParams):
     baro_drift_time: float = setting(
         300.0, "its time, seconds", min=0.1, max=1e5, group="barometer"
     )
+
+
+@dataclass(frozen=True)
+class PlaceParams:
+    """Where a robot is, and what it is to do."""
+
+    world: str = setting("field", "plane, playpen or field")
+    mission: str = setting(
+        "none", "square, figure_of_eight, lawn_mower, default, a YAML file, or none"
+    )
+    seed: int = setting(0, "of all random errors", min=0, max=2**31 - 1)

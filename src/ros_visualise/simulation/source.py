@@ -6,14 +6,39 @@ from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import Header, Image, PoseStamped, Transforms, Twist
-from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.data import (
+    Header,
+    Image,
+    Imu,
+    NavSatFix,
+    Odometry,
+    PointCloud,
+    PoseStamped,
+    Text,
+    Transforms,
+    Twist,
+)
+from ros_visualise.simulation.settings import PlaceParams, RobotParams
 from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.streams import Output
 from ros_visualise.sources.playback import Playback
 
+INPUTS = {"cmd_vel": Twist, "goal": PoseStamped}
+OUTPUTS = {
+    "image": Image,
+    "imu": Imu,
+    "fix": NavSatFix,
+    "odom": Odometry,
+    "truth": Odometry,
+    "points": PointCloud,
+    "tf": Transforms,
+    "tf_static": Transforms,
+    "robot_description": Text,
+}
+"""What every robot has."""
+LATCHED = ("tf_static", "robot_description")
+
 _NO_MISSION = "none"
-_SAID_ONCE = ("robot_description", "tf_static")
 _FRAME = "image"  # what a person steps through
 
 Batch = tuple[Output, ...]
@@ -28,33 +53,30 @@ class SimulatedRobot:
 
     Args:
         robot: ``husky`` or ``quadrotor``.
-        world, mission, seed, settings: as of `Simulation`; the mission ``none`` is none.
+        place: the mission ``none`` is none.
+        settings: of the robot's class.
         playback: how it is played; while nobody looks on, it ends with the mission.
-
-    Attributes:
-        wants: whether anybody listens to that output; None: to all of them.
 
     Raises:
         OpenError: no such world or mission, or MuJoCo is not there.
     """
 
     duration_ns = None
-    wants: Callable[[str], bool] | None = None
 
     def __init__(
         self,
         robot: str,
-        world: str,
-        mission: str,
-        seed: int,
+        place: PlaceParams,
         settings: RobotParams,
         playback: Playback,
     ) -> None:
-        self._arguments = robot, world, seed, None if mission == _NO_MISSION else mission, settings
+        mission = None if place.mission == _NO_MISSION else place.mission
+        self._arguments = robot, place.world, place.seed, mission, settings
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
         self._sees = settings.camera
+        self._is_awaited: Callable[[str], bool] = lambda output: True
         self._sought_ns = 0
         self._simulation = self._make()
 
@@ -62,7 +84,7 @@ class SimulatedRobot:
         """The sensors' messages as they become due, stamped with the time of the playback."""
         for stamp_ns, batch in self._playback.run(self, self._is_frame):
             for output in batch:
-                shown_ns = 0 if output.name in _SAID_ONCE else batch[-1].stamp_ns
+                shown_ns = 0 if output.name in LATCHED else batch[-1].stamp_ns
                 yield output.name, restamped(output.message, stamp_ns - shown_ns)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
@@ -90,13 +112,17 @@ class SimulatedRobot:
         if batch:
             yield batch[-1].stamp_ns + self._origin_ns, tuple(batch)
 
-    def command(self, twist: Twist) -> None:
-        """Go with that velocity."""
-        self._simulation.command(twist)
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        """Render and scan only while somebody listens."""
+        self._is_awaited = wants
 
-    def goto(self, goal: PoseStamped) -> None:
-        """Go to a pose in ``map``."""
-        self._simulation.goto(goal)
+    def receive(self, port: str, message: Any) -> None:
+        """Take a velocity (``cmd_vel``) or a goal."""
+        robot = self._simulation
+        robot.command(message) if port == "cmd_vel" else robot.goto(message)
+
+    def close(self) -> None:
+        """Nothing is open: the renderer goes with the messages."""
 
     def act(self, action: str) -> None:
         """Do what `Simulation.act` knows."""
@@ -116,9 +142,6 @@ class SimulatedRobot:
         """What is dear is not made on the way to a time, but for what is to be seen there."""
         on_the_way = self._simulation.time_ns <= self._sought_ns - self._look_back_ns
         return not on_the_way and self._is_awaited(output)
-
-    def _is_awaited(self, output: str) -> bool:
-        return self.wants is None or self.wants(output)
 
     def _is_frame(self, batch: Batch) -> bool:
         return batch[-1].name == _FRAME or not (self._sees and self._is_awaited(_FRAME))
