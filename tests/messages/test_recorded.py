@@ -18,6 +18,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType, content
 
 IMU = Imu([0, 0, 0, 1], [1, 2, 3], [4, 5, 6], header=HEADER)
@@ -74,6 +75,22 @@ def test_damaged_messages_are_refused_in_one_line(types):
     picture = recorded(CompressedImage(np.zeros(9, np.uint8), "jpeg", HEADER), types)
     with pytest.raises(DamagedMessage, match=r"CompressedImage: .* its 9 bytes are broken"):
         _ = picture.content
+
+
+@BOTH
+@pytest.mark.parametrize("size", range(9))
+def test_of_hardly_any_bytes_the_header_is_when_they_were_recorded(types, size):
+    cut = recorded(IMU, types, cut=size)
+    assert cut.header == Header(77)
+    with pytest.raises(DamagedMessage, match=f"{size} bytes are no sensor_msgs/msg/Imu"):
+        _ = cut.content
+
+
+def test_a_type_with_fields_of_its_own_is_said_to_have_them():
+    own = Definitions("cdr")
+    own.define("nav_msgs/msg/Odometry", "float64 px\nfloat64 py")
+    with pytest.raises(DamagedMessage, match="Odometry: the recording defines it with other"):
+        _ = Recorded("nav_msgs/msg/Odometry", b"\0\1\0\0" + bytes(16), own, 5).content
 
 
 def test_a_type_without_a_class_is_its_own_content():

@@ -119,7 +119,11 @@ class Recorded:
             found: Any = from_message(self.message, kind)
             if isinstance(found, CompressedImage):
                 found = decompress(found)
-        except (ValueError, TypeError, AttributeError) as error:
+        except AttributeError as error:
+            raise DamagedMessage(
+                f"{self.type_name}: the recording defines it with other fields than ROS"
+            ) from error
+        except (ValueError, TypeError) as error:
             raise DamagedMessage(f"{self.type_name}: {error}") from error
         if isinstance(found, (Text, Twist)):
             return replace(found, header=self.header)  # ROS's messages have none of their own
@@ -134,7 +138,7 @@ class Recorded:
             return Header(self.stamp_ns)
         try:
             return _parse_header(memoryview(self.data), self.definitions.encoding == "ros1")
-        except (struct.error, UnicodeDecodeError):
+        except (struct.error, IndexError, UnicodeDecodeError):
             return Header(self.stamp_ns)
 
 
