@@ -35,7 +35,7 @@ class Told:
         inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
         self.asked[topic] += 1
-        return Subscription(inbox, partial(self._end, topic, inbox))
+        return Subscription(topic, inbox, partial(self._end, topic, inbox))
 
     def report(self, window_s=None):
         figures = {"type": "", "messages": 0, "hz": None, "wall_hz": None}

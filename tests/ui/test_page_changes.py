@@ -40,7 +40,7 @@ class Changing:
         inbox = Inbox(lossless=False)
         inbox.put(Packet(0, Image(np.zeros((6, 8), np.uint8), "mono8"), 0))
         self.looked_at.append(topic)
-        return Subscription(inbox, lambda: self.looked_at.remove(topic))
+        return Subscription(topic, inbox, lambda: self.looked_at.remove(topic))
 
     def report(self, window_s=None):
         blank = {"dropped": {}, "p50_ms": None}

@@ -5,7 +5,7 @@ import pytest
 from scene_messages import LEFT, S, cloud, tf, transform
 
 from ros_visualise.data import CameraInfo, Image, LaserScan, Odometry, Transforms
-from ros_visualise.errors import NoTransform
+from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import rotations
 from ros_visualise.ui.scene.axes import clusters
 from ros_visualise.ui.scene.cameras import view_of
@@ -242,3 +242,14 @@ def test_frames_that_are_close_together_share_a_label():
     }
     assert np.allclose(groups["camera"].centre, [2, 0, 0])
     assert len(clusters(frames.places(), 0.05)) == 5
+
+
+def test_angles_that_are_no_numbers_are_refused():
+    for start, step in ((np.nan, 0.1), (0.0, np.inf)):
+        with pytest.raises(DamagedMessage, match="angles"):
+            ends_of(LaserScan([1.0, 2.0], start, 1.0, step, 0.1, 10.0))
+
+
+def test_a_camera_whose_matrix_is_no_number_sees_nothing():
+    for focal in (np.nan, np.inf):
+        assert view_of(CameraInfo(480, 640, np.diag([focal, 250.0, 1]))) is None

@@ -110,7 +110,7 @@ class LocalRuntime:
         """Look at a topic, beginning with its last message."""
         inbox = Inbox(lossless=False, keep=depth)
         self._topics[topic].connect(inbox, latched=True)
-        return Subscription(inbox, partial(self._topics[topic].disconnect, inbox))
+        return Subscription(topic, inbox, partial(self._topics[topic].disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic that comes from outside."""

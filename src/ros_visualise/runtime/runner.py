@@ -60,7 +60,7 @@ class NodeRunner:
             outputs = self._by_output(answer)
         except DamagedMessage as error:
             self.stats.dropped["damaged"] += 1
-            self._say(error)
+            self._say(error, ", ".join(self.node.inputs[port] for port in inputs))
             return NOTHING
         except Exception as error:
             self.stats.dropped["error"] += 1
@@ -130,10 +130,11 @@ class NodeRunner:
         self.failed = True
         self._say(error)
 
-    def _say(self, error: Exception) -> None:
+    def _say(self, error: Exception, topic: str = "") -> None:
         origin = traceback.extract_tb(error.__traceback__)[-1]
         kind = (type(error), origin.filename, origin.lineno)
         if kind not in self._said:
             self._said.add(kind)
             bug = not isinstance(error, RosVisualiseError)
-            log.error("%s: %s (said once)", self.node.name, error, exc_info=error if bug else None)
+            where = f"{self.node.name}: {topic}" if topic else self.node.name
+            log.error("%s: %s (said once)", where, error, exc_info=error if bug else None)

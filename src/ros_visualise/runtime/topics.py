@@ -30,7 +30,8 @@ class Consumer(Protocol):
 class Subscription:
     """Messages of one topic for whoever looks on; see `ros_visualise.runtime.base.Subscription`."""
 
-    def __init__(self, inbox: Inbox, disconnect: Callable[[], None]) -> None:
+    def __init__(self, topic: str, inbox: Inbox, disconnect: Callable[[], None]) -> None:
+        self._topic = topic
         self._inbox = inbox
         self._disconnect = disconnect
         self._said = False
@@ -56,7 +57,7 @@ class Subscription:
 
     def _say(self, error: DamagedMessage) -> None:
         if not self._said:
-            log.warning("%s (said once)", error)
+            log.warning("%s: %s (said once)", self._topic, error)
         self._said = True
 
 

@@ -60,7 +60,7 @@ class Camera(Drawing):
 def view_of(info: CameraInfo) -> tuple[float, float] | None:
     """A camera's vertical field of view in radians, and its width over height; None if unknown."""
     fx, fy = info.K[0, 0], info.K[1, 1]
-    if fx <= 0 or fy <= 0 or not info.width or not info.height:
+    if not (0 < fx < math.inf and 0 < fy < math.inf and info.width and info.height):
         return None
     fov = 2 * math.atan(info.height / 2 / fy)
     return fov, (info.width / fx) / (info.height / fy)

@@ -9,6 +9,7 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import LaserScan, Pixels, PointCloud
+from ros_visualise.errors import DamagedMessage
 from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo, usual_range
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look
 
@@ -36,6 +37,10 @@ class _Dots(Drawing):
 
     def _show(self, points: Points, colors: Pixels, size: float = 0.0) -> None:
         self._points = points
+        if not len(points):  # which browsers refuse
+            if self._handle is not None:
+                self._handle.visible = False
+            return
         precision: Precision = "float16" if _fits_half(points) else "float32"
         if colors.ndim == 1:
             colors = np.broadcast_to(colors, points.shape)
@@ -52,6 +57,7 @@ class _Dots(Drawing):
         if self._handle.precision != precision:
             self._handle.precision = precision
         self._handle.points, self._handle.colors = points.astype(precision), colors
+        self._handle.visible = True
         if size:
             self._handle.point_size = size
 
@@ -95,7 +101,13 @@ def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Po
 
 
 def ends_of(scan: LaserScan) -> tuple[Points, npt.NDArray[np.bool_]]:
-    """Where the rays of a scan ended, (N, 3) metres in its frame, and which rays did (REP 117)."""
+    """Where the rays of a scan ended, (N, 3) metres in its frame, and which rays did (REP 117).
+
+    Raises:
+        DamagedMessage: its angles are no numbers.
+    """
+    if not np.isfinite([scan.angle_min, scan.angle_increment]).all():
+        raise DamagedMessage("LaserScan: its angles are no numbers")
     ranges = scan.ranges
     valid = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
     angles = scan.angle_min + np.flatnonzero(valid) * scan.angle_increment

@@ -63,14 +63,17 @@ def pose_of(message: Posed) -> Floats:
     """T_frame_body, 4x4, in the frame of the message's header.
 
     Raises:
-        DamagedMessage: its quaternion is none.
+        DamagedMessage: its quaternion is none, or something is no number.
     """
     is_transform = isinstance(message, TransformStamped)
     position = message.translation_xyz if is_transform else message.position_xyz  # type: ignore[union-attr]
     try:
-        return transforms.from_pose(position, message.quat_xyzw)
+        T_frame_body = transforms.from_pose(position, message.quat_xyzw)
     except ValueError as error:
         raise DamagedMessage(f"{type(message).__name__}: {error}") from None
+    if not np.isfinite(T_frame_body).all():
+        raise DamagedMessage(f"{type(message).__name__}: its pose holds what is no number")
+    return T_frame_body
 
 
 def covariance_of(message: Posed) -> Floats | None:

@@ -51,6 +51,7 @@ class Scene:
         self._axes = Axes(server.scene)
         self._model = Robot(server.scene)
         self._places: dict[str, Floats] = {}
+        self._said: set[str] = set()  # topics of which it was said what is wrong
 
     @property
     def look(self) -> Look:
@@ -111,12 +112,7 @@ class Scene:
                 self.view.restart()
                 self._redraw()
             for topic, entry in self._topics:
-                if entry.waiting is not None:
-                    self._try(topic, entry)
-                else:
-                    entry.follow(self.frames)
-                if entry.drawing is not None:
-                    entry.drawing.visible = self._topics.is_seen(topic)
+                self._update(topic, entry)
             self._places = self.frames.places()
             self._axes.draw(self._places, self._look)
             self._model.place(self._places)
@@ -177,6 +173,25 @@ class Scene:
         for _, entry in self._topics:
             entry.again()
 
+    def _update(self, topic: str, entry: Entry) -> None:
+        """Draw a topic; whatever a message of it holds, the others are drawn."""
+        try:
+            if entry.waiting is not None:
+                self._try(topic, entry)
+            else:
+                entry.follow(self.frames)
+            if entry.drawing is not None:
+                entry.drawing.visible = self._topics.is_seen(topic)
+        except Exception as error:
+            entry.waiting = None
+            entry.problem = f"{type(error).__name__}: {error}"
+            self._say(topic, entry.problem, error)
+
+    def _say(self, topic: str, what: str, bug: Exception | None = None) -> None:
+        if topic not in self._said:
+            self._said.add(topic)
+            log.warning("%s is not drawn: %s (said once)", topic, what, exc_info=bug)
+
     def _try(self, topic: str, entry: Entry) -> None:
         """Draw the message that waits, unless it is worth to wait for its transform."""
         message, drawing = entry.waiting, self._topics.drawing(topic)
@@ -192,6 +207,8 @@ class Scene:
         drawing.place(T)
         drawing.settle(message, self.frames)
         entry.draw(drawing, self._look)
+        if entry.problem:
+            self._say(topic, entry.problem)
 
     def _robot(self) -> Floats | None:
         """T_fixed_robot: by its frame, else by the first odometry."""

@@ -11,6 +11,7 @@ import viser
 from ros_visualise.data import Floats
 
 _NEAREST_M, _FARTHEST_M = 4.0, 28.0
+_BEYOND_M = 1e9  # coordinates that are no place; those of the largest grids are below 1e7
 _MOST = 70  # percent of what is drawn decides how far away the camera stands
 _BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
 _SETTLED_S = 1.5
@@ -71,6 +72,8 @@ class View:
             T_fixed_robot: 4x4; None as long as it is not known.
             extent: gives points (N, 3) in the fixed frame that tell how large everything is.
         """
+        if T_fixed_robot is not None and not _is_place(T_fixed_robot).all():
+            T_fixed_robot = None
         self._robot, self._extent = T_fixed_robot, extent
         robot = None if T_fixed_robot is None else T_fixed_robot[:3, 3]
         if self.follows and robot is not None:
@@ -95,7 +98,7 @@ class View:
 
     def _settle(self) -> None:
         """Look as soon as there is something, and once more when it turned out to be larger."""
-        if not len(self._extent()):
+        if not len(self._points()):
             return
         now_s = self._clock()
         if self._started_s is None:
@@ -108,9 +111,14 @@ class View:
             if self._far > _GROWN * before:
                 self.reset()
 
+    def _points(self) -> npt.NDArray[np.floating]:
+        """What tells how large everything is, without what is nowhere."""
+        points = self._extent()
+        return points[_is_place(points).all(axis=1)]
+
     def _pose(self) -> tuple[Floats, Floats]:
         """Where the camera stands and what it looks at, as the cameras see the moved world."""
-        points, T = self._extent(), self._robot
+        points, T = self._points(), self._robot
         if T is None:
             centre = np.median(points, axis=0) if len(points) else np.zeros(3)
             forward, farthest = np.array([0.8, 0.6, 0.0]), np.inf
@@ -123,3 +131,8 @@ class View:
         up = np.array([0.0, 0.0, 1.0])
         position = centre + self._offset - forward * _BEHIND * far + up * _ABOVE * far
         return position, centre + self._offset + forward * _AHEAD * far
+
+
+def _is_place(coordinates: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
+    inside: npt.NDArray[np.bool_] = np.abs(coordinates) < _BEYOND_M  # no number is not
+    return inside

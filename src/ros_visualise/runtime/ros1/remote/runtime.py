@@ -80,7 +80,7 @@ class RemoteRuntime:
         inbox = Inbox(lossless=False, keep=depth)
         relay = self._relay(topic)
         relay.connect(inbox, self._comes_compressed(topic), latched=True)
-        return Subscription(inbox, partial(relay.disconnect, inbox))
+        return Subscription(topic, inbox, partial(relay.disconnect, inbox))
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish to whoever listens on the graph."""

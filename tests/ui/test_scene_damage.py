@@ -1,0 +1,71 @@
+"""The scene when messages hold what nobody expects: it goes on, and says which topic it is."""
+
+import numpy as np
+import pytest
+from scene_messages import LEVEL, S, cloud, draw, has, is_at, odometry, tf, transform
+
+from ros_visualise.data import Header, LaserScan, Odometry
+from ros_visualise.ui.scene.kinds import DRAWINGS
+
+LINE = np.stack([np.arange(11.0), np.zeros(11), np.zeros(11)], axis=1)
+
+
+def scan(ranges=(1.0, 2.0), start=0.0):
+    return LaserScan(ranges, start, np.pi, np.pi / 2, 0.1, 10.0, header=Header(S, "map"))
+
+
+def test_a_scan_with_an_angle_that_is_no_number_does_not_stop_the_others(scene, look, caplog):
+    for _ in range(3):
+        draw(scene, scan=scan(start=np.nan), points=cloud(LINE, "map"))
+    look("topics/points/points", has("points", 33))
+    assert "angles" in scene.problems["/scan"]
+    assert caplog.text.count("/scan") == 1
+    draw(scene, scan=scan())
+    look("topics/scan/points", has("points", 6))
+    assert scene.problems == {}
+
+
+def test_a_drawing_that_fails_does_not_stop_the_others(scene, look, caplog, monkeypatch):
+    def fail(*_):
+        raise IndexError("nobody thought of that")
+
+    monkeypatch.setattr(DRAWINGS[LaserScan], "draw", fail)
+    draw(scene, a=scan(), points=cloud(LINE, "map"))
+    look("topics/points/points", has("points", 33))
+    assert "nobody thought of that" in scene.problems["/a"]
+    assert "/a is not drawn" in caplog.text
+
+
+@pytest.mark.parametrize("place", [[np.nan, 0, 0], [np.inf, 0, 0], [0, 1e30, 0]], ids=str)
+def test_a_place_that_is_none_does_not_move_the_cameras(scene, server, look, clock, place):
+    draw(scene, odom=odometry([1, 0, 0], 1), points=cloud(LINE, "odom"))
+    before = server.initial_camera.position
+    draw(scene, odom=odometry(place, 2))
+    clock.now_s = 10.0
+    draw(scene, points=cloud([*LINE, [3e37, 0, 0]], "odom"))
+    scene.reset_view()
+    assert np.isfinite(server.initial_camera.position).all()
+    assert np.abs(server.initial_camera.position - before).max() < 100
+    draw(scene, odom=odometry([3, 0, 0], 3))
+    look("topics/odom/axes", is_at([3, 0, 0]))
+    look("", lambda node: np.abs(node.get("position", 0)).max() < 100)
+
+
+@pytest.mark.parametrize("ranges", [(), (np.inf, np.inf)], ids=["none", "nothing there"])
+def test_a_scan_without_points_sends_none_and_hides_those_before(scene, look, ranges):
+    draw(scene, empty=scan(ranges), scan=scan())
+    look("topics/scan/points", has("points", 6))
+    assert "/world/topics/empty/points" not in look.client.nodes
+    draw(scene, scan=scan(ranges))
+    node = look("topics/scan/points", lambda node: node.get("visible") is False)
+    assert len(node["points"]) == len(node["colors"]) == 6
+    draw(scene, scan=scan((3.0,)))
+    look("topics/scan/points", lambda node: node["visible"] and len(node["points"]) == 3)
+
+
+def test_a_pose_that_is_no_number_is_said(scene, look):
+    draw(scene, odom=odometry([np.nan, 0, 0]), tf=tf(transform("map", "odom", [1, 0, 0], 1)))
+    assert "no number" in scene.problems["/odom"]
+    turned = Odometry(np.zeros(3), LEVEL * np.nan, header=Header(S, "odom"))
+    draw(scene, odom=turned)
+    assert "no rotation" in scene.problems["/odom"]
