@@ -124,3 +124,10 @@ def test_laps_are_gone_around_and_zero_has_no_end():
     assert twice.at_end
     assert not endless.at_end
     assert endless.way_m == pytest.approx(9.0)
+
+
+def test_a_small_way_is_not_gone_around_without_its_follower():
+    carrot = Carrot(Mission("figure_of_eight", size=(1.0, 1.0)).route(), leash_m=5.0)
+    for _ in range(1000):
+        carrot.lead((0.0, 0.0, 4.0), 0.1)
+    assert carrot.way_m < 0.5

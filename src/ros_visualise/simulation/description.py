@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 from xml.etree import ElementTree as Xml
 
 import numpy as np
 
 from ros_visualise.data import Floats, Text, Transforms
-from ros_visualise.simulation.attitude import rows
+from ros_visualise.geometry.rotations import to_rpy
 from ros_visualise.simulation.model import BASE
 
 _SHOWN_GROUP = 2
@@ -38,8 +37,7 @@ def describe(model: Any, fixed: Transforms) -> Text:
         Xml.SubElement(joint, "parent", link=BASE if moves else joints[child].header.frame_id)
         Xml.SubElement(joint, "child", link=child)
         if not moves:
-            x, y, z, w = joints[child].quat_xyzw
-            _add_origin(joint, joints[child].translation_xyz, _matrix((w, x, y, z)))
+            _add_origin(joint, joints[child].translation_xyz, joints[child].quat_xyzw)
     Xml.indent(robot)
     return Text(Xml.tostring(robot, encoding="unicode"))
 
@@ -50,7 +48,7 @@ def _link_of(model: Any, body: int) -> str:
 
 def _add_body(link: Xml.Element, model: Any, body: int) -> None:
     inertial = Xml.SubElement(link, "inertial")
-    _add_origin(inertial, model.body_ipos[body], _matrix(model.body_iquat[body]))
+    _add_origin(inertial, model.body_ipos[body], np.roll(model.body_iquat[body], -1))
     Xml.SubElement(inertial, "mass", value=f"{model.body_mass[body]:g}")
     ixx, iyy, izz = (f"{value:g}" for value in model.body_inertia[body])
     Xml.SubElement(inertial, "inertia", ixx=ixx, ixy="0", ixz="0", iyy=iyy, iyz="0", izz=izz)
@@ -61,7 +59,7 @@ def _add_body(link: Xml.Element, model: Any, body: int) -> None:
 
 def _add_shape(link: Xml.Element, model: Any, geom: int) -> None:
     visual = Xml.SubElement(link, "visual")
-    _add_origin(visual, model.geom_pos[geom], _matrix(model.geom_quat[geom]))
+    _add_origin(visual, model.geom_pos[geom], np.roll(model.geom_quat[geom], -1))
     geometry = Xml.SubElement(visual, "geometry")
     kind, size = int(model.geom_type[geom]), model.geom_size[geom]
     if kind == _BOX:
@@ -79,13 +77,7 @@ def _add_shape(link: Xml.Element, model: Any, geom: int) -> None:
     Xml.SubElement(material, "color", rgba=look)
 
 
-def _add_origin(parent: Xml.Element, position: Any, R: Floats) -> None:
+def _add_origin(parent: Xml.Element, position: Any, quat_xyzw: Floats) -> None:
     xyz = " ".join(f"{value:g}" for value in position)
-    roll, yaw = math.atan2(R[2, 1], R[2, 2]), math.atan2(R[1, 0], R[0, 0])
-    pitch = math.atan2(-R[2, 0], math.hypot(R[2, 1], R[2, 2]))
-    Xml.SubElement(parent, "origin", xyz=xyz, rpy=f"{roll:g} {pitch:g} {yaw:g}")
-
-
-def _matrix(quat: Any) -> Floats:
-    w, x, y, z = (float(value) for value in quat)
-    return np.array(rows((w, x, y, z)))
+    rpy = " ".join(f"{value:g}" for value in to_rpy(quat_xyzw))
+    Xml.SubElement(parent, "origin", xyz=xyz, rpy=rpy)

@@ -38,6 +38,7 @@ class Route:
         self.points = line
         self._ends = list(accumulate((math.dist(a, b) for a, b in pairwise(line)), initial=0.0))
         self.length_m = self._ends[-1]
+        self.extent_m = max(max(along) - min(along) for along in zip(*line, strict=True))
 
     def at(self, way_m: float) -> Vector:
         """The point that far along it; on a closed one, around and around."""
@@ -65,11 +66,14 @@ class Carrot:
     """A point led along a route, never further than ``leash_m`` ahead of who follows it.
 
     Args:
+        leash_m: no more than a third of how far a closed route reaches, lest it be gone around
+            with the follower in its middle.
         laps: how often a closed route is gone around; 0: without an end.
     """
 
     def __init__(self, route: Route, leash_m: float, laps: int = 1) -> None:
-        self.route, self._leash_m = route, leash_m
+        self.route = route
+        self._leash_m = min(leash_m, route.extent_m / 3) if route.closed else leash_m
         endless = route.closed and laps == 0
         self._end_m = math.inf if endless else route.length_m * (laps if route.closed else 1)
         self.way_m = 0.0
