@@ -1,11 +1,8 @@
 """`ros-visualise bag --odom /tf:PARENT.CHILD`: the path of one frame in another."""
 
-import logging
-
 import numpy as np
 import pytest
 
-from ros_visualise.cli import main
 from ros_visualise.data import Header, Odometry, Transforms, TransformStamped
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
@@ -16,19 +13,6 @@ TURNED = np.array([0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # to the left
 UPRIGHT = np.array([0.0, 0, 0, 1])
 STEP_NS = 100_000_000
 STEPS = 40
-
-
-@pytest.fixture
-def run(monkeypatch, capsys, caplog):
-    """Run a command; its exit status and what it said of errors."""
-    monkeypatch.setattr("signal.signal", lambda *_: None)
-    caplog.set_level(logging.INFO, "ros_visualise")  # which a command sets, and nobody sets back
-
-    def run(*arguments):
-        status = main([*map(str, arguments)])
-        return status, capsys.readouterr().err
-
-    return run
 
 
 def moves(parent, child, position, quat, stamp_ns):

@@ -89,13 +89,20 @@ def test_big_endian_is_turned() -> None:
     [
         (6, 11, "12 bytes, but the message holds 11"),
         (6, 13, "12 bytes, but the message holds 13"),
-        (5, 10, "12 bytes, but the message holds 10"),
-        (0, 0, "12 bytes, but the message holds 0"),
+        (5, 10, "a row of bgr8 of 2x2 needs 6 bytes, but its step is 5"),
+        (0, 0, "a row of bgr8 of 2x2 needs 6 bytes, but its step is 0"),
     ],
 )
 def test_sizes_that_contradict_are_refused(step: int, size: int, expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
         from_message(message("bgr8", 2, 2, step, bytes(size)), Image)
+
+
+def test_an_image_without_pixels_is_refused() -> None:
+    for height, width in ((0, 0), (0, 4), (4, 0)):
+        for encoding in ("mono8", "32FC1", "yuv422", "nv12"):
+            with pytest.raises(ValueError, match=f"an image of {width}x{height} pixels"):
+                from_message(message(encoding, height, width, width, b""), Image)
 
 
 @pytest.mark.parametrize("name", ["", "theora", "mono32", "8UC5", "16FC1", "32UC1", "16UC", "nv16"])
@@ -191,7 +198,7 @@ def test_a_pair_of_colours_for_each_pixel_is_read_as_bgr8() -> None:
         ("nv12", 3, 2, 2, 9, "nv12 of an odd size, 2x3 pixels"),
         ("nv21", 2, 3, 3, 9, "nv21 of an odd size, 3x2 pixels"),
         ("nv12", 2, 2, 2, 8, "nv12 of 2x2 .* needs 6 bytes, but the message holds 8"),
-        ("nv21", 2, 2, 1, 3, "needs 6 bytes, but the message holds 3"),
+        ("nv21", 2, 2, 1, 3, "needs 2 bytes, but its step is 1"),
         ("nv24", 2, 2, 2, 8, "needs 12 bytes, but the message holds 8"),
         ("nv24", 2, 2, 4, 24, "nv24 of 2 pixels with a step of 4 bytes is not read"),
     ],

@@ -54,8 +54,11 @@ def read_image(message: Any) -> Image:
     """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be.
 
     Raises:
-        ValueError: its sizes contradict one another, or nobody knows its encoding.
+        ValueError: it has no pixels, its sizes contradict one another, or nobody knows its
+            encoding.
     """
+    if not (message.height and message.width):
+        raise ValueError(f"an image of {message.width}x{message.height} pixels")
     name = str(message.encoding)
     found = read_header(message.header)
     if name in _YUV422:
@@ -84,9 +87,12 @@ def _rows(message: Any, count: int, row: int) -> Pixels:
     step = int(message.step)
     flat = np.frombuffer(message.data, np.uint8)
     if step < row or flat.size != step * count:
+        size = f"{message.encoding} of {message.width}x{message.height}"
+        if step < row:
+            raise ValueError(f"a row of {size} needs {row} bytes, but its step is {step}")
         raise ValueError(
-            f"{message.encoding} of {message.width}x{message.height} with a step of {step} bytes"
-            f" needs {max(step, row) * count} bytes, but the message holds {flat.size}"
+            f"{size} with a step of {step} bytes needs {step * count} bytes, but the message holds"
+            f" {flat.size}"
         )
     return np.ascontiguousarray(flat.reshape(count, step)[:, :row])
 
