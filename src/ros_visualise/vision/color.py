@@ -106,7 +106,7 @@ def refuse_measurements(encoding: str) -> None:
     """
     if encoding in MEASUREMENTS:
         raise UnsupportedImage(
-            f"{encoding} holds measurements (depth), neither gray nor colours:"
+            f"{encoding} holds numbers that are neither gray nor colours, such as depth:"
             " look at the topic itself"
         )
 
