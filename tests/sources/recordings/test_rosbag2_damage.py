@@ -9,6 +9,7 @@ from made_mcaps import Written, numbered, parts, write_bag, written
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from ros_visualise.errors import OpenError
+from ros_visualise.sources.recordings import open_recording
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 
 PAGE_BYTES = 4096
@@ -89,6 +90,45 @@ def test_any_bytes_of_a_database_may_be_wrong(tmp_path: Path) -> None:
         recording.close()
         opened += 1
     assert opened > 10
+
+
+def test_any_bytes_of_its_schema_may_be_wrong(tmp_path: Path) -> None:
+    """SQLite then says so in words that are no text, or asks for more memory than there is."""
+    file = tmp_path / "a.db3"
+    write_bag(tmp_path / "bag", numbered(range(60)))
+    content = (tmp_path / "bag" / "bag.db3").read_bytes()
+    opened = 0
+    for seed in range(80):
+        chance = random.Random(seed)
+        damaged = bytearray(content)
+        for _ in range(chance.choice([1, 3, 10])):
+            place, size = chance.randrange(16, 3 * PAGE_BYTES), chance.choice([1, 4, 8])
+            damaged[place : place + size] = chance.choice([b"\xff" * size, chance.randbytes(size)])
+        file.write_bytes(damaged)
+        try:
+            recording = open_recording(file)
+        except OpenError:
+            continue
+        stamps_ns = [entry.stamp_ns for entry in recording.read()]
+        assert stamps_ns == sorted(stamps_ns)
+        recording.stamps_ns()
+        recording.close()
+        opened += 1
+    assert opened > 40
+
+
+@pytest.mark.parametrize("place", ["CREATE TABLE messages", "timestamp_idx"])
+def test_a_part_whose_schema_is_no_text_does_not_stop_the_others(
+    tmp_path: Path, place: str
+) -> None:
+    write_bag(tmp_path / "bag", numbered(range(20)))
+    content = (tmp_path / "bag" / "bag.db3").read_bytes()
+    damaged = content.replace(place.encode(), b"\xf4\xff" + place[2:].encode())
+    (tmp_path / "bag" / "bag_1.db3").write_bytes(damaged)
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    recording = open_recording(tmp_path / "bag")
+    assert len(list(recording.read())) >= 20
+    recording.close()
 
 
 def test_one_broken_file_of_several_is_said(tmp_path: Path) -> None:

@@ -18,7 +18,12 @@ from ros_visualise.sources.recordings import Entry, Loss
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled, missing_bytes
-from ros_visualise.sources.recordings.sqlite3_tables import channels, connect, has_index
+from ros_visualise.sources.recordings.sqlite3_tables import (
+    channels,
+    connect,
+    damage_by_name,
+    has_index,
+)
 from ros_visualise.sources.recordings.storage import (
     Channel,
     Piece,
@@ -91,7 +96,7 @@ class SqliteFile:
         last = (_EARLIEST_NS, _EARLIEST_NS)
         try:
             for number, stamp_ns, topic, data in self._ordered(query):
-                if (stamp_ns, number) <= last:
+                if not isinstance(stamp_ns, int) or (stamp_ns, number) <= last:
                     raise sqlite3.DatabaseError("its index is not in order")
                 yield self._entry(topic, stamp_ns, data)
                 last = (stamp_ns, number)
@@ -128,6 +133,7 @@ class SqliteFile:
         stamps_ns = rows["stamp_ns"]
         return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] if len(rows) else []
 
+    @damage_by_name()
     def _counted(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
         """The same by SQLite's own counting.
 
@@ -189,8 +195,9 @@ class SqliteFile:
                 if self._is_closed:
                     return
                 try:
-                    cursor = cursor or self._database.execute(sql, tuple(values))
-                    rows = cursor.fetchmany(at_once)
+                    with damage_by_name():
+                        cursor = cursor or self._database.execute(sql, tuple(values))
+                        rows = cursor.fetchmany(at_once)
                 except sqlite3.OperationalError:
                     if self._is_closed:
                         return

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.errors import DamagedMessage, OpenError
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
+
+
+@contextmanager
+def damage_by_name() -> Iterator[None]:
+    """Whatever Python makes of a damaged file is a `sqlite3.DatabaseError`."""
+    try:
+        yield
+    except MemoryError:  # a length of as much as there never was
+        raise sqlite3.DatabaseError("a length that cannot be") from None
+    except UnicodeDecodeError:  # in SQLite's own message of what is wrong
+        raise sqlite3.DatabaseError("names that are no text") from None
 
 
 def connect(path: Path) -> sqlite3.Connection:
@@ -30,7 +42,8 @@ def connect(path: Path) -> sqlite3.Connection:
         if attempt == len(modes):  # SQLite then also reads a file that is shorter than it says
             database.execute("PRAGMA writable_schema = ON")
         try:
-            database.execute("SELECT count(*) FROM sqlite_master")
+            with damage_by_name():
+                database.execute("SELECT count(*) FROM sqlite_master")
         except sqlite3.Error as error:
             database.close()
             reason = error
@@ -39,6 +52,7 @@ def connect(path: Path) -> sqlite3.Connection:
     raise OpenError(f"{path}: no ROS 2 bag that can be read: {reason}; copy it again")
 
 
+@damage_by_name()
 def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channel]:
     """The topics of a bag, by their numbers.
 
@@ -48,18 +62,21 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
     tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
     if not {"messages", "topics"} <= tables:
         raise sqlite3.DatabaseError("it has no tables of messages and topics")
-    definitions: dict[str, tuple[str, str]] = {}
-    if "message_definitions" in tables:
-        definitions = {
-            name: (encoding, text)
-            for name, encoding, text in database.execute(
-                "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-            )
-        }
+    definitions = _definitions(database) if "message_definitions" in tables else {}
     cursor = database.execute("SELECT * FROM topics ORDER BY id")
     names = [column[0] for column in cursor.description]
     topics = [dict(zip(names, row, strict=True)) for row in cursor]
     return {topic["id"]: _channel(topic, definitions, schemas) for topic in topics}
+
+
+def _definitions(database: sqlite3.Connection) -> dict[str, tuple[str, str]]:
+    """Language and text of each type; without those of a table that is damaged."""
+    sql = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+    found: dict[str, tuple[str, str]] = {}
+    with suppress(sqlite3.DatabaseError), damage_by_name():  # ROS's own are known without
+        for name, language, text in database.execute(sql):
+            found[str(name)] = str(language), str(text)
+    return found
 
 
 def _channel(
@@ -80,6 +97,7 @@ def _channel(
     )
 
 
+@damage_by_name()
 def has_index(database: sqlite3.Connection) -> bool:
     """Whether SQLite can give the messages in order of time without sorting them."""
     plan = database.execute(
