@@ -13,6 +13,7 @@ from typing import Any
 
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.local import LocalRuntime
@@ -25,7 +26,7 @@ _SPIN_S = 0.05
 
 
 def run(args: Namespace) -> int:
-    """Play a source until it ends or a person ends it."""
+    """Play a source until it ends or a person ends it; 1 if something was lost, see `_lost`."""
     _refuse_double_use(args.record, getattr(args, "input", None))
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
@@ -66,7 +67,7 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     _say_summary(report)
     if args.json:
         print(json.dumps(report, default=str))
-    return 130 if interrupted else int(runtime.failed)
+    return 130 if interrupted else int(runtime.failed or _lost(report))
 
 
 def _start_recordings(
@@ -104,15 +105,33 @@ def _is_same(path: Path, other: Path) -> bool:
     return path.resolve() == other.resolve()
 
 
+def _lost(report: dict[str, Any]) -> bool:
+    """Whether messages could not be read, played, processed or recorded, as they should have been.
+
+    What a node leaves out as it was asked to, or for want of time, is not lost.
+    """
+    nodes, recordings = report["nodes"].values(), report["recordings"].values()
+    return any(
+        node.get("lost") or node.get("unplayed") or node["dropped"].get("damaged") for node in nodes
+    ) or any(recording["dropped"] for recording in recordings)
+
+
 def _say_summary(report: dict[str, Any]) -> None:
     for name, topic in report["topics"].items():
         rates = f"{topic['hz'] or 0:g} Hz by the stamps, {topic['wall_hz'] or 0:g} per second"
-        print(f"{name}: {topic['messages']} messages, {rates}", file=sys.stderr)
+        print(f"{name}: {counted(topic['messages'], 'message')}, {rates}", file=sys.stderr)
     for name, node in report["nodes"].items():
         for reason, count in node["dropped"].items():
             print(f"{name}: {count} of {node['received']} left out by {reason}", file=sys.stderr)
-        for note in node.get("lost", {}).get("notes", ()):
+        for note in _loss_notes(node.get("lost")):
             print(f"{name}: {note}", file=sys.stderr)
     for name, recording in report["recordings"].items():
         dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
-        print(f"{name}: {recording['messages']} messages recorded{dropped}", file=sys.stderr)
+        messages = counted(recording["messages"], "message")
+        print(f"{name}: {messages} recorded{dropped}", file=sys.stderr)
+
+
+def _loss_notes(lost: dict[str, Any] | None) -> list[str]:
+    if not lost:
+        return []
+    return lost["notes"] or [f"{counted(lost['messages'], 'message')} could not be read"]

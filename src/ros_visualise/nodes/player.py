@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import logging
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -13,15 +14,24 @@ from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import PlayableRecording
 
+log = logging.getLogger(__name__)
+
+_LISTED = 3  # of topics that share a reason, and of reasons, so many are named
+
 
 @source("player", params=NoParams, outputs={}, makes_time=True)
 class Player:
     """Play a recording; it has an output for each topic."""
 
     def __init__(
-        self, recording: Recording, topics: Collection[str], _: NoParams, playback: Playback
+        self,
+        recording: Recording,
+        topics: Collection[str],
+        unplayed: Mapping[str, str],
+        _: NoParams,
+        playback: Playback,
     ) -> None:
-        self._recording = recording
+        self._recording, self._unplayed = recording, unplayed
         self._playback = playback
         playback.step_topics = tuple(topics)
         self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
@@ -34,9 +44,10 @@ class Player:
                 yield entry.topic, entry.message
 
     def report(self) -> dict[str, Any]:
-        """What could not be read."""
+        """What could not be read, and why topics could not be played at all."""
         loss = self._recording.loss
-        return {"lost": asdict(loss)} if loss else {}
+        lost = {"lost": asdict(loss)} if loss else {}
+        return {**lost, "unplayed": dict(self._unplayed)} if self._unplayed else lost
 
     def close(self) -> None:
         """End reading."""
@@ -46,6 +57,8 @@ class Player:
 def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
     """A source that plays just this recording; it has an output for each topic, called as that.
 
+    Topics that cannot be played are said, unless others are asked for.
+
     Args:
         recording: it is open, and closed by the source.
         topics: of these alone; none: of all that can be read.
@@ -54,12 +67,15 @@ def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
         UsageError: one of them is not there or cannot be read, or nothing can.
     """
     played = _played(recording, topics)
+    unplayed = {} if topics else _unplayed(recording)
+    if unplayed:
+        log.warning("%s: not played: %s", recording.path, _listed_by_reason(unplayed))
     types = {name: recording.topics[name].type for name in played}
     declared = find("player")
     assert isinstance(declared, SourceType)
     return replace(
         declared,
-        make=partial(declared.make, recording, played),
+        make=partial(declared.make, recording, played, unplayed),
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.latched),
         ros=types,
@@ -77,3 +93,21 @@ def _played(recording: Recording, wanted: Collection[str]) -> Collection[str]:
     if not found:
         raise UsageError(f"{recording.path}: nothing in it can be played")
     return found
+
+
+def _unplayed(recording: Recording) -> dict[str, str]:
+    """The topics that cannot be played though they have messages, and why."""
+    topics = recording.topics.items()
+    return {name: topic.unreadable for name, topic in topics if topic.unreadable and topic.messages}
+
+
+def _listed_by_reason(unplayed: Mapping[str, str]) -> str:
+    by_reason: dict[str, list[str]] = {}
+    for name, why in unplayed.items():
+        by_reason.setdefault(why, []).append(name)
+    return _listed([f"{_listed(names)} ({why})" for why, names in by_reason.items()], "; ")
+
+
+def _listed(items: Sequence[str], separator: str = ", ") -> str:
+    more = f" and {len(items) - _LISTED} more" if len(items) > _LISTED else ""
+    return separator.join(items[:_LISTED]) + more

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ros_visualise.data import Header, Image
 from ros_visualise.errors import OpenError
@@ -45,6 +46,11 @@ class Streamer:
         for stamp_ns, image in self._playback.run(self._video):
             stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
             yield "image", self._calibration.add_to(stamped)
+
+    def report(self) -> dict[str, Any]:
+        """What was missing or damaged."""
+        notes = self._video.faults
+        return {"lost": {"messages": 0, "bytes": 0, "notes": notes}} if notes else {}
 
     def close(self) -> None:
         """End reading."""

@@ -97,6 +97,7 @@ class NodeThread:
         report = self.runner.report()
         if self.inbox.dropped:
             report["dropped"]["queue"] = self.inbox.dropped
+            report["received"] += self.inbox.dropped
         return report
 
     def _step(self, packet: Packet) -> Mapping[str, Any]:
