@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
 from ros_visualise.errors import UsageError
-from ros_visualise.nodes import NoParams, SourceType, find, source
+from ros_visualise.nodes import NoParams, Source, SourceType, find, source
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import PlayableRecording
@@ -73,9 +73,10 @@ def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
     types = {name: recording.topics[name].type for name in played}
     declared = find("player")
     assert isinstance(declared, SourceType)
+    make: Callable[..., Source] = declared.make
     return replace(
         declared,
-        make=partial(declared.make, recording, played, unplayed),
+        make=partial(make, recording, played, unplayed),
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.latched),
         ros=types,
