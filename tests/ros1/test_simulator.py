@@ -31,6 +31,12 @@ def husky(ros_master: Master) -> Iterator[None]:
     nodes.stop()
 
 
+def ask(service):
+    """What a service answers, once it is there."""
+    rospy.wait_for_service(service, PATIENCE_S)
+    return rospy.ServiceProxy(service, Trigger)()
+
+
 def place(heard):
     """Where the last odometry says that the robot is, and how fast it goes."""
     message = heard.wait()[-1]
@@ -54,7 +60,7 @@ def test_it_goes_as_it_is_told(husky, hear):
         return place(truth)[0][0] > x + 1
 
     wait_for(drive, "a metre")
-    assert rospy.ServiceProxy("/husky/stop", Trigger)().success
+    assert ask("/husky/stop").success
     publisher.unregister()
     wait_for(lambda: place(truth)[1] < 0.01, "a stop")
     _, y_now, z_now = place(truth)[0]
@@ -142,8 +148,8 @@ def test_quadrotor_flies_to_a_goal_and_ends_when_it_is_asked_to(start, hear, ros
         )
     ]
     assert '<robot name="quadrotor"' in rospy.get_param("/air/robot_description")
-    assert not rospy.ServiceProxy("/air/quadrotor/start_mission", Trigger)().success
-    assert rospy.ServiceProxy("/air/quadrotor/take_off", Trigger)().success
+    assert not ask("/air/quadrotor/start_mission").success
+    assert ask("/air/quadrotor/take_off").success
     wait_for(lambda: place(truth)[0][2] > 1, "a metre of height")
     publisher = rospy.Publisher("/air/goal", PoseStamped, queue_size=1)
     wait_for(publisher.get_num_connections, "it to listen")
@@ -152,7 +158,7 @@ def test_quadrotor_flies_to_a_goal_and_ends_when_it_is_asked_to(start, hear, ros
     goal.pose.position.x, goal.pose.position.y, goal.pose.position.z = 2.0, -1.0, 3.0
     publisher.publish(goal)
     wait_for(lambda: near(truth, (2.0, -1.0, 3.0), 0.4), "the goal")
-    assert rospy.ServiceProxy("/air/quadrotor/land", Trigger)().success
+    assert ask("/air/quadrotor/land").success
     wait_for(lambda: place(truth)[0][2] < 0.3, "the ground")
     publisher.unregister()
     for heard in sensed:

@@ -128,7 +128,14 @@ class Look:
 
     def __call__(self, name: str, check: Callable[[dict], object] = lambda node: True) -> dict:
         name, nodes = f"/world/{name}".rstrip("/"), self.client.nodes
-        self.client.read_until(lambda: name in nodes and check(nodes[name]))
+
+        def is_so() -> bool:
+            try:
+                return bool(check(nodes[name]))
+            except KeyError:  # the node, or what is asked of it, was not sent yet
+                return False
+
+        self.client.read_until(is_so)
         return nodes[name]
 
 
