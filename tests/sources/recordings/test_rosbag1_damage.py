@@ -260,6 +260,30 @@ class TestDamagedChunk:
         assert contents(recording) == written
         assert not recording.loss
 
+    @pytest.mark.parametrize("content", [b"\xff" * 12, bytes(12), struct.pack("<III", 1, 2, 3)])
+    @pytest.mark.parametrize("is_closed", [True, False])
+    def test_an_entry_of_its_index(self, made, reopen, content, is_closed):
+        """Where it says nothing that can be, the chunk itself tells."""
+        data, written = made
+        index = [piece for piece in pieces(data) if piece.op == 4][-1]
+        damaged = overwrite(data, index.data, content)
+        recording = reopen(damaged if is_closed else without_index(damaged))
+        found = contents(recording)
+        assert Counter(m.data for m in found) == Counter(m.data for m in written)
+        assert not is_closed or found == written
+        assert not recording.loss
+
+    @pytest.mark.parametrize("stamp_bit", [0, 7, 33])
+    def test_a_bit_of_a_stamp_in_its_index(self, made, reopen, stamp_bit):
+        data, written = made
+        index = [piece for piece in pieces(data) if piece.op == 4][3]
+        (time,) = struct.unpack_from("<Q", data, index.data)
+        damaged = overwrite(data, index.data, struct.pack("<Q", time ^ 1 << stamp_bit))
+        recording = reopen(damaged)
+        found = contents(recording)
+        assert Counter(m.data for m in found) == Counter(m.data for m in written)
+        assert not recording.loss
+
 
 class TestDamagedIndex:
     """Without an index that can be believed, the chunks are looked for."""
@@ -334,3 +358,22 @@ def test_one_wrong_byte_costs_one_chunk_at_most(made, reopen, seed):
     intact = sum((found & Counter(message.data for message in written)).values())
     assert intact >= len(written) - max(message_counts(data))
     assert sum(found.values()) + recording.loss.messages >= len(written) or recording.loss.bytes
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_any_bytes_may_be_wrong(made, reopen, seed):
+    data, _ = made
+    random = np.random.default_rng(seed)
+    damaged = data[: len(data) // 2] if seed % 6 == 0 else data
+    for _ in range(random.choice([1, 3, 10, 50])):
+        size = int(random.choice([1, 4, 8, 30, 100]))
+        content = (b"\xff" * size, bytes(size), random.bytes(size))[random.integers(3)]
+        damaged = overwrite(damaged, int(random.integers(13, len(damaged) - size)), content)
+    try:
+        recording = reopen(damaged)
+    except OpenError as error:
+        assert "no message of it can be read" in str(error)  # noqa: PT017
+        return
+    stamps = [message.stamp_ns for message in contents(recording)]
+    assert stamps == sorted(stamps)
+    assert list(recording.stamps_ns()) == list(recording.topics)

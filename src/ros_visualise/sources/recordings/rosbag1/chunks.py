@@ -18,6 +18,7 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 """A message of a chunk: where in its content the record begins."""
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
+_NS = 1_000_000_000
 _KEPT_SIZE = 96 << 20  # chunks that overlap in time are read in turns: so much stays decompressed
 
 
@@ -99,11 +100,15 @@ class ChunkReader:
                 connection = records.number(record.fields, b"conn")
             except (Damaged, ValueError):
                 return
+            if (found["nanosec"] >= _NS).any():
+                return
             chunk_end = record.end
             yield connection, found, chunk_end
 
     def entries(self, chunk: Chunk) -> NDArray[Any]:
         """The messages of a chunk, by its index where that is whole, else by walking through it.
+
+        None is before the chunk's own start.
 
         Raises:
             Damaged: there is no chunk, or its content cannot be read.
@@ -114,9 +119,11 @@ class ChunkReader:
                 for connection, found, _ in self.index(self.header(chunk.position).end)
             ]
             entries = np.concatenate(indexed) if indexed else np.empty(0, ENTRY)
-            if count(entries["connection"]) == chunk.counts:
+            if count(entries["connection"]) == chunk.counts and _is_likely(entries, chunk):
                 return entries
-        return self.walk(self.content(chunk)).entries
+        walked = self.walk(self.content(chunk)).entries
+        walked["stamp_ns"] = np.maximum(walked["stamp_ns"], chunk.start_ns)
+        return walked
 
     def content(self, chunk: Chunk) -> Content:
         """What is in a chunk.
@@ -163,16 +170,16 @@ class ChunkReader:
         return Walk(np.array(entries, ENTRY), connections, position)
 
     def message(self, content: Content, entry: tuple[int, int, int]) -> bytes:
-        """The bytes of one message.
+        """The bytes of one message; its stamp may be another than that of its index.
 
         Raises:
-            Damaged: there is another one, or none.
+            Damaged: there is one of another topic, or none.
         """
-        stamp_ns, connection, offset = entry
+        _, connection, offset = entry
         file, start, end, _ = content
         file.seek(start + offset)
         header = file.read(records.MESSAGE_HEADER_SIZE)
-        if records.is_message_header(header, connection, stamp_ns):  # nearly always, and quick
+        if records.is_message_header(header, connection):  # nearly always, and quick
             size = int.from_bytes(file.read(4), "little")
             if start + offset + len(header) + 4 + size > end:
                 raise Damaged("a message that is longer than its chunk")
@@ -184,7 +191,6 @@ class ChunkReader:
             record.op != Op.MESSAGE
             or record.end > end
             or records.number(record.fields, b"conn") != connection
-            or records.time_ns(record.fields, b"time") != stamp_ns
         ):
             raise Damaged("another message than the index says")
         return _exactly(file, record.data_size)
@@ -207,7 +213,7 @@ class ChunkReader:
 
 def stamps_ns(indexed: NDArray[Any]) -> NDArray[np.int64]:
     """The times of an index record."""
-    found: NDArray[np.int64] = indexed["sec"].astype(np.int64) * 1_000_000_000 + indexed["nanosec"]
+    found: NDArray[np.int64] = indexed["sec"].astype(np.int64) * _NS + indexed["nanosec"]
     return found
 
 
@@ -222,6 +228,13 @@ def _exactly(file: BinaryIO, size: int) -> bytes:
     if len(data) != size:
         raise Damaged("the file has become shorter")
     return data
+
+
+def _is_likely(entries: NDArray[Any], chunk: Chunk) -> bool:
+    """Whether an index has each of its messages once, and in the chunk's time."""
+    stamps, offsets = entries["stamp_ns"], entries["offset"]
+    is_in_time = (stamps >= chunk.start_ns) & (stamps <= chunk.end_ns)
+    return bool(is_in_time.all()) and len(np.unique(offsets)) == len(offsets)
 
 
 def _entries(connection: int, indexed: NDArray[Any]) -> NDArray[Any]:

@@ -18,12 +18,9 @@ _LONGEST_HEADER = 1 << 20  # longer, it is none: those of real bags have less th
 _UINT32 = struct.Struct("<I")
 _UINT64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
-_MESSAGE_HEADERS = tuple(
-    (struct.Struct(f"<{len(before)}sI{len(between)}sII"), before, between)
-    for before, between in (
-        (b"\x26\0\0\0\x09\0\0\0conn=", b"\x04\0\0\0op=\x02\x0d\0\0\0time="),
-        (b"\x26\0\0\0\x04\0\0\0op=\x02\x09\0\0\0conn=", b"\x0d\0\0\0time="),
-    )
+_MESSAGE_HEADERS = (  # of roscpp and of rospy: before and after the connection's number
+    (b"\x26\0\0\0\x09\0\0\0conn=", b"\x04\0\0\0op=\x02\x0d\0\0\0time="),
+    (b"\x26\0\0\0\x04\0\0\0op=\x02\x09\0\0\0conn=", b"\x0d\0\0\0time="),
 )
 MESSAGE_HEADER_SIZE = 42
 _DECOMPRESSORS = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
@@ -66,6 +63,8 @@ def read_record(file: BinaryIO, position: int, end: int) -> Record:
     Raises:
         Damaged: there is none.
     """
+    if position >= end:
+        raise Damaged("no record")
     file.seek(position)
     header_size = _number(file.read(4))
     data_position = position + 8 + header_size
@@ -78,12 +77,12 @@ def read_record(file: BinaryIO, position: int, end: int) -> Record:
     return Record(op[0], fields, data_position, _number(file.read(4)))
 
 
-def is_message_header(data: bytes, connection: int, stamp_ns: int) -> bool:
-    """Whether it is the header, with its length, of that message as roscpp or rospy write it."""
-    time = divmod(stamp_ns, 1_000_000_000)
+def is_message_header(data: bytes, connection: int) -> bool:
+    """Whether it is a message's header, with its length, as roscpp or rospy write it."""
+    number = _UINT32.pack(connection)
     return any(
-        data == layout.pack(before, connection, between, *time)
-        for layout, before, between in _MESSAGE_HEADERS
+        data.startswith(before + number + between) and len(data) == MESSAGE_HEADER_SIZE
+        for before, between in _MESSAGE_HEADERS
     )
 
 
