@@ -26,6 +26,7 @@ from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import open_recording
+from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
 from ros_visualise.ui import View, open_view
 from ros_visualise.ui.watching import watch
 
@@ -118,13 +119,14 @@ def _run_player() -> int:
         raise OpenError("give the recording, _path:=FILE")
     recording = open_recording(path)
     topics = _named_topics("topics", "all")
-    declared = player(recording, topics or [t for t in recording.topics if t not in _NOT_PLAYED])
+    declared = player(recording, topics, without=_NOT_PLAYED)
     outputs = {topic: topic for topic in declared.outputs}
     if image := _chosen_image(declared):
         outputs[image] = "/image_raw"
     graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
     options = (*_OPTIONS, "path", "topics", "image", "wait_for")
-    return _run_graph(graph, {"player": ""}, options, partial(_conduct, recording.start_ns))
+    conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)))
+    return _run_graph(graph, {"player": ""}, options, conduct)
 
 
 def _named_topics(option: str, default: str) -> list[str]:
@@ -146,9 +148,9 @@ def _chosen_image(declared: SourceType) -> str | None:
 
 
 @contextmanager
-def _conduct(start_ns: int, process: Process) -> Iterator[None]:
+def _conduct(played: PlayedTime, process: Process) -> Iterator[None]:
     """Publish the recording's time, and begin when those who are to see it all are there."""
-    with _publish_time(process, lambda playback: start_ns + playback.time_ns()):
+    with _publish_time(process, lambda playback: played.stamp_ns(playback.time_ns())):
         _wait_for_subscribers(process, _named_topics("wait_for", "none"))
         yield
 

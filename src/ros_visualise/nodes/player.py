@@ -17,6 +17,7 @@ from ros_visualise.sources.recordings.playing import PlayableRecording
 log = logging.getLogger(__name__)
 
 _LISTED = 3  # of topics that share a reason, and of reasons, so many are named
+_LONG_HOURS = 72  # from here on a gap is told in days
 
 
 @source("player", params=NoParams, outputs={}, makes_time=True)
@@ -35,6 +36,7 @@ class Player:
         self._playback = playback
         playback.step_topics = tuple(topics)
         self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
+        self._say_gaps(self._playable.time.gaps_ns)
         playback.check_start(self._playable.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Any]]:
@@ -53,8 +55,22 @@ class Player:
         """End reading."""
         self._recording.close()
 
+    def _say_gaps(self, gaps_ns: Sequence[int]) -> None:
+        if not gaps_ns:
+            return
+        lengths = _listed([_length(gap_ns) for gap_ns in gaps_ns])
+        is_one = len(gaps_ns) == 1
+        log.warning(
+            "%s: its messages have %s, skipped here; times count without %s",
+            self._recording.path,
+            f"a gap of {lengths}" if is_one else f"{len(gaps_ns)} gaps ({lengths})",
+            "it" if is_one else "them",
+        )
 
-def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
+
+def player(
+    recording: Recording, topics: Collection[str] = (), without: Collection[str] = ()
+) -> SourceType:
     """A source that plays just this recording; it has an output for each topic, called as that.
 
     Topics that cannot be played are said, unless others are asked for.
@@ -62,12 +78,13 @@ def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
     Args:
         recording: it is open, and closed by the source.
         topics: of these alone; none: of all that can be read.
+        without: of all but these.
 
     Raises:
         UsageError: one of them is not there or cannot be read, or nothing can.
     """
-    played = _played(recording, topics)
-    unplayed = {} if topics else _unplayed(recording)
+    played = _played(recording, topics, without)
+    unplayed = {} if topics else _unplayed(recording, without)
     if unplayed:
         log.warning("%s: not played: %s", recording.path, _listed_by_reason(unplayed))
     types = {name: recording.topics[name].type for name in played}
@@ -83,23 +100,29 @@ def player(recording: Recording, topics: Collection[str] = ()) -> SourceType:
     )
 
 
-def _played(recording: Recording, wanted: Collection[str]) -> Collection[str]:
+def _played(
+    recording: Recording, wanted: Collection[str], without: Collection[str]
+) -> Collection[str]:
     there = recording.topics
     for name in wanted:
         if name not in there:
             raise UsageError(f"no topic {name}; there is {', '.join(there)}")
         if there[name].unreadable:
             raise UsageError(f"{name} cannot be played: {there[name].unreadable}")
-    found = wanted or [name for name, topic in there.items() if not topic.unreadable]
+    readable = [name for name, topic in there.items() if not topic.unreadable]
+    found = wanted or [name for name in readable if name not in without]
     if not found:
         raise UsageError(f"{recording.path}: nothing in it can be played")
     return found
 
 
-def _unplayed(recording: Recording) -> dict[str, str]:
+def _unplayed(recording: Recording, without: Collection[str]) -> dict[str, str]:
     """The topics that cannot be played though they have messages, and why."""
-    topics = recording.topics.items()
-    return {name: topic.unreadable for name, topic in topics if topic.unreadable and topic.messages}
+    return {
+        name: topic.unreadable
+        for name, topic in recording.topics.items()
+        if topic.unreadable and topic.messages and name not in without
+    }
 
 
 def _listed_by_reason(unplayed: Mapping[str, str]) -> str:
@@ -112,3 +135,8 @@ def _listed_by_reason(unplayed: Mapping[str, str]) -> str:
 def _listed(items: Sequence[str], separator: str = ", ") -> str:
     more = f" and {len(items) - _LISTED} more" if len(items) > _LISTED else ""
     return separator.join(items[:_LISTED]) + more
+
+
+def _length(time_ns: int) -> str:
+    hours = time_ns / 3.6e12
+    return f"{hours:.1f} hours" if hours < _LONG_HOURS else f"{hours / 24:.0f} days"

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import numpy as np
+
 from ros_visualise.data import Header, Text
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.playback import Playback
@@ -40,6 +42,12 @@ class Made:
                 return
             if topics is None or entry.topic in topics:
                 yield entry
+
+    def stamps_ns(self):
+        return {
+            name: np.array([e.stamp_ns for e in self.entries if e.topic == name], np.int64)
+            for name in self.topics
+        }
 
     def close(self):
         pass
@@ -140,3 +148,17 @@ def test_over_again_it_is_the_same():
     playing = run(Playback(rate=0, loop=True, frames=7), recording, "")
     *_, passed = playing
     assert passed == ["/a 0", "/b 1", "/a 2", "/a 0", "/b 1", "/a 2", "/a 0"]
+
+
+def test_a_stray_stamp_does_not_stretch_what_is_played():
+    year_s = 365 * 86_400
+    recording = Made([(-year_s, "/a"), *((i / 10, "/b") for i in range(20)), (year_s, "/a")])
+    source = playable(recording)
+    assert source.duration_ns == 2 * S + round(1.9 * S)
+    times_ns = [time_ns for time_ns, _ in source.read(0)]
+    assert times_ns == [0, *(S + i * S // 10 for i in range(20)), source.duration_ns]
+    time_ns, shown = next(source.read(S + S // 2))
+    assert (time_ns, texts(shown)[-1]) == (S + S // 2, "/b 0.5")
+    reading = source.read(S // 2)
+    assert [texts(next(reading)[1]) for _ in range(2)] == [["/a -3.1536e+07"], ["/b 0"]]
+    assert [t for t, _ in playable(recording, topics=["/b"]).read(0)][:2] == [S, S + S // 10]

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Generator, Iterable
 from contextlib import closing
 
 from ros_visualise.sources.recordings import Entry, Recording
+from ros_visualise.sources.recordings.gaps import played_time
 
 Batch = tuple[Entry, ...]
 """Messages that pass together."""
@@ -15,7 +16,7 @@ _LOOK_BACK_NS = (1_000_000_000, 10_000_000_000, 2**62)
 
 
 class PlayableRecording:
-    """Some topics of a recording from any time on.
+    """Some topics of a recording from any time on, without its long gaps.
 
     Where reading begins in the middle, the first batch holds what a person who had looked on until
     then would see: the last message of each topic, the transforms of the last second, and all that
@@ -25,6 +26,9 @@ class PlayableRecording:
         recording: what is played.
         topics: of these alone.
         step_topic: gives the topic that a person steps through at the moment; empty: any.
+
+    Attributes:
+        time: where each stamp is on the line of time that is played.
     """
 
     def __init__(
@@ -33,14 +37,15 @@ class PlayableRecording:
         self._recording = recording
         self._topics = tuple(topics)
         self._step_topic = step_topic
+        self.time = played_time(recording, self._topics)
         info = recording.topics
         self._transforms = {t for t in topics if info[t].type.name in _TRANSFORMS}
         self._latched = {t for t in topics if info[t].type.latched or t.endswith("/tf_static")}
 
     @property
     def duration_ns(self) -> int:
-        """From its first to its last message."""
-        return self._recording.end_ns - self._recording.start_ns
+        """From its first to its last message, without the gaps."""
+        return self.time.place_ns(self._recording.end_ns)
 
     def is_frame(self, batch: Batch) -> bool:
         """Whether a person steps to it."""
@@ -48,15 +53,15 @@ class PlayableRecording:
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
         """(Time since the first message, messages), from those shown at ``start_ns`` on."""
-        origin_ns = self._recording.start_ns
+        place_ns, start_stamp_ns = self.time.place_ns, self.time.stamp_ns(start_ns)
         if start_ns > 0:
-            shown = self._shown_at(origin_ns + start_ns)
+            shown = self._shown_at(start_stamp_ns)
             if shown:
-                yield max(shown[-1].stamp_ns - origin_ns, 0), shown
-        after_ns = origin_ns + start_ns + 1 if start_ns > 0 else None
+                yield place_ns(shown[-1].stamp_ns), shown
+        after_ns = start_stamp_ns + 1 if start_ns > 0 else None
         with closing(self._recording.read(after_ns, topics=self._topics)) as entries:
             for entry in entries:
-                yield max(entry.stamp_ns - origin_ns, 0), (entry,)
+                yield place_ns(entry.stamp_ns), (entry,)
 
     def _shown_at(self, stamp_ns: int) -> Batch:
         """What is to be seen at a time: the last one is of the topics that are stepped through."""
