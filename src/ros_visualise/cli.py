@@ -134,7 +134,9 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
             help="play these alone",
         )
         command.add_argument(
-            "--image", metavar="TOPIC|none", help="images for the nodes (default: the first topic)"
+            "--image",
+            metavar="TOPIC|none",
+            help="images for the nodes (default: the first in gray or colours)",
         )
         command.add_argument(
             "--odom",

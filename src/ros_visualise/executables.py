@@ -25,8 +25,9 @@ from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings import open_recording
+from ros_visualise.sources.recordings import Recording, open_recording
 from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
+from ros_visualise.sources.recordings.images import first_image
 from ros_visualise.ui import View, open_view
 from ros_visualise.ui.watching import watch
 
@@ -121,7 +122,7 @@ def _run_player() -> int:
     topics = _named_topics("topics", "all")
     declared = player(recording, topics, without=_NOT_PLAYED)
     outputs = {topic: topic for topic in declared.outputs}
-    if image := _chosen_image(declared):
+    if image := _chosen_image(recording, declared):
         outputs[image] = "/image_raw"
     graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
     options = (*_OPTIONS, "path", "topics", "image", "wait_for")
@@ -135,14 +136,14 @@ def _named_topics(option: str, default: str) -> list[str]:
     return [] if named == default else named.split()
 
 
-def _chosen_image(declared: SourceType) -> str | None:
+def _chosen_image(recording: Recording, declared: SourceType) -> str | None:
     """The recorded images that are played as those of a camera, on image_raw."""
     wanted = str(session.option("image", "none"))
     images = [topic for topic, kind in declared.outputs.items() if kind is Image]
     if wanted in images:
         return wanted
     if wanted in ("none", "first"):
-        return images[0] if images and wanted == "first" else None
+        return first_image(recording, images) if wanted == "first" else None
     there = ", ".join(images) or "none in it"
     raise UsageError(f"image={wanted}: no such topic of images; there is {there}")
 

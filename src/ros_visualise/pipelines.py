@@ -20,6 +20,7 @@ from ros_visualise.nodes import NodeType, SourceType, find
 from ros_visualise.nodes.player import player
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.images import first_image
 
 IMAGE_NODES = ("fps_control", "filters", "edge_detector")
 """The nodes that images pass in the pipelines, in order."""
@@ -92,7 +93,7 @@ def recording_pipeline(
     Args:
         recording: it is open.
         topics: of these alone; none: of all.
-        image: the topic of images; None: the first one, an empty text: none.
+        image: the topic of images; None: the first one of gray or colours, an empty text: none.
         odom: the topic that the path is made of, or a pair of frames, as
             `ros_visualise.sources.frame_pairs.parse_pair`; None: the first of odometry, else of
             poses, else of positions; an empty text: none.
@@ -101,7 +102,11 @@ def recording_pipeline(
         UsageError: a topic is not there or not of the right type.
     """
     declared = player(recording, topics)
-    image = _choose(declared, "--image", image, (Image,))
+    if image is None:
+        images = [name for name, cls in declared.outputs.items() if cls is Image]
+        image = first_image(recording, images)
+    else:
+        image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
     odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
     added = [_built_in(name) for name in IMAGE_NODES] if image else []

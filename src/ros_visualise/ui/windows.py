@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 
 import cv2
 
-from ros_visualise.data import Image
 from ros_visualise.graph import Node
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.pane import ROW, STRIP, Pane
 from ros_visualise.ui.screen import check_windows, provide_font, screen_size
+from ros_visualise.ui.shown import first_shown
 from ros_visualise.ui.tiling import TITLE, Box, parse_place, part_of, tile
 from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
 
@@ -33,7 +33,7 @@ _KEYS = {
 
 
 class Windows:
-    """Shows what every node publishes first, with the node's parameters as trackbars.
+    """Shows images of every node that has any, with the node's parameters as trackbars.
 
     Args:
         place: "2/4" shows the images in the second of four equal parts of the screen, for several
@@ -127,8 +127,8 @@ class Windows:
 
 def _image_topics(runtime: Runtime) -> Iterator[tuple[Node, str]]:
     for node in runtime.graph.nodes:
-        port, topic = next(iter(node.outputs.items()), ("", ""))
-        if node.type.outputs.get(port) is Image:
+        topic = first_shown(runtime.graph, node)
+        if topic is not None:
             yield node, topic
 
 

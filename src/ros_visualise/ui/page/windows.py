@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.data import Image, PointCloud
+from ros_visualise.data import PointCloud
 from ros_visualise.graph import Node
 from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
@@ -19,6 +19,7 @@ from ros_visualise.ui.page.images import Picture
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.ui.shown import first_shown, images_of
 
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
@@ -44,12 +45,13 @@ class Window:
         self._controls = Controls(gui, node.name, runtime.parameters[node.name], worker)
         self._panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
-        images = _images_of(node)
+        images = images_of(node)
         main = [spec for spec in declared if not spec.group]
         with self._panel.add_tab(node.name):
             self._controls.add(main)
-            if images:
-                self._add_picture(runtime, images, len(main))
+            first = first_shown(runtime.graph, node)
+            if first is not None:
+                self._add_picture(runtime, images, first, len(main))
             self._add_folders([spec for spec in declared if spec.group])
             self._add_actions(runtime, node)
 
@@ -82,11 +84,13 @@ class Window:
         self.close()
         self._panel.remove()
 
-    def _add_picture(self, runtime: Runtime, topics: Sequence[str], rows: int) -> None:
-        chosen = self._gui.add_dropdown("show", topics) if len(topics) > 1 else None
+    def _add_picture(self, runtime: Runtime, topics: Sequence[str], first: str, rows: int) -> None:
+        chosen = None
+        if len(topics) > 1:
+            chosen = self._gui.add_dropdown("show", topics, initial_value=first)
         rows += (chosen is not None) + bool(self._clouds)
         self._add_overlay()
-        picture = self.picture = Picture(self._gui, runtime, topics[0], rows, self._overlay)
+        picture = self.picture = Picture(self._gui, runtime, first, rows, self._overlay)
         if chosen is None:
             return
 
@@ -123,11 +127,7 @@ class Window:
 
 def has_window(node: Node) -> bool:
     """Whether a node has anything to show: images, parameters or actions."""
-    return bool(_images_of(node) or specs(node.params) or node.type.actions)
-
-
-def _images_of(node: Node) -> list[str]:
-    return [t for port, t in node.outputs.items() if node.type.outputs[port] is Image]
+    return bool(images_of(node) or specs(node.params) or node.type.actions)
 
 
 def _clouds_of(runtime: Runtime) -> list[str]:
@@ -136,7 +136,7 @@ def _clouds_of(runtime: Runtime) -> list[str]:
 
 
 def _looks_of(node: Node) -> object:
-    return node.name, type(node.params), _images_of(node)
+    return node.name, type(node.params), images_of(node)
 
 
 def rearrange(

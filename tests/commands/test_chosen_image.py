@@ -1,0 +1,59 @@
+"""Which images of a recording the nodes get, and which are shown."""
+
+from contextlib import closing
+from functools import partial
+
+import pytest
+from played_bags import QUICK, image, images, write_bag
+
+from ros_visualise.graph import Graph
+from ros_visualise.pipelines import recording_pipeline
+from ros_visualise.sources.recordings import open_recording
+from ros_visualise.ui.shown import first_shown
+
+DEPTH = partial(image, encoding="16UC1", pixel=2)
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """Depth, an image without pixels, and two that the nodes can take."""
+    empty = partial(image, width=0, height=0)
+    topics = {"a_depth": DEPTH, "b_empty": empty, "c_gray": image, "d_gray": image}
+    return write_bag(tmp_path / "r.bag", **{name: images(make) for name, make in topics.items()})
+
+
+def taken(path, image=None):
+    with closing(open_recording(path)) as recording:
+        graph = recording_pipeline(recording, image=image)
+    topic = graph.node("fps_control").inputs["image"]
+    assert first_shown(graph, graph.node("player")) == topic
+    return topic
+
+
+def test_the_first_images_in_gray_or_colours_are_taken_and_shown(bag):
+    assert taken(bag) == "/c_gray"
+
+
+def test_those_that_are_chosen_are_taken_and_shown(bag):
+    assert taken(bag, "/d_gray") == "/d_gray"
+    assert taken(bag, "/a_depth") == "/a_depth"
+
+
+def test_where_there_is_depth_alone_it_is_shown(tmp_path):
+    bag = write_bag(tmp_path / "r.bag", a=images(DEPTH), b=images(DEPTH))
+    assert taken(bag) == "/a"
+
+
+def test_a_node_that_nobody_listens_to_shows_its_first_images(bag):
+    with closing(open_recording(bag)) as recording:
+        graph = recording_pipeline(recording, image="")
+        assert first_shown(graph, graph.node("player")) == "/a_depth"
+        graph = recording_pipeline(recording)
+    assert first_shown(graph, graph.node("edge_detector")) == "/edges"
+    alone = Graph((graph.node("edge_detector"),))
+    assert first_shown(alone, alone.nodes[0]) == "/edges"
+
+
+def test_all_images_of_the_chosen_topic_pass(run, bag):
+    status, said = run("bag", bag, *QUICK)
+    assert (status, "/edges: 5 messages" in said) == (0, True)
