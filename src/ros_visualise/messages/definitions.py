@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
@@ -18,6 +18,12 @@ Encoding = Literal["ros1", "cdr"]
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
 _HEADER = "std_msgs/msg/Header"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
+
+
+def parts_of(fields: Iterable[tuple[str, Any]]) -> set[str]:
+    """The types that fields are of, as a typestore's ``fielddefs`` has the fields."""
+    flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
+    return {name for kind, name in flat if kind == Nodetype.NAME}
 
 
 class Definitions:

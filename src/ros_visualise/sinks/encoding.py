@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
-from rosbags.typesys import get_types_from_msg
+from rosbags.interfaces import Nodetype
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
-from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.definitions import Definitions, Encoding, parts_of
 from ros_visualise.messages.recorded import Recorded, TopicType
 
 log = logging.getLogger(__name__)
 
 Buffer = bytes | memoryview
+_About = tuple[Any, Any]
 _Convert = Callable[[Buffer], Buffer]
+_THREE_PARTS = re.compile(r"^(MSG: )?(\w+)/(?:msg|action|srv)/(\w+)", re.MULTILINE)
 _ROS = {"ros1": "ROS 1", "cdr": "ROS 2"}
 
 
@@ -64,7 +67,13 @@ class Encoder:
         types = source or self._own
         if not types.knows(name):
             raise DamagedMessage(f"{name}: nobody knows this type")
-        return Declaration(name, types.text(name), types.digest(name), topic.latched)
+        try:
+            text, digest = types.text(name), types.digest(name)
+        except (AssertionError, KeyError) as error:  # the library has no such names or types
+            raise DamagedMessage(f"{name}: {_ROS[self.encoding]} cannot hold this type") from error
+        if self._is_ros1:
+            text = _THREE_PARTS.sub(r"\1\2/\3", text)
+        return Declaration(self._rename(name), text, digest, topic.latched)
 
     def encode(self, message: Any) -> Buffer:
         """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.
@@ -85,28 +94,48 @@ class Encoder:
             ) from error
 
     def _rename(self, name: str) -> str:
-        return STATIC_MSGTYPE_RENAMES.get(name, name) if self.encoding == "cdr" else name
+        """A type's name in this encoding; ROS 1 has none of actions' and services' parts."""
+        if self._is_ros1:
+            return _THREE_PARTS.sub(r"\2/msg/\3", name)
+        return STATIC_MSGTYPE_RENAMES.get(name, name)
 
     def _conversion(self, source: Definitions, name: str) -> _Convert:
         key = name, source
         if key not in self._conversions:
             target = self._rename(name)
             try:
-                self._adopt(source, name, target)
+                self._adopt(source, name)
                 self._conversions[key] = self._make_conversion(source, name, target)
             except Exception as error:  # the library raises what it happens to meet
                 reason = f"{name}: {_ROS[self.encoding]} cannot hold this type"
                 raise DamagedMessage(reason) from error
         return self._conversions[key]
 
-    def _adopt(self, source: Definitions, name: str, target: str) -> None:
+    def _adopt(self, source: Definitions, name: str) -> None:
         """Define a type that this encoding does not know, and those that it is made of."""
-        own = self._own.store
-        if target in own.fielddefs:
-            return
-        text, _ = source.store.generate_msgdef(name, ros_version=1 if self._is_ros1 else 2)
-        found = get_types_from_msg(text, target)
-        own.register({n: fields for n, fields in found.items() if n not in own.fielddefs})
+        own, given = self._own.store, source.store.fielddefs
+        found: dict[str, Any] = {}
+        left = [name]
+        while left:
+            one = left.pop()
+            target = self._rename(one)
+            if target not in own.fielddefs and target not in found:
+                constants, fields = given[one]
+                found[target] = constants, [(f, self._adapt(about)) for f, about in fields]
+                left += parts_of(fields)
+        own.register(found)
+
+    def _adapt(self, about: _About) -> _About:
+        """What a field is in this encoding; ROS 1 has no bounds."""
+        kind, content = about
+        if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            element, size = content
+            size = 0 if self._is_ros1 and kind == Nodetype.SEQUENCE else size
+            return kind, (self._adapt(element), size)
+        if kind == Nodetype.NAME:
+            return kind, self._rename(content)
+        name, bound = content
+        return kind, (name, 0 if self._is_ros1 else bound)
 
     def _make_conversion(self, source: Definitions, name: str, target: str) -> _Convert:
         own = self._own.store

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from rosbags.interfaces import Nodetype
 from rosbags.typesys import (
     Stores,
     TypesysError,
@@ -15,7 +14,7 @@ from rosbags.typesys import (
 )
 
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.definitions import Definitions, Encoding, parts_of
 
 _TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
 
@@ -72,7 +71,8 @@ class Schemas:
         definitions, known = space
         definitions.define(type_name, text)
         known.update(types)
-        unknown = [name for name in sorted(_parts(types)) if not definitions.knows(name)]
+        fields = (field for _, fields in types.values() for field in fields)
+        unknown = [name for name in sorted(parts_of(fields)) if not definitions.knows(name)]
         if unknown:
             raise DamagedMessage(f"{type_name}: made of {unknown[0]}, which nobody knows")
         return definitions
@@ -115,10 +115,3 @@ def _idl_to_msg(type_name: str, text: str) -> str:
         return store.generate_msgdef(type_name, ros_version=2)[0]
     except Exception as error:  # the library's parser raises what it happens to meet
         raise DamagedMessage(f"{type_name}: its IDL definition cannot be read") from error
-
-
-def _parts(types: _Types) -> set[str]:
-    """The types that fields of these are of."""
-    fields = (description for _, fields in types.values() for _, description in fields)
-    flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for d in fields)
-    return {name for kind, name in flat if kind == Nodetype.NAME}
