@@ -110,13 +110,27 @@ def test_an_empty_graph_is_pictured_in_words():
     assert "nobody is there" in graph_picture(Graph(()))
 
 
-def test_wide_graphs_overlap_nowhere():
-    cameras = [
-        seen_elsewhere(f"camera_{n}", [], [f"/camera_{n}/image_rect_color"]) for n in (1, 2, 3)
-    ]
-    topics = sorted(x for name, (x, _) in places_in(Graph(tuple(cameras))).items() if "/" in name)
-    width = 6.6 * len("/camera_1/image_rect_color")
-    assert all(right - left >= width for left, right in pairwise(topics))
+def test_graphs_of_many_topics_overlap_nowhere_and_stay_as_wide_as_they_can_be_read():
+    names = [f"/camera_{n}/{'image_rect_color'[: n + 3]}" for n in range(18)]
+    cameras = [seen_elsewhere(f"camera_{n}", [], [name]) for n, name in enumerate(names[:3])]
+    player = seen_elsewhere("player", [], names[3:])
+    for graph in (Graph(tuple(cameras)), Graph((player,))):
+        width = float(ET.fromstring(graph_picture(graph)).get("viewBox").split()[2])
+        assert width == 320
+        rows = {}
+        for name, (x, y) in places_in(graph).items():
+            rows.setdefault(y, []).append((x - 3.3 * len(name), x + 3.3 * len(name)))
+        for row in rows.values():
+            assert all(a[1] <= b[0] for a, b in pairwise(sorted(row)))
+            assert 0 <= min(row)[0] <= max(row)[1] <= width
+
+
+def test_topics_that_somebody_takes_stand_nearest_to_who_does():
+    names = [f"/some/long/topic_{n}" for n in range(9)]
+    player = seen_elsewhere("player", [], names)
+    places = places_in(Graph((player, seen_elsewhere("filters", [names[0]], []))))
+    lowest = max(places[name][1] for name in names)
+    assert places[names[0]][1] == lowest < places["filters"][1]
 
 
 def test_the_table_tells_rates_drops_and_latency():

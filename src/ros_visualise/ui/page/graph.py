@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from html import escape
 from typing import NamedTuple
 
@@ -9,6 +10,8 @@ from ros_visualise.graph import Graph
 
 _ROW, _BOX, _WIDTH = 34.0, 20.0, 320.0
 _CHARACTER = 6.6
+_HALO = "paint-order:stroke;stroke:var(--mantine-color-body);stroke-width:4px"
+"""Of a topic's name, which arrows to the rows below it may cross."""
 _ARROW = (
     '<defs><marker id="rv-tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="6" '
     'markerHeight="6" orient="auto"><path d="M0 0L8 4L0 8z" fill="#909296"/></marker></defs>'
@@ -24,9 +27,9 @@ def graph_picture(graph: Graph) -> str:
     """An SVG of a graph; what passes later stands lower."""
     if not graph.nodes:
         return '<div class="rv-note">nobody is there yet</div>'
-    layers = _layers(graph)
-    width = max(_WIDTH, *(sum(_width(name) for _, name in layer) for layer in layers))
-    places = _places(layers, width)
+    rows = [row for layer in _layers(graph) for row in _rows(layer)]
+    width = max(_WIDTH, *(_widths(row) for row in rows))
+    places = _places(rows, width)
     height = max(place.y for place in places.values()) + _ROW / 2
     lines = "".join(_line(places[a], places[b]) for a, b in _edges(graph))
     nodes = "".join(_node(node.name, places["node", node.name]) for node in graph.nodes)
@@ -47,7 +50,7 @@ def _edges(graph: Graph) -> list[tuple[Key, Key]]:
 
 
 def _layers(graph: Graph) -> list[list[Key]]:
-    """Nodes and topics, each below all that leads to it."""
+    """Nodes and topics, each below all that leads to it; what nobody takes comes first."""
     depth: dict[Key, int] = {("topic", topic): 0 for topic in graph.inputs}
     for node in graph.nodes:  # in the order in which messages pass
         inputs = [("topic", topic) for topic in node.inputs.values()]
@@ -55,20 +58,37 @@ def _layers(graph: Graph) -> list[list[Key]]:
         depth["node", node.name] = max(above, default=-1) + 1
         for topic in node.outputs.values():
             depth["topic", topic] = depth["node", node.name] + 1
-    return [[key for key in depth if depth[key] == d] for d in range(max(depth.values()) + 1)]
+    taken = {key for key, _ in _edges(graph)}
+    layers = [[key for key in depth if depth[key] == d] for d in range(max(depth.values()) + 1)]
+    return [sorted(layer, key=lambda key: key in taken) for layer in layers]
 
 
-def _places(layers: list[list[Key]], width: float) -> dict[Key, _Place]:
-    """Where each stands: the room that a layer leaves is shared evenly."""
+def _rows(layer: list[Key]) -> Iterator[list[Key]]:
+    """A layer in as many rows as it needs to be read."""
+    row: list[Key] = []
+    for key in layer:
+        if row and _widths([*row, key]) > _WIDTH:
+            yield row
+            row = []
+        row.append(key)
+    yield row
+
+
+def _places(rows: list[list[Key]], width: float) -> dict[Key, _Place]:
+    """Where each stands: the room that a row leaves is shared evenly."""
     places: dict[Key, _Place] = {}
-    for depth, layer in enumerate(layers):
-        widths = [_width(name) for _, name in layer]
-        room = (width - sum(widths)) / max(len(layer), 1)
+    for number, row in enumerate(rows):
+        room = (width - _widths(row)) / max(len(row), 1)
         x = 0.0
-        for key, taken in zip(layer, widths, strict=True):
-            places[key] = _Place(x + (room + taken) / 2, _ROW * (depth + 0.5))
+        for key in row:
+            taken = _width(key[1])
+            places[key] = _Place(x + (room + taken) / 2, _ROW * (number + 0.5))
             x += room + taken
     return places
+
+
+def _widths(row: list[Key]) -> float:
+    return sum(_width(name) for _, name in row)
 
 
 def _width(name: str) -> float:
@@ -92,7 +112,7 @@ def _node(name: str, at: _Place) -> str:
 
 
 def _topic(name: str, at: _Place) -> str:
-    return _text(name, at, 'opacity="0.75" font-family="monospace"')
+    return _text(name, at, f'fill-opacity="0.75" font-family="monospace" style="{_HALO}"')
 
 
 def _text(text: str, at: _Place, style: str) -> str:
