@@ -237,7 +237,7 @@ class TestRefusals:
 
     def test_numbers(self, video):
         for option, value in {
-            "--rate": "-1",
+            "--rate": "1000",
             "--frames": "0",
             "--duration": "0",
             "--port": "0",

@@ -7,6 +7,8 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
 
+from ros_visualise.rate import MAX_RATE
+
 
 def _checked(
     kind: type[int] | type[float], accept: Callable[[float], bool], words: str
@@ -26,6 +28,7 @@ def _checked(
 not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
 positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
 seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
+_rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")
 _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
 _port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
 
@@ -53,7 +56,9 @@ def _add_viewing(parser: ArgumentParser) -> None:
 def _add_pace(parser: ArgumentParser) -> None:
     group = parser.add_argument_group("playing")
     group.add_argument(
-        "--rate", type=not_negative, help="speed (1); 0: as fast as it goes, lossless"
+        "--rate",
+        type=_rate,
+        help=f"speed (1), up to {MAX_RATE}; 0: as fast as it goes, lossless",
     )
     group.add_argument("--loop", action="store_true", help="start over at the end")
     group.add_argument(

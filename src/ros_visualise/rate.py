@@ -6,6 +6,9 @@ import threading
 import time
 from typing import Protocol
 
+MAX_RATE = 100
+"""The highest speed at which anything is played; 0 stands for as fast as it goes."""
+
 
 class Clock(Protocol):
     """What tells the time and waits for it."""

@@ -171,7 +171,7 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
         go_on.wait(10)
         return image
 
-    run = Run(graph_of(slow), rate=1000, hold=True)
+    run = Run(graph_of(slow), rate=100, hold=True)
     run.playback.step()
     run.runtime.start()
     assert entered.wait(10)

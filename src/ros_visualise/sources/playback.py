@@ -9,7 +9,7 @@ from contextlib import closing
 from typing import Any, NamedTuple, TypeVar
 
 from ros_visualise.errors import ParameterError, UsageError
-from ros_visualise.rate import Clock, WallClock
+from ros_visualise.rate import MAX_RATE, Clock, WallClock
 from ros_visualise.sources.playable import Playable, time_before
 from ros_visualise.sources.quota import Quota
 from ros_visualise.sources.timeline import Timeline
@@ -35,7 +35,7 @@ class Playback:
     """Decides when each message of a source passes; all of it may be called from any thread.
 
     Args:
-        rate: speed of playing; 0 is as fast as it goes, and then stamps start at zero.
+        rate: speed of playing, up to 100; 0 is as fast as it goes, and then stamps start at zero.
         loop: start over at the end; the stamps keep increasing.
         start_s: where to start.
         duration_s: how much to play in all, over loops and seeks.
@@ -170,7 +170,7 @@ class Playback:
         """Change the speed, at once.
 
         Raises:
-            ParameterError: it is negative or not a number.
+            ParameterError: it is not from 0 to 100.
         """
         with self._changed:
             self._time.change(_checked_rate(rate), self._time.running)
@@ -365,6 +365,8 @@ class Playback:
 
 
 def _checked_rate(rate: float) -> float:
-    if not 0 <= rate < math.inf:
-        raise ParameterError(f"rate={rate}: must be 0 (as fast as it goes) or more")
+    if not 0 <= rate <= MAX_RATE:
+        raise ParameterError(
+            f"rate={rate:g}: must be from 0 to {MAX_RATE}; 0 is as fast as it goes"
+        )
     return float(rate)

@@ -8,6 +8,7 @@ from typing import Any
 
 from ros_visualise.nodes import SourceType
 from ros_visualise.params import Parameters, Value, param, specs
+from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playback import Playback
 
 
@@ -23,7 +24,7 @@ class PlayingParams(LiveParams):
     """How a recording is played; a source's own parameters come beside these."""
 
     rate: float = param(
-        1.0, "speed of playing; 0 is as fast as it goes", min=0, max=100, slider=(0, 4)
+        1.0, "speed of playing; 0 is as fast as it goes", min=0, max=MAX_RATE, slider=(0, 4)
     )
     loop: bool = param(False, "start over at the end")
 

@@ -10,12 +10,13 @@ from typing import Any
 
 import viser
 
+from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playback import Playback, PlaybackState
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
-_MIN_RATE, _MAX_RATE = 0.1, 100.0
+_MIN_RATE = 0.1  # lower by steps, it would be 0: as fast as it goes
 _ANY = "any message"
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
@@ -64,7 +65,7 @@ class Transport:
             "rate",
             _shown_rate(state.rate),
             min=_MIN_RATE,
-            max=_MAX_RATE,
+            max=float(MAX_RATE),
             step=0.1,
             hint="speed of playing",
         )
@@ -136,7 +137,7 @@ class Transport:
 
 def _shown_rate(rate: float) -> float:
     """As fast as it goes, written 0, is beyond the fast end."""
-    return min(max(rate or _MAX_RATE, _MIN_RATE), _MAX_RATE)
+    return max(rate or MAX_RATE, _MIN_RATE)
 
 
 def _end_s(state: PlaybackState) -> float:
