@@ -56,6 +56,7 @@ class ChunkedRecorder(ABC):
         self.topics = tuple(topics)
         self.declared = {name: encoder.declare(topic) for name, topic in topics.items()}
         self.counts = dict.fromkeys(topics, 0)
+        self._types = {name: topic.name for name, topic in topics.items()}
         self.start_ns, self.end_ns = _END_NS, 0
         self._encoder = encoder
         self._live = live
@@ -78,6 +79,7 @@ class ChunkedRecorder(ABC):
             raise RecordingError(f"{self.path}: the recording has ended")
         self.declared[topic] = declared = self._encoder.declare(kind)
         self.counts[topic] = 0
+        self._types[topic] = kind.name
         self.topics += (topic,)
         try:
             self._end_chunk()
@@ -93,6 +95,8 @@ class ChunkedRecorder(ABC):
             return
         if self._closed:
             raise RecordingError(f"{self.path}: the recording has ended")
+        if isinstance(message, Recorded) and message.type_name != self._types[topic]:
+            raise DamagedMessage(f"{topic} is of {self._types[topic]}, not of {message.type_name}")
         data = self._encoder.encode(message)
         stamp_ns = _stamp(message) if stamp_ns is None else stamp_ns
         if not 0 <= stamp_ns < _END_NS:

@@ -83,7 +83,7 @@ class McapRecorder(ChunkedRecorder):
     ) -> None:
         self._compression, self._compress = COMPRESSIONS[compression]
         self._profile, self._schema_encoding, self._encoding = _PROFILES[encoder.encoding]
-        self._schemas: dict[str, Schema] = {}
+        self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._channels: dict[str, Channel] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
@@ -108,7 +108,8 @@ class McapRecorder(ChunkedRecorder):
             name = name.replace("/msg/", "/")
         number = len(self._schemas) + 1
         text = declared.text.encode()
-        schema = self._schemas.setdefault(name, Schema(number, text, self._schema_encoding, name))
+        schema = Schema(number, text, self._schema_encoding, name)
+        schema = self._schemas.setdefault((name, text), schema)
         self._channels[topic] = Channel(
             id=len(self._channels) + 1,
             topic=topic,

@@ -199,14 +199,13 @@ def test_two_definitions_of_one_name_are_both_kept(tmp_path: Path) -> None:
         writer.start("ros2")
         for number, field in enumerate(("uint8 small", "uint32 large")):
             schema = writer.register_schema("my_msgs/msg/Value", "ros2msg", field.encode())
-            channel = writer.register_channel("/value", "cdr", schema, {})
+            channel = writer.register_channel(f"/{number}", "cdr", schema, {})
             writer.add_message(channel, number, b"\x00\x01\x00\x00\x07\x00\x00\x00", number)
         writer.finish()
     recording = open_mcap(tmp_path / "a.mcap")
     first, second = recording.read()
     assert (first.message.message.small, second.message.message.large) == (7, 7)
-    assert recording.topics["/value"].connections == 2
-    assert recording.topics["/value"].messages == 2
+    assert not recording.loss
     recording.close()
 
 

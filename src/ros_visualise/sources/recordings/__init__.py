@@ -48,7 +48,8 @@ class TopicInfo:
     """What a recording says of a topic; ``messages`` counts those that are there.
 
     ``digest`` is the MD5 or hash of its type as the recording has it. ``readable`` is empty, or
-    says why its messages can not be read.
+    says why its messages can not be read. ``other_types``: name -> digest of those whose messages
+    are left out, as the topic is of ``type``.
     """
 
     type: TopicType
@@ -56,6 +57,14 @@ class TopicInfo:
     digest: str = ""
     connections: int = 1
     unreadable: str = ""
+    other_types: Mapping[str, str] = field(default_factory=dict)
+
+
+def left_out(topic: str, messages: int, type_name: str, chosen: str) -> str:
+    """What to say of messages of another type than the ``chosen`` one, that of their topic."""
+    difference = f"of {chosen}" if type_name != chosen else "of another one by that name"
+    noun = "message" if messages == 1 else "messages"
+    return f"{topic}: {messages} {noun} of {type_name} left out: the topic is {difference}"
 
 
 @dataclass

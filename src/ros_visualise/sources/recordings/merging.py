@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from pathlib import Path
@@ -11,10 +12,17 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+from ros_visualise.sources.recordings import Entry, Loss, TopicInfo, left_out
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.shelf import Shelf
-from ros_visualise.sources.recordings.storage import LATEST_NS, Channel, Piece, Query, Storage
+from ros_visualise.sources.recordings.storage import (
+    LATEST_NS,
+    Channel,
+    Piece,
+    Query,
+    Storage,
+    add_note,
+)
 
 
 def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
@@ -64,7 +72,9 @@ class MergedRecording:
         self.path, self.format, self.loss = path, format, loss
         self.size = sum(storage.size for storage in storages)
         self.compression = ", ".join(sorted({c for s in storages for c in s.compressions}))
-        self.topics: Mapping[str, TopicInfo] = _topics(storages)
+        topics = _Topics(storages, loss)
+        self.topics: Mapping[str, TopicInfo] = topics.by_name
+        self._chosen = topics.chosen
         spans = [(s.starts_ns.min(), s.ends_ns.max()) for s in storages if len(s.starts_ns)]
         self.start_ns = int(min((start for start, _ in spans), default=0))
         self.end_ns = int(max((end for _, end in spans), default=0))
@@ -84,10 +94,11 @@ class MergedRecording:
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """As `Recording.stamps_ns`."""
         found: dict[str, list[npt.NDArray[np.int64]]] = {topic: [] for topic in self.topics}
+        query = Query(chosen=self._chosen)
         for storage in self._storages:
             for number, stamps_ns in storage.stamps_ns():
                 channel = storage.channels.get(number)
-                if channel is not None and not channel.unreadable:
+                if channel is not None and query.asks_for(channel):
                     found[channel.topic].append(stamps_ns)
         empty = np.empty(0, np.int64)
         return {topic: np.sort(np.concatenate([empty, *parts])) for topic, parts in found.items()}
@@ -106,6 +117,7 @@ class MergedRecording:
             -LATEST_NS if start_ns is None else start_ns,
             LATEST_NS if stop_ns is None else stop_ns,
             None if topics is None else frozenset(topics),
+            self._chosen,
         )
         is_closed = self._closed.is_set
         for entry in self._merged(query):
@@ -128,28 +140,45 @@ class MergedRecording:
         return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
 
 
-def _topics(storages: Sequence[Storage]) -> dict[str, TopicInfo]:
-    found: dict[str, list[tuple[Channel, int]]] = {}
-    connections: dict[str, int] = {}
-    for storage in storages:
-        here: dict[str, int] = {}
-        for number, channel in storage.channels.items():
-            found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
-            here[channel.topic] = here.get(channel.topic, 0) + 1
-        for topic, count in here.items():
-            connections[topic] = max(count, connections.get(topic, 0))
-    return {topic: _topic(found[topic], connections[topic]) for topic in sorted(found)}
+class _Topics:
+    """The topics of several files. Each is of one type, which can be read if any can.
 
+    Attributes:
+        by_name: in the order of their names.
+        chosen: of each, a channel of its type.
+    """
 
-def _topic(channels: Sequence[tuple[Channel, int]], connections: int) -> TopicInfo:
-    """What a topic is by those of its channels that can be read, if there are any."""
-    readable = [pair for pair in channels if not pair[0].unreadable] or channels
-    first = readable[0][0]
-    latched = any(channel.latched for channel, _ in readable)
-    return TopicInfo(
-        TopicType(first.type_name, first.definitions, latched),
-        sum(count for _, count in readable),
-        first.digest,
-        connections,
-        first.unreadable,
-    )
+    def __init__(self, storages: Sequence[Storage], loss: Loss) -> None:
+        self.by_name: dict[str, TopicInfo] = {}
+        self.chosen: dict[str, Channel] = {}
+        found: dict[str, list[tuple[Channel, int]]] = {}
+        connections: Counter[str] = Counter()
+        for storage in storages:
+            for number, channel in storage.channels.items():
+                found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
+            connections |= Counter(channel.topic for channel in storage.channels.values())
+        for topic in sorted(found):
+            self.by_name[topic] = self._add(topic, found[topic], connections[topic], loss)
+
+    def _add(
+        self, topic: str, channels: Sequence[tuple[Channel, int]], connections: int, loss: Loss
+    ) -> TopicInfo:
+        chosen, _ = min(channels, key=lambda pair: (bool(pair[0].unreadable), not pair[1]))
+        self.chosen[topic] = chosen
+        alike = [pair for pair in channels if pair[0].is_like(chosen)]
+        others = [pair for pair in channels if not pair[0].is_like(chosen)]
+        for name in dict.fromkeys(channel.type_name for channel, _ in others):
+            count = sum(count for channel, count in others if channel.type_name == name)
+            loss.messages += count
+            if count:
+                add_note(loss, left_out(topic, count, name, chosen.type_name))
+        return TopicInfo(
+            TopicType(
+                chosen.type_name, chosen.definitions, any(channel.latched for channel, _ in alike)
+            ),
+            sum(count for _, count in alike),
+            chosen.digest,
+            connections,
+            chosen.unreadable,
+            {channel.type_name: channel.digest for channel, _ in others},
+        )

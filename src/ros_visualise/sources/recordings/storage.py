@@ -30,17 +30,33 @@ class Channel:
     latched: bool = False
     unreadable: str = ""
 
+    def is_like(self, other: Channel) -> bool:
+        """Whether both are of one type; that of ROS 1 and ROS 2 counts as one."""
+        if self.type_name != other.type_name:
+            return False
+        if self.definitions is None or other.definitions is None:
+            return self.definitions is other.definitions
+        is_same = self.definitions is other.definitions
+        is_told = bool(self.digest) and self.digest == other.digest
+        return is_same or is_told or self.definitions.encoding != other.definitions.encoding
+
 
 class Query(NamedTuple):
-    """Which messages are asked for: from a stamp until before another, of some topics or of all."""
+    """Which messages are asked for: from a stamp until before another, of some topics or of all.
+
+    ``chosen``: by topic, a channel of the type that is read of it.
+    """
 
     start_ns: int = -LATEST_NS
     stop_ns: int = LATEST_NS
     topics: Collection[str] | None = None
+    chosen: Mapping[str, Channel] | None = None
 
     def asks_for(self, channel: Channel) -> bool:
         """Whether messages of a channel are wanted, and can be read."""
-        return not channel.unreadable and (self.topics is None or channel.topic in self.topics)
+        if channel.unreadable or not (self.topics is None or channel.topic in self.topics):
+            return False
+        return self.chosen is None or channel.is_like(self.chosen[channel.topic])
 
 
 class Piece(Protocol):

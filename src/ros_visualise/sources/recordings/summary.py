@@ -63,5 +63,6 @@ def _topic(topic: TopicInfo, stamps_ns: NDArray[np.int64]) -> dict[str, Any]:
 def _types(recording: Recording) -> dict[str, str]:
     found: dict[str, str] = {}
     for topic in recording.topics.values():
-        found.setdefault(topic.type.name, topic.digest)
+        for name, digest in {**topic.other_types, topic.type.name: topic.digest}.items():
+            found.setdefault(name, digest)
     return dict(sorted(found.items()))

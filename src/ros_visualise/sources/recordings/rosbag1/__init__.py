@@ -21,7 +21,7 @@ from ros_visualise.sources.recordings import Entry, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
-from ros_visualise.sources.recordings.rosbag1.connections import Types, topics_of
+from ros_visualise.sources.recordings.rosbag1.connections import Topics
 from ros_visualise.sources.recordings.rosbag1.index import read_layout
 from ros_visualise.sources.recordings.rosbag1.layout import Layout
 from ros_visualise.sources.recordings.rosbag1.order import in_time_order
@@ -52,9 +52,10 @@ class RosBag:
             layout = _read_layout(path, file, self.size)
         self.format = "rosbag 2.0" if layout.indexed else "rosbag 2.0, unindexed"
         self._connections, self._chunks = layout.connections, layout.chunks
-        self._types = Types()
         counts = _count(self._chunks)
-        self.topics: Mapping[str, TopicInfo] = topics_of(self._connections, counts, self._types)
+        topics = Topics(self._connections, counts)
+        self.topics: Mapping[str, TopicInfo] = topics.by_name
+        self._known = topics.known
         self.start_ns = min((chunk.start_ns for chunk in self._chunks), default=0)
         self.end_ns = max((chunk.end_ns for chunk in self._chunks), default=0)
         self.loss = layout.loss
@@ -63,6 +64,9 @@ class RosBag:
         if nameless:
             self.loss.messages += nameless
             self.loss.notes.append(f"{nameless} messages of topics that the bag does not name")
+        for messages, note in topics.left_out:
+            self.loss.messages += messages
+            self.loss.notes.append(note)
 
     @cached_property
     def compression(self) -> str:
@@ -98,7 +102,7 @@ class RosBag:
             salvager = Salvager(file, self.size, self._losses)
             for chunk in self._chunks:
                 entries = salvager.entries(chunk)
-                for number in chunk.counts.keys() & self._connections.keys():
+                for number in chunk.counts.keys() & self._known.keys():
                     stamps = entries["stamp_ns"][entries["connection"] == number]
                     found[self._connections[number].topic].append(stamps)
         return {
@@ -114,9 +118,9 @@ class RosBag:
         self, start_ns: int | None, stop_ns: int | None, topics: Collection[str] | None
     ) -> Generator[Entry, None, None]:
         wanted = {
-            number: connection
-            for number, connection in self._connections.items()
-            if topics is None or connection.topic in topics
+            number: (self._connections[number].topic, known)
+            for number, known in self._known.items()
+            if topics is None or self._connections[number].topic in topics
         }
         chunks = [
             chunk
@@ -135,9 +139,9 @@ class RosBag:
                     return
                 data = salvager.data(chunks[place], (stamp_ns, number, offset))
                 if data is not None:
-                    known = self._types.of(wanted[number])
+                    topic, known = wanted[number]
                     message = Recorded(known.type_name, data, known.definitions, stamp_ns)
-                    yield Entry(wanted[number].topic, stamp_ns, message)
+                    yield Entry(topic, stamp_ns, message)
 
     def _open(self, buffering: int) -> BinaryIO:
         try:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import TopicInfo
+from ros_visualise.sources.recordings import TopicInfo, left_out
 from ros_visualise.sources.recordings.rosbag1.layout import Connection
 from ros_visualise.sources.recordings.schemas import Schemas
 
@@ -55,31 +55,54 @@ class Types:
         return found._replace(unreadable=problem)
 
 
-def topics_of(
-    connections: Mapping[int, Connection], counts: Mapping[int, int], types: Types
-) -> dict[str, TopicInfo]:
-    """The topics by name; where connections differ, the first one's type is the topic's."""
-    numbers: dict[str, list[int]] = {}
-    for number, connection in connections.items():
-        numbers.setdefault(connection.topic, []).append(number)
-    return {
-        topic: _topic(
-            [connections[number] for number in numbers[topic]],
-            sum(counts.get(number, 0) for number in numbers[topic]),
-            types,
+class Topics:
+    """The topics of a bag. Each is of one type, which can be read, and has messages, if any has.
+
+    Attributes:
+        by_name: in the order of their names.
+        known: how the messages of each connection are read that is of its topic's type.
+        left_out: of the others, how many messages there are and what to say of them.
+    """
+
+    def __init__(self, connections: Mapping[int, Connection], counts: Mapping[int, int]) -> None:
+        self.by_name: dict[str, TopicInfo] = {}
+        self.known: dict[int, KnownType] = {}
+        self.left_out: list[tuple[int, str]] = []
+        self._connections, self._counts = connections, counts
+        self._types = Types()
+        numbers: dict[str, list[int]] = {}
+        for number, connection in connections.items():
+            numbers.setdefault(connection.topic, []).append(number)
+        for topic in sorted(numbers):
+            self.by_name[topic] = self._add(topic, numbers[topic])
+
+    def _add(self, topic: str, numbers: list[int]) -> TopicInfo:
+        of, connections = self._types.of, self._connections
+        chosen = min(
+            numbers, key=lambda n: (bool(of(connections[n]).unreadable), not self._counts.get(n))
         )
-        for topic in sorted(numbers)
-    }
+        known = of(connections[chosen])
+        alike = [n for n in numbers if self._are_alike(connections[n], connections[chosen])]
+        self.known |= dict.fromkeys(alike, known)
+        others = [n for n in numbers if n not in alike]
+        for number in others:
+            if count := self._counts.get(number, 0):
+                name = connections[number].type_name
+                self.left_out.append((count, left_out(topic, count, name, known.type_name)))
+        return TopicInfo(
+            type=TopicType(
+                known.type_name, known.definitions, any(connections[n].latched for n in alike)
+            ),
+            messages=sum(self._counts.get(n, 0) for n in alike),
+            digest=connections[chosen].digest,
+            connections=len(numbers),
+            unreadable=known.unreadable,
+            other_types={connections[n].type_name: connections[n].digest for n in others},
+        )
 
-
-def _topic(connections: list[Connection], messages: int, types: Types) -> TopicInfo:
-    first = connections[0]
-    known = types.of(first)
-    latched = any(connection.latched for connection in connections)
-    return TopicInfo(
-        type=TopicType(known.type_name, known.definitions, latched),
-        messages=messages,
-        digest=first.digest,
-        connections=len(connections),
-        unreadable=known.unreadable,
-    )
+    def _are_alike(self, one: Connection, other: Connection) -> bool:
+        if one.type_name != other.type_name:
+            return False
+        known = self._types.of(one)
+        is_same = not known.unreadable and known.definitions is self._types.of(other).definitions
+        return is_same or one.digest == other.digest
