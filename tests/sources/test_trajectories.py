@@ -216,3 +216,36 @@ def test_frames_that_are_not_there_are_said():
     for topic in (None, "/tf"):
         with pytest.raises(UsageError, match=r"PARENT\.CHILD of base, camera, map, odom, wheel"):
             read_trajectory(Memory(**TF), topic)
+
+
+def test_poses_of_the_same_stamp_are_counted():
+    found = read_trajectory(Memory(pose=[pose(n, t) for n, t in enumerate((1, 1, 2, 3, 1))]))
+    assert found.path.stamps_ns.tolist() == [S, S, S, 2 * S, 3 * S]
+    assert found.repeated == 2
+    assert read_trajectory(Memory(pose=[pose(1, 1), pose(2, 2)])).repeated == 0
+
+
+def test_transforms_that_are_none_are_counted_by_what_is_wrong_with_them():
+    def moved(parent, child, x=1.0, quat=UPRIGHT):
+        position = np.array([x, 0, 0])
+        return TransformStamped(child, position, np.asarray(quat, float), header(1, parent))
+
+    wrong = [
+        moved("odom", "odom"),
+        moved("self", "self"),
+        moved("base", "odom"),
+        moved("", "nameless"),
+        moved("odom", "flat", quat=[0, 0, 0, 0]),
+        moved("odom", "nowhere", x=math.nan),
+    ]
+    found = read_trajectory(
+        Memory(tf=[Transforms((moved("odom", "base"), *wrong))]), "/tf:odom.base"
+    )
+    assert x_of(found) == [1]
+    assert found.left_out == {
+        "transforms: is a frame in itself": 2,
+        "transforms: would make a loop": 1,
+        "transforms: lacks the name of a frame": 1,
+        "transforms: has a quaternion of zeros": 1,
+        "transforms: holds what is no number": 1,
+    }

@@ -69,3 +69,35 @@ def test_a_pose_that_is_no_number_is_said(scene, look):
     turned = Odometry(np.zeros(3), LEVEL * np.nan, header=Header(S, "odom"))
     draw(scene, odom=turned)
     assert "no rotation" in scene.problems["/odom"]
+
+
+def test_odd_transforms_are_said_once_with_their_topic(scene, caplog):
+    odd = [
+        transform("a", "b", [1, 0, 0], 1),
+        transform("b", "c", [1, 0, 0], 1),
+        transform("c", "a", [1, 0, 0], 1),
+        transform("self", "/self", [1, 0, 0], 1),
+        transform("", "nameless", [1, 0, 0], 1),
+        transform("map", "flat", [1, 0, 0], 1, LEVEL * 0),
+        transform("map", "nowhere", [np.nan, 0, 0], 1),
+        transform("map", "box", [1, 0, 0], 1),
+        transform("odom", "box", [1, 0, 0], 2),
+    ]
+    for _ in range(3):
+        scene.show("/tf", tf(*odd))
+    assert caplog.messages == [
+        "/tf: 'c' -> 'a' would make a loop (said once)",
+        "/tf: 'self' -> '/self' is a frame in itself (said once)",
+        "/tf: '' -> 'nameless' lacks the name of a frame (said once)",
+        "/tf: 'map' -> 'flat' has a quaternion of zeros (said once)",
+        "/tf: 'map' -> 'nowhere' holds what is no number (said once)",
+        "/tf: 'box' is in several frames: map and odom (said once)",
+    ]
+
+
+def test_transforms_as_they_should_be_say_nothing(scene, caplog):
+    for step in range(3):
+        scene.show("/tf_static", tf(transform("base", "camera", [1, 0, 0])))
+        scene.show("/tf", tf(transform("/odom", "base", [step, 0, 0], step)))
+        scene.show("/tf", tf(transform("odom", "base", [0, 0, 0], 0)))  # and time jumps back
+    assert caplog.messages == []

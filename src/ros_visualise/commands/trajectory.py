@@ -76,6 +76,7 @@ def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict
         **figures,
         "left_out": found.left_out,
         "unordered": found.unordered,
+        "repeated": found.repeated,
         "without_attitude": found.without_attitude,
     }
 
@@ -95,6 +96,11 @@ def _summary(found: Trajectory, figures: dict[str, Any]) -> str:
         lines.append(f"left out:   {count} {why}")
     if found.unordered:
         lines.append(f"sorted:     {found.unordered} came after later ones")
+    if found.repeated:
+        lines.append(
+            f"stamps:     {found.repeated} are those of the pose before; programs that need each"
+            " once will refuse them"
+        )
     if found.without_attitude:
         lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
     return "\n".join(lines)

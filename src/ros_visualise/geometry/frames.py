@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Sequence
 
 from ros_visualise.data import Floats, Transforms, TransformStamped
 from ros_visualise.errors import NoTransform
@@ -12,6 +12,16 @@ from ros_visualise.geometry.history import History, Sample
 from ros_visualise.geometry.rigid import IDENTITY, Pose
 
 _S = 1_000_000_000
+
+
+class WrongTransforms(ValueError):
+    """Transforms that are none; ``wrong`` holds parent, child and what is wrong of each."""
+
+    def __init__(self, wrong: Sequence[tuple[str, str, str]]) -> None:
+        super().__init__(
+            "; ".join(f"{parent!r} -> {child!r} {what}" for parent, child, what in wrong)
+        )
+        self.wrong = tuple(wrong)
 
 
 class FrameTree:
@@ -34,8 +44,8 @@ class FrameTree:
         moves is forgotten.
 
         Raises:
-            ValueError: frames have no names, hang below themselves, or a transform is none; the
-                others of the message are kept.
+            WrongTransforms: frames have no names, hang below themselves, or a transform is none;
+                the others of the message are kept.
         """
         several = message.transforms if isinstance(message, Transforms) else (message,)
         wrong = []
@@ -44,9 +54,9 @@ class FrameTree:
                 try:
                     self._add(one, static)
                 except ValueError as error:
-                    wrong.append(f"{one.header.frame_id!r} -> {one.child_frame_id!r} {error}")
+                    wrong.append((one.header.frame_id, one.child_frame_id, str(error)))
         if wrong:
-            raise ValueError("; ".join(wrong))
+            raise WrongTransforms(wrong)
 
     def lookup(
         self, target: str, source: str, stamp_ns: int | None = None, tolerance_s: float = 0.0
@@ -109,6 +119,8 @@ class FrameTree:
         parent, child = _name(one.header.frame_id), _name(one.child_frame_id)
         if not parent or not child:
             raise ValueError("lacks the name of a frame")
+        if parent == child:
+            raise ValueError("is a frame in itself")
         sample = Sample(parent, rigid.pose(one.translation_xyz, one.quat_xyzw))
         history = self._histories.get(child)
         if history and history.is_before(one.header.stamp_ns):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 
 import numpy as np
 
 from ros_visualise.data import Floats, Transforms
 from ros_visualise.errors import NoTransform
-from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.transforms import to_pose
 
 _WAITING = 10_000
@@ -23,12 +23,12 @@ class FramePair:
         parent, child: names of the frames; the poses are those of the child in the parent.
 
     Attributes:
-        refused: messages with transforms that are none.
+        refused: what was wrong with transforms that are none -> how many, of whatever frames.
     """
 
     def __init__(self, tree: FrameTree, parent: str, child: str) -> None:
         self.parent, self.child = parent, child
-        self.refused = 0
+        self.refused: Counter[str] = Counter()
         self._tree = tree
         self.reset()
 
@@ -42,8 +42,8 @@ class FramePair:
         """The stamps at which the chain is known by now, and was not before, and the poses (7,)."""
         try:
             self._tree.add(message, static)
-        except ValueError:
-            self.refused += 1
+        except WrongTransforms as error:
+            self.refused.update(what for _, _, what in error.wrong)
         if not static:
             self._waiting.extend(
                 (one.header.stamp_ns, one.child_frame_id.lstrip("/")) for one in message.transforms

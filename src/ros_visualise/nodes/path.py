@@ -131,6 +131,7 @@ class PathNode:
 
     def report(self) -> dict[str, Any]:
         """What was gone, and poses that were refused: no numbers, or without a fix."""
+        in_pair = self._pair.refused.total()
         gone = self._travel.summary()
         speeds = {"mean_mps": gone.mean_mps, "top_mps": gone.top_mps}
         return {
@@ -138,7 +139,7 @@ class PathNode:
             "length_m": round(gone.length_m, 3),
             "duration_s": round(gone.duration_s, 3),
             **{name: None if mps is None else round(mps, 3) for name, mps in speeds.items()},
-            "refused": self._locator.refused + self._locator.without_fix + self._pair.refused,
+            "refused": self._locator.refused + self._locator.without_fix + in_pair,
             "deviation_m": round(self._track.deviation_m, 4),
         }
 

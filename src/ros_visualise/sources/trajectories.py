@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -57,6 +57,7 @@ class Trajectory:
         path: the poses in order of their stamps, in the frame of its header.
         left_out: why poses were left out -> how many.
         unordered: poses that were recorded before others of earlier stamps.
+        repeated: poses that have the stamp of the one before.
         without_attitude: poses whose quaternion was zero; they have that of the frame.
     """
 
@@ -64,6 +65,7 @@ class Trajectory:
     path: Path
     left_out: dict[str, int] = field(default_factory=dict)
     unordered: int = 0
+    repeated: int = 0
     without_attitude: int = 0
 
 
@@ -108,7 +110,7 @@ class _Reader:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._locator = Locator()
-        self._pair_refused = 0
+        self._wrong_transforms: Mapping[str, int] = {}
         self._damaged = 0
 
     @property
@@ -116,8 +118,9 @@ class _Reader:
         """Why -> how many."""
         counts = {
             "without a fix": self._locator.without_fix,
-            "no numbers": self._locator.refused + self._pair_refused,
+            "no numbers": self._locator.refused,
             "damaged": self._damaged,
+            **{f"transforms: {what}": n for what, n in self._wrong_transforms.items()},
         }
         return {why: count for why, count in counts.items() if count}
 
@@ -154,7 +157,7 @@ class _Reader:
         for _, message in self._messages(named.topic):
             for stamp_ns, pose in pair.add(message):
                 yield _Pose(stamp_ns, stamp_ns, pose, named.parent)
-        self._pair_refused = pair.refused
+        self._wrong_transforms = pair.refused
         refuse_rest(self._recording, named, tree)
 
     def _messages(self, topic: str) -> Iterator[tuple[int, Any]]:
@@ -193,4 +196,5 @@ def _ordered(topic: str, poses: list[_Pose], reader: _Reader) -> Trajectory:
     rows[flat, 6] = 1
     header = Header(int(stamps_ns[-1]), poses[0].frame_id)
     path = Path(stamps_ns, rows[:, :3], rows[:, 3:], header)
-    return Trajectory(topic, path, reader.left_out, unordered, int(flat.sum()))
+    repeated = int((np.diff(stamps_ns) == 0).sum())
+    return Trajectory(topic, path, reader.left_out, unordered, repeated, int(flat.sum()))

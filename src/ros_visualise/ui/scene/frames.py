@@ -27,16 +27,32 @@ class Frames:
         self.links = Links()
         self.chosen: str | None = None
         self._seen: list[str] = []
+        self._odd: set[str] = set()  # what was said of transforms
 
-    def add(self, message: TransformStamped | Transforms, static: bool) -> None:
-        """Learn transforms; those that are none are left out."""
+    def add(self, message: TransformStamped | Transforms, static: bool) -> list[str]:
+        """Learn transforms; what is wrong or odd with them, as far as that is new.
+
+        Those that are none are left out.
+        """
         several = message.transforms if isinstance(message, Transforms) else (message,)
-        for one in several:
-            try:
-                self.tree.add(one, static)
-            except ValueError:
-                continue
-            self.links.add(one, static)
+        odd = [what for one in several if (what := self._add(one, static))]
+        new = list(dict.fromkeys(what for what in odd if what not in self._odd))
+        self._odd.update(new)
+        return new
+
+    def _add(self, one: TransformStamped, static: bool) -> str:
+        """Learn one; what is odd with it."""
+        child, parent = _name(one.child_frame_id), _name(one.header.frame_id)
+        before = self.tree.parent(child)
+        try:
+            self.tree.add(one, static)
+        except ValueError as error:
+            return str(error)
+        self.links.add(one, static)
+        if before not in (None, parent):
+            there = " and ".join(sorted({str(before), parent}))
+            return f"{child!r} is in several frames: {there}"
+        return ""
 
     def see(self, frame: str) -> None:
         """Learn that there is such a frame."""

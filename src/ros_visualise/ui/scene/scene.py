@@ -77,7 +77,8 @@ class Scene:
         """Draw a message as soon as it can be said where."""
         with self._lock:
             if isinstance(message, Transforms):
-                self.frames.add(message, is_static(topic))
+                for what in self.frames.add(message, is_static(topic)):
+                    log.warning("%s: %s (said once)", topic, what)
             elif isinstance(message, Text):
                 self._describe(message.text)
             else:
