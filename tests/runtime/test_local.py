@@ -183,6 +183,7 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
     report = run.runtime.report()
     assert seen[-1] == FRAMES - 1
     assert report["nodes"]["slow"]["dropped"] == {"queue": FRAMES - len(seen)}
+    assert report["nodes"]["slow"]["received"] == FRAMES
     assert report["topics"]["/image_raw"]["messages"] == FRAMES
 
 
