@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_mcaps import Part, in_order, numbered, parts, write_mcap, written
+from made_mcaps import Part, Written, in_order, numbered, parts, text, write_mcap, written
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType
 
@@ -55,7 +55,10 @@ def test_of_a_file_that_is_cut_all_whole_records_are_read(
     for cut in sorted(cuts - {len(content)}):
         path.write_bytes(content[:cut])
         recording = open_mcap(path)
-        expected = whole_stamps(records, cut)
+        whole = whole_stamps(records, cut)
+        cut_chunk = [s for p in records if p.start < cut < p.end for s in p.stamps_ns]
+        found = sum(info.messages for info in recording.topics.values())
+        expected = [*whole, *cut_chunk][: max(found, len(whole))]
         assert sum(info.messages for info in recording.topics.values()) == len(expected)
         assert (recording.start_ns, recording.end_ns) == (
             min(expected, default=0),
@@ -63,6 +66,33 @@ def test_of_a_file_that_is_cut_all_whole_records_are_read(
         )
         assert stamps(recording) == expected
         assert "its end is missing" in " ".join(recording.loss.notes)
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_a_chunk_is_read_up_to_the_cut(tmp_path: Path, compression: CompressionType) -> None:
+    """Its first blocks can be decompressed before the rest is there."""
+    path = tmp_path / "a.mcap"
+    messages = [
+        Written("/a", n, text(random.Random(n).randbytes(2000).hex())) for n in range(1000, 1300)
+    ]
+    write_mcap(path, messages, chunk_size=1 << 22, compression=compression)
+    (chunk,) = [part for part in parts(path) if part.kind == Opcode.CHUNK]
+    content = path.read_bytes()
+    read = []
+    for tenths in (3, 6, 9):
+        path.write_bytes(content[: chunk.start + (chunk.end - chunk.start) * tenths // 10])
+        recording = open_mcap(path)
+        for choice in (None, ["/a"]):
+            found = written(recording.read(topics=choice))
+            assert found == messages[: len(found)]
+        assert len(recording.stamps_ns()["/a"]) == recording.topics["/a"].messages == len(found)
+        assert recording.loss.bytes == chunk.end - path.stat().st_size
+        assert len(recording.loss.notes) == 1
+        recording.close()
+        read.append(len(found))
+    blocks = 1 if compression == CompressionType.NONE else 40  # messages in one that is cut
+    for count, there in zip(read, (90, 180, 270), strict=True):
+        assert there - blocks <= count <= there
 
 
 @pytest.mark.parametrize("is_cut", [False, True], ids=["with its index", "without"])

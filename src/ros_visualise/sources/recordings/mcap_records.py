@@ -44,7 +44,10 @@ class Damaged(Exception):
 
 
 class ChunkHead(NamedTuple):
-    """A chunk's start; its compressed records begin ``data_offset`` after its record does."""
+    """A chunk's start; its compressed records begin ``data_offset`` after its record does.
+
+    ``end``: where the chunk itself ends, after its record's beginning.
+    """
 
     start_ns: int
     end_ns: int
@@ -52,6 +55,7 @@ class ChunkHead(NamedTuple):
     crc: int
     compression: str
     data_offset: int
+    end: int
 
 
 Records = bytes | memoryview
@@ -78,11 +82,11 @@ def chunk_head(record: bytes) -> ChunkHead:
     data_offset = after + _DATA_LENGTH.size
     if kind != Opcode.CHUNK or data_offset - HEAD_BYTES + data_length != length:
         raise Damaged("its head is damaged")
-    return ChunkHead(start_ns, end_ns, size, crc, compression, data_offset)
+    return ChunkHead(start_ns, end_ns, size, crc, compression, data_offset, HEAD_BYTES + length)
 
 
 def decompress(record: bytes, check: bool = True) -> Records:
-    """The records in a chunk.
+    """The records in a chunk; of one that is cut off, those that are whole.
 
     Args:
         check: the data against its checksum.
@@ -94,6 +98,8 @@ def decompress(record: bytes, check: bool = True) -> Records:
     if head.compression not in _DECOMPRESS:
         raise Damaged(f"its compression is {head.compression}; only lz4 and zstd can be read")
     packed = memoryview(record)[head.data_offset :]
+    if len(record) < head.end:
+        return _whole_records(_DECOMPRESS_CUT[head.compression](packed))
     data = _DECOMPRESS[head.compression](packed, head.uncompressed_size)
     is_changed = check and head.crc and zlib.crc32(data) != head.crc
     if len(data) != head.uncompressed_size or is_changed:
@@ -169,6 +175,17 @@ def _is_short_tail(records: Records, position: int) -> bool:
     return position == len(records)
 
 
+def _whole_records(records: Records) -> Records:
+    """They without the last one, if that is cut."""
+    position = following = 0
+    while following <= len(records):
+        position = following
+        if position + HEAD_BYTES > len(records):
+            break
+        following += HEAD_BYTES + HEAD.unpack_from(records, position)[1]
+    return records[:position]
+
+
 def _plain(data: memoryview, _: int) -> memoryview:
     return data
 
@@ -194,3 +211,25 @@ _DECOMPRESS: dict[str, Callable[[memoryview, int], Records]] = {
     "lz4": _unpack_lz4,
     "zstd": _unpack_zstd,
 }
+
+
+def _unpack_cut_lz4(data: memoryview) -> bytes:
+    try:
+        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
+    except (RuntimeError, MemoryError, EOFError):
+        raise Damaged("its lz4 data is damaged") from None
+
+
+def _unpack_cut_zstd(data: memoryview) -> bytes:
+    try:
+        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
+    except (zstandard.ZstdError, MemoryError):
+        raise Damaged("its zstd data is damaged") from None
+
+
+_DECOMPRESS_CUT: dict[str, Callable[[memoryview], Records]] = {
+    "": lambda data: data,
+    "lz4": _unpack_cut_lz4,
+    "zstd": _unpack_cut_zstd,
+}
+"""What there is of blocks that are whole."""

@@ -52,6 +52,7 @@ _MESSAGE = struct.Struct("<BQHIQ")
 class Record(NamedTuple):
     """A record from ``start`` to ``end`` of the file, and its first bytes.
 
+    A chunk that the file's end cuts goes to there.
     Small messages that follow one another come as one, with their channels and log times.
     """
 
@@ -63,8 +64,9 @@ class Record(NamedTuple):
 
 
 def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
-    """All whole records; says in ``loss`` what lies between and after them."""
+    """All whole records, and a last chunk; says in ``loss`` what lies between and after them."""
     position = len(MAGIC)
+    needed = size
     last: Record | None = None
     while position < size:
         record = _record(file, position, size)
@@ -85,12 +87,16 @@ def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
         # A message whose length is damaged ends in the midst of others: look for them there.
         is_doubtful = last is not None and last.kind == Opcode.MESSAGE
         start = last.start if last is not None and is_doubtful else position
-        found = None if _is_cut_chunk(file, position) else _find(file, start + 1, size)
+        cut = _cut_chunk(file, position, size)
+        found = None if cut else _find(file, start + 1, size)
         if last is not None and (found is None or found >= position):
             yield last
         elif last is not None:
             position = last.start
-        last = None
+        last = cut
+        if cut:
+            position, needed = size, position + chunk_head(cut.head).end
+            break
         if found is None:
             break
         loss.bytes += found - position
@@ -98,7 +104,7 @@ def walk(file: BinaryIO, size: int, loss: Loss) -> Iterator[Record]:
         position = found
     if last is not None:
         yield last
-    _check_end(file, position, size, last, loss)
+    _check_end(file, position, size, needed, last, loss)
 
 
 def _record(file: BinaryIO, start: int, size: int) -> Record | None:
@@ -156,10 +162,11 @@ def _is_chunk(head: bytes) -> bool:
     return True
 
 
-def _is_cut_chunk(file: BinaryIO, start: int) -> bool:
-    """Whether there is a chunk's true start, which cannot be as the file has not all of it."""
+def _cut_chunk(file: BinaryIO, start: int, size: int) -> Record | None:
+    """The chunk whose true start is there, and which cannot be as the file has not all of it."""
     file.seek(start)
-    return _is_chunk(file.read(CHUNK_HEAD_BYTES))
+    head = file.read(CHUNK_HEAD_BYTES)
+    return Record(start, size, Opcode.CHUNK, head) if _is_chunk(head) else None
 
 
 def _find(file: BinaryIO, start: int, size: int) -> int | None:
@@ -202,18 +209,20 @@ def _begins_chain(file: BinaryIO, position: int, size: int) -> bool:
     return True
 
 
-def _check_end(file: BinaryIO, position: int, size: int, last: Record | None, loss: Loss) -> None:
+def _check_end(
+    file: BinaryIO, position: int, size: int, needed: int, last: Record | None, loss: Loss
+) -> None:
+    """Say what is after the last record, and what is missing of the file's ``needed`` bytes."""
     file.seek(position)
     is_closed = last is not None and last.kind == Opcode.FOOTER
-    rest = size - position
+    rest = needed - position
     if is_closed and file.read(len(MAGIC) + 1) == MAGIC:
         return
     loss.bytes += rest
     if is_closed and rest >= len(MAGIC):
         add_note(loss, f"{rest} bytes after its end are none of its own")
-    else:
-        add_note(
-            loss,
-            f"its end is missing: cut off, or never closed by its recorder; "
-            f"{position} of {size} bytes are whole",
-        )
+        return
+    what = f"{position} of {size} bytes are whole"
+    if needed > size:
+        what = f"{size} of {needed} bytes or more are there"
+    add_note(loss, f"its end is missing: cut off, or never closed by its recorder; {what}")
