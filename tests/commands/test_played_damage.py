@@ -40,8 +40,8 @@ def test_what_a_node_leaves_out_as_it_is_asked_is_not_lost(run, tmp_path):
     assert (status, "left out by rate" in said) == (0, True)
 
 
-def mcap_with_json(path, names):
-    """Topics of JSON, and ``/odom`` of a ROS message."""
+def mcap_with_json(path, names, ros=True):
+    """Topics of JSON, and ``/odom`` of a ROS message, unless told otherwise."""
     odometry = TopicType("nav_msgs/msg/Odometry")
     with open_recorder(str(path), {"/odom": odometry}) as recorder:
         for step in range(3):
@@ -52,7 +52,7 @@ def mcap_with_json(path, names):
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        for schema, channel, message in found:
+        for schema, channel, message in found if ros else ():
             number = writer.register_schema(schema.name, schema.encoding, schema.data)
             channel = writer.register_channel(channel.topic, "cdr", number, {})
             writer.add_message(channel, message.log_time, message.data, message.log_time)
@@ -74,3 +74,9 @@ def test_topics_that_cannot_be_played_are_said_in_one_line(run, tmp_path, caplog
     caplog.clear()
     assert run("bag", path, *QUICK, "--topics", "/odom")[0] == 0
     assert caplog.messages == []
+
+
+def test_where_nothing_can_be_played_it_is_said_why(run, tmp_path):
+    status, said = run("bag", mcap_with_json(tmp_path / "r.mcap", ["/json"], ros=False), *QUICK)
+    assert status == 2
+    assert "nothing in it can be played: /json (json: only ROS messages are read)" in said

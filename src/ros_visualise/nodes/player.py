@@ -112,7 +112,9 @@ def _played(
     readable = [name for name, topic in there.items() if not topic.unreadable]
     found = wanted or [name for name in readable if name not in without]
     if not found:
-        raise UsageError(f"{recording.path}: nothing in it can be played")
+        unplayed = _unplayed(recording, without)
+        why = f": {_listed_by_reason(unplayed)}" if unplayed else ""
+        raise UsageError(f"{recording.path}: nothing in it can be played{why}")
     return found
 
 
