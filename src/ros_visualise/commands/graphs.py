@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from argparse import Namespace
 from collections.abc import Callable
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from typing import Any
 
@@ -97,8 +98,11 @@ def _camera(args: Namespace) -> Graph:
 
 
 def _recording(args: Namespace) -> Graph:
-    recording = open_recording(args.input)
-    return recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
+    with ExitStack() as undo:
+        recording = undo.enter_context(closing(open_recording(args.input)))
+        graph = recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
+        undo.pop_all()  # it is the graph's now
+        return graph
 
 
 _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
