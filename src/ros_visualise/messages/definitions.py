@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
@@ -20,6 +22,21 @@ _HEADER = "std_msgs/msg/Header"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
+_BOUND = re.compile(r"^(\s*string)<=\d+(?=\s+[A-Z]\w*\s*=)", re.MULTILINE)
+_EMPTY = re.compile(r"^(\s*string\s+[A-Z]\w*\s*=)[ \t]*$", re.MULTILINE)
+
+
+def parse(text: str, type_name: str) -> dict[str, Any]:
+    """The types of a definition, as a typestore's ``fielddefs`` has them.
+
+    Raises:
+        Exception: the text is no definition; the library's parser raises what it happens to meet.
+    """
+    # the library knows neither bounds nor emptiness of constants
+    text = _EMPTY.sub(r'\1 ""', _BOUND.sub(r"\1", text))
+    return dict(get_types_from_msg(text, type_name))
+
+
 def parts_of(fields: Iterable[tuple[str, Any]]) -> set[str]:
     """The types that fields are of, as a typestore's ``fielddefs`` has the fields."""
     flat = (d[1][0] if d[0] in (Nodetype.ARRAY, Nodetype.SEQUENCE) else d for _, d in fields)
@@ -34,13 +51,17 @@ class Definitions:
 
     def __init__(self, encoding: Encoding) -> None:
         self.encoding: Encoding = encoding
-        self._store = get_typestore(_STORES[encoding])
-        if _TRANSFORMS not in self._store.fielddefs:  # of ROS 1 the library lacks it
-            text = "geometry_msgs/TransformStamped[] transforms"
-            self._store.register(get_types_from_msg(text, _TRANSFORMS))
         self._given: dict[str, str] = {}
         self._starts_with_header: dict[str, bool] = {}
         self._lock = threading.Lock()
+
+    @cached_property
+    def _store(self) -> Typestore:
+        store = get_typestore(_STORES[self.encoding])
+        if _TRANSFORMS not in store.fielddefs:  # of ROS 1 the library lacks it
+            text = "geometry_msgs/TransformStamped[] transforms"
+            store.register(get_types_from_msg(text, _TRANSFORMS))
+        return store
 
     @property
     def types(self) -> Mapping[str, Any]:
@@ -62,7 +83,7 @@ class Definitions:
             if self._given.get(type_name) == text:
                 return
             try:
-                found = get_types_from_msg(text, type_name)
+                found = parse(text, type_name)
                 changed = {n: t for n, t in found.items() if self._store.fielddefs.get(n) != t}
                 for name in changed:
                     self._store.fielddefs.pop(name, None)
@@ -127,3 +148,36 @@ class Definitions:
         if not self.knows(type_name):
             return f"{type_name}: nobody knows this type, and the recording does not define it"
         return f"{size} bytes are no {type_name}"
+
+
+class Undecoded(Definitions):
+    """What a recording says of one type that cannot be read: its messages can be copied with it.
+
+    Args:
+        text, digest: as the recording has them.
+        why: it cannot be read.
+    """
+
+    def __init__(self, encoding: Encoding, text: str, digest: str, why: str) -> None:
+        super().__init__(encoding)
+        self._text, self._digest, self._reason = text, digest, why
+
+    def knows(self, type_name: str) -> bool:
+        """As `Definitions.knows`: no."""
+        return False
+
+    def read(self, type_name: str, data: bytes | memoryview) -> Any:
+        """As `Definitions.read`."""
+        raise DamagedMessage(self._reason)
+
+    def text(self, type_name: str) -> str:
+        """As it was given."""
+        return self._text
+
+    def digest(self, type_name: str) -> str:
+        """As it was given."""
+        return self._digest
+
+    def starts_with_header(self, type_name: str) -> bool:
+        """As `Definitions.starts_with_header`: nobody knows."""
+        return False

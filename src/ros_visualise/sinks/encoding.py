@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
-from ros_visualise.messages.definitions import Definitions, Encoding, parts_of
+from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
 from ros_visualise.messages.recorded import Recorded, TopicType
 
 log = logging.getLogger(__name__)
@@ -61,11 +61,14 @@ class Encoder:
             DamagedMessage: this encoding has no such type; the message says why.
         """
         source, name = topic.definitions, topic.name
+        is_copied = isinstance(source, Undecoded) and source.encoding == self.encoding
+        if source is not None and not is_copied and not source.knows(name):
+            raise DamagedMessage(f"{name}: nobody knows this type")
         if source is not None and source.encoding != self.encoding:
             self._conversion(source, name)
             source, name = None, self._rename(name)
         types = source or self._own
-        if not types.knows(name):
+        if not is_copied and not types.knows(name):
             raise DamagedMessage(f"{name}: nobody knows this type")
         try:
             text, digest = types.text(name), types.digest(name)

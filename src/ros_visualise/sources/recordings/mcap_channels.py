@@ -11,7 +11,7 @@ from mcap.records import Channel as McapChannel
 from mcap.records import Schema
 
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.definitions import Encoding
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
 
@@ -43,19 +43,21 @@ def _ros_channel(channel: McapChannel, schema: Schema, schemas: Schemas) -> Chan
         why = f"{schema.encoding or 'no schema'}: only ROS's own definitions are read"
         return Channel(channel.topic, name, unreadable=why)
     is_idl = schema.encoding == "ros2idl"
+    text = schema.data.decode("utf-8", "replace")
     try:
-        text = schema.data.decode("utf-8", "replace")
         definitions = schemas.define(_ENCODINGS[encoding], name, text, is_idl)
     except DamagedMessage as damage:
-        return Channel(channel.topic, name, unreadable=str(damage))
-    return Channel(
-        channel.topic, name, definitions, _digest(channel, definitions, name), _is_latched(channel)
-    )
+        if is_idl:
+            return Channel(channel.topic, name, unreadable=str(damage))
+        given, why = _given_digest(channel), str(damage)
+        kept = schemas.keep(_ENCODINGS[encoding], name, text, given, why)
+        return Channel(channel.topic, name, kept, given, _is_latched(channel), why)
+    told = _given_digest(channel) or digest(definitions, name)
+    return Channel(channel.topic, name, definitions, told, _is_latched(channel))
 
 
-def _digest(channel: McapChannel, definitions: Definitions, name: str) -> str:
-    given = channel.metadata.get("topic_type_hash") or channel.metadata.get("md5sum")
-    return given or digest(definitions, name)
+def _given_digest(channel: McapChannel) -> str:
+    return channel.metadata.get("topic_type_hash") or channel.metadata.get("md5sum") or ""
 
 
 def _is_latched(channel: McapChannel) -> bool:

@@ -9,12 +9,11 @@ from rosbags.typesys import (
     Stores,
     TypesysError,
     get_types_from_idl,
-    get_types_from_msg,
     get_typestore,
 )
 
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions, Encoding, parts_of
+from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parse, parts_of
 
 _TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
 
@@ -29,6 +28,7 @@ class Schemas:
     def __init__(self) -> None:
         self._spaces: dict[Encoding, list[tuple[Definitions, _Types]]] = {}
         self._found: dict[tuple[Encoding, str, str, bool], Definitions] = {}
+        self._undecoded: dict[tuple[Encoding, str, str], Undecoded] = {}
 
     def define(
         self, encoding: Encoding, type_name: str, text: str, is_idl: bool = False
@@ -47,6 +47,13 @@ class Schemas:
         if key not in self._found:
             self._found[key] = self._define(*key)
         return self._found[key]
+
+    def keep(
+        self, encoding: Encoding, type_name: str, text: str, digest: str, why: str
+    ) -> Undecoded:
+        """What to copy messages with whose type cannot be read, and why."""
+        kept = Undecoded(encoding, text, digest, why)
+        return self._undecoded.setdefault((encoding, type_name, text), kept)
 
     def _define(self, encoding: Encoding, type_name: str, text: str, is_idl: bool) -> Definitions:
         spaces = self._spaces.setdefault(encoding, [(Definitions(encoding), {})])
@@ -73,6 +80,8 @@ class Schemas:
         known.update(types)
         fields = (field for _, fields in types.values() for field in fields)
         unknown = [name for name in sorted(parts_of(fields)) if not definitions.knows(name)]
+        if any(name.endswith("/wstring") for name in unknown):
+            raise DamagedMessage(f"{type_name}: wide strings (wstring) cannot be read")
         if unknown:
             raise DamagedMessage(f"{type_name}: made of {unknown[0]}, which nobody knows")
         return definitions
@@ -99,7 +108,7 @@ def is_latched(offered_qos_profiles: str) -> bool:
 
 def _parse(type_name: str, text: str) -> _Types:
     try:
-        return dict(get_types_from_msg(text, type_name))
+        return parse(text, type_name)
     except Exception as error:  # the library's parser raises what it happens to meet
         raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
 

@@ -87,14 +87,16 @@ def _channel(
     if encoding != "cdr":
         return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are read")
     language, text = definitions.get(type_name, ("", ""))
+    given = str(topic.get("type_description_hash") or "")
+    latched = is_latched(str(topic.get("offered_qos_profiles", "")))
     try:
         known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
     except DamagedMessage as damage:
-        return Channel(name, type_name, unreadable=str(damage))
-    given = topic.get("type_description_hash") or digest(known, type_name)
-    return Channel(
-        name, type_name, known, given, is_latched(str(topic.get("offered_qos_profiles", "")))
-    )
+        if language == "ros2idl":
+            return Channel(name, type_name, unreadable=str(damage))
+        kept = schemas.keep("cdr", type_name, text, given, str(damage))
+        return Channel(name, type_name, kept, given, latched, str(damage))
+    return Channel(name, type_name, known, given or digest(known, type_name), latched)
 
 
 @damage_by_name()

@@ -21,7 +21,10 @@ _MOST_NOTES = 20
 
 @dataclass(frozen=True)
 class Channel:
-    """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so."""
+    """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so.
+
+    Without definitions they can not be copied either.
+    """
 
     topic: str
     type_name: str
@@ -53,8 +56,8 @@ class Query(NamedTuple):
     chosen: Mapping[str, Channel] | None = None
 
     def asks_for(self, channel: Channel) -> bool:
-        """Whether messages of a channel are wanted, and can be read."""
-        if channel.unreadable or not (self.topics is None or channel.topic in self.topics):
+        """Whether messages of a channel are wanted, and can be read or copied."""
+        if channel.definitions is None or not (self.topics is None or channel.topic in self.topics):
             return False
         return self.chosen is None or channel.is_like(self.chosen[channel.topic])
 

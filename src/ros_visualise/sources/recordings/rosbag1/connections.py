@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.definitions import Definitions, Undecoded
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo, left_out
 from ros_visualise.sources.recordings.rosbag1.layout import Connection
@@ -52,7 +52,7 @@ class Types:
                 return found
         if found.definitions.knows(type_name) and found.definitions.digest(type_name) == digest:
             return found  # as ROS itself defines it
-        return found._replace(unreadable=problem)
+        return KnownType(type_name, Undecoded("ros1", text, digest, problem), problem)
 
 
 class Topics:
