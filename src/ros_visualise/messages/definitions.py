@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Iterable, Mapping
-from functools import cached_property
 from typing import Any, Literal
 
 from rosbags.interfaces import Nodetype
@@ -53,15 +52,16 @@ class Definitions:
         self.encoding: Encoding = encoding
         self._given: dict[str, str] = {}
         self._starts_with_header: dict[str, bool] = {}
-        self._lock = threading.Lock()
+        self._lock = threading.RLock()
+        self._made: Typestore | None = None
 
-    @cached_property
+    @property
     def _store(self) -> Typestore:
-        store = get_typestore(_STORES[self.encoding])
-        if _TRANSFORMS not in store.fielddefs:  # of ROS 1 the library lacks it
-            text = "geometry_msgs/TransformStamped[] transforms"
-            store.register(get_types_from_msg(text, _TRANSFORMS))
-        return store
+        """Made when it is needed, which takes a fifth of a second."""
+        if self._made is None:
+            with self._lock:
+                self._made = self._made or _make_store(self.encoding)
+        return self._made
 
     @property
     def types(self) -> Mapping[str, Any]:
@@ -148,6 +148,14 @@ class Definitions:
         if not self.knows(type_name):
             return f"{type_name}: nobody knows this type, and the recording does not define it"
         return f"{size} bytes are no {type_name}"
+
+
+def _make_store(encoding: Encoding) -> Typestore:
+    store = get_typestore(_STORES[encoding])
+    if _TRANSFORMS not in store.fielddefs:  # of ROS 1 the library lacks it
+        text = "geometry_msgs/TransformStamped[] transforms"
+        store.register(get_types_from_msg(text, _TRANSFORMS))
+    return store
 
 
 class Undecoded(Definitions):
