@@ -22,7 +22,7 @@ _LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
 _LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]")
 _ABSOLUTE = re.compile(rf"\babs_alt\s*:?\s*{_NUMBER}\s*[\]\s]")
 _RELATIVE = re.compile(
-    rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,m]|\bH\s+{_NUMBER}\s*m"
+    rf"(?:\brel_alt|\[\s*altitude|\bBAROMETER)\s*:?\s*{_NUMBER}\s*[\]\s,mM]|\bH\s+{_NUMBER}\s*m"
 )
 
 
