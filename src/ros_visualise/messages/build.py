@@ -104,11 +104,17 @@ def time(stamp_ns: int) -> Fields:
 
 def times(stamps_ns: npt.NDArray[np.int64]) -> Columns:
     """Many times; as `time`."""
+    check_times(stamps_ns)
     sec, nanosec = np.divmod(stamps_ns, _NS)
-    for wrong in sec[(sec < 0) | (sec >= _SECONDS)]:
-        raise _no_time(wrong)
     columns = {"sec": sec.tolist(), "nanosec": nanosec.tolist()}
     return Columns("builtin_interfaces/msg/Time", len(stamps_ns), columns)
+
+
+def check_times(stamps_ns: npt.NDArray[np.int64]) -> None:
+    """Refuse many times as `time` refuses one."""
+    sec = stamps_ns // _NS
+    for wrong in sec[(sec < 0) | (sec >= _SECONDS)]:
+        raise _no_time(wrong)
 
 
 def read_time(time: Any) -> int:

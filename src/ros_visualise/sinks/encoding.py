@@ -12,9 +12,11 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
+from ros_visualise.data import Path
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
+from ros_visualise.messages.path_bytes import pose_bytes
 from ros_visualise.messages.recorded import Recorded, TopicType
 
 log = logging.getLogger(__name__)
@@ -84,6 +86,8 @@ class Encoder:
         Raises:
             DamagedMessage: a recorded one that is none of its type, or cannot be converted.
         """
+        if isinstance(message, Path):
+            return self._encode_path(message)
         if not isinstance(message, Recorded):
             return self._own.write(type_name(type(message)), to_message(message, self._own.types))
         if message.definitions.encoding == self.encoding:
@@ -95,6 +99,15 @@ class Encoder:
             raise DamagedMessage(
                 f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
             ) from error
+
+    def _encode_path(self, path: Path) -> bytes:
+        """As the library would, which makes an object of every pose."""
+        empty = Path(path.stamps_ns[:0], path.positions_xyz[:0], path.quats_xyzw[:0])
+        message = to_message(empty, self._own.types, path.header)
+        written = bytes(self._own.write(type_name(Path), message))
+        count = len(path.stamps_ns).to_bytes(4, "little")
+        start = len(written) - (4 if self.encoding == "cdr" else 0)
+        return written[:-4] + count + pose_bytes(path, self.encoding, start)
 
     def _rename(self, name: str) -> str:
         """A type's name in this encoding; ROS 1 has none of actions' and services' parts."""
