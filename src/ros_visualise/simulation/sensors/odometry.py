@@ -21,6 +21,10 @@ from ros_visualise.simulation.sensors.noise import random_of
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
 
 _FRAME, _CHILD = "odom", "base_link"
+_SURE = 1e-6  # of what has no errors here: filters cannot use a variance of zero
+_SLIP = 1e-3  # (m/s)^2, aside and up, which wheels do not feel
+_WHEELS_TWIST = np.diag((_SURE, _SLIP, _SLIP, _SURE, _SURE, _SURE))
+_SEEN_TWIST = _SURE * np.eye(6)
 
 
 class WheelOdometry:
@@ -28,7 +32,11 @@ class WheelOdometry:
 
     Slip is not drawn: the wheels' turns come out of the physics, where they slip.
 
-    Source: Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 5.4.
+    Its covariances are those of these errors, carried on from step to step to first order.
+
+    Source: Thrun, Burgard and Fox, Probabilistic Robotics, 2005, section 5.4; for the covariance
+    with the scales as states, Martinelli et al., Simultaneous localization and odometry self
+    calibration, 2007.
     """
 
     def __init__(self, params: HuskyParams, seed: int) -> None:
@@ -37,34 +45,54 @@ class WheelOdometry:
         self._scales = 1 + params.odom_scale * way, 1 + params.odom_turn_scale * turn
         self._params = params
         self._x = self._y = self._yaw = 0.0
-        self._way_m = self._turned_rad = 0.0
+        scales = params.odom_scale**2, params.odom_turn_scale**2
+        self._covariance = np.diag((0, 0, _SURE, _SURE, _SURE, 0, *scales))  # of pose and scales
+        self._J, self._G = np.eye(8), np.eye(6, 2)
+        self._G[5, 1] = 1
 
     def advance(self, stamp_ns: int, way_m: float, turn_rad: float, period_s: float) -> Odometry:
         """Where the wheels believe to be after going that far and turning that much."""
         p = self._params
         noise = self._random.standard_normal(2).tolist()
-        self._way_m += abs(way_m)
-        self._turned_rad += abs(turn_rad)
         ds = way_m * self._scales[0] + p.odom_noise * math.sqrt(abs(way_m)) * noise[0]
         dyaw = turn_rad * self._scales[1] + p.odom_turn_noise * math.sqrt(abs(turn_rad)) * noise[1]
         middle = self._yaw + dyaw / 2
-        self._x += ds * math.cos(middle)
-        self._y += ds * math.sin(middle)
+        c, s = math.cos(middle), math.sin(middle)
+        self._x += ds * c
+        self._y += ds * s
         self._yaw += dyaw
+        walks = p.odom_noise**2 * abs(way_m), p.odom_turn_noise**2 * abs(turn_rad)
+        self._spread(way_m, turn_rad, (ds * c, ds * s), (c, s), walks)
+        twist = _WHEELS_TWIST.copy()
+        twist[0, 0] += ((p.odom_scale * way_m) ** 2 + walks[0]) / period_s**2
+        twist[5, 5] += ((p.odom_turn_scale * turn_rad) ** 2 + walks[1]) / period_s**2
         return _odometry(
             stamp_ns,
             (self._x, self._y, 0.0),
             from_yaw(self._yaw),
             np.array((ds / period_s, 0.0, 0.0)),
             np.array((0.0, 0.0, dyaw / period_s)),
-            self._variances(),
+            self._covariance[:6, :6].copy(),
+            twist,
         )
 
-    def _variances(self) -> tuple[float, float, float]:
-        p, way, turned = self._params, self._way_m, self._turned_rad
-        yaw = (p.odom_turn_scale * turned) ** 2 + p.odom_turn_noise**2 * turned
-        along = (p.odom_scale * way) ** 2 + p.odom_noise**2 * way
-        return along + yaw * way**2 / 3, 1e-6, yaw
+    def _spread(
+        self,
+        way: float,
+        turn: float,
+        moved: tuple[float, float],
+        ahead: tuple[float, float],
+        walks: tuple[float, float],
+    ) -> None:
+        """Carry the covariance on over a step: ``walks`` are the variances of its way and turn."""
+        (dx, dy), (c, s) = moved, ahead
+        J, G = self._J, self._G
+        J[0, 5:] = -dy, way * c, -dy * turn / 2
+        J[1, 5:] = dx, way * s, dx * turn / 2
+        J[5, 7] = turn
+        G[:2] = (c, -dy / 2), (s, dx / 2)
+        self._covariance = J @ self._covariance @ J.T
+        self._covariance[:6, :6] += (G * walks) @ G.T
 
 
 class VisualInertialOdometry:
@@ -83,7 +111,11 @@ class VisualInertialOdometry:
         self._to_odom = conjugate(from_yaw(yaw_of(attitude)))
         self._turn = 0.0  # by how much it believes to head too far to the left
         self._at = (0.0, 0.0, 0.0)
-        self._way_m = 0.0
+        # of pose and scale, and by how much it grows with each metre
+        self._covariance = np.diag((0, 0, 0, _SURE, _SURE, 0, params.odom_scale**2))
+        walk = params.odom_noise**2
+        self._walks = np.diag((walk, walk, walk, 0, 0, params.odom_yaw_noise**2, 0))
+        self._J = np.eye(7)
 
     def advance(
         self, stamp_ns: int, position: Vector, attitude: Quat, linear: Floats, angular: Floats
@@ -97,26 +129,37 @@ class VisualInertialOdometry:
         p = self._params
         step = tuple(now - before for now, before in zip(position, self._last, strict=True))
         way = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-        self._last, self._way_m = position, self._way_m + way
+        self._last = position
         noise = self._random.standard_normal(4).tolist()
         root = math.sqrt(way)
         turn = multiply(from_yaw(self._turn), self._to_odom)
-        seen = (row[0] * step[0] + row[1] * step[1] + row[2] * step[2] for row in rows(turn))
+        seen = [row[0] * step[0] + row[1] * step[1] + row[2] * step[2] for row in rows(turn)]
         moved = [
             self._scale * s + p.odom_noise * root * n for s, n in zip(seen, noise, strict=False)
         ]
+        self._spread(seen, way)
         self._at = self._at[0] + moved[0], self._at[1] + moved[1], self._at[2] + moved[2]
         self._turn += p.odom_yaw_noise * root * noise[3]
         believed = multiply(from_yaw(self._turn), multiply(self._to_odom, attitude))
+        twist = _SEEN_TWIST.copy()
+        twist[:3, :3] += linear[:, None] * (p.odom_scale**2 * linear)
         return _odometry(
-            stamp_ns, self._at, believed, linear * self._scale, angular, self._variances()
+            stamp_ns,
+            self._at,
+            believed,
+            linear * self._scale,
+            angular,
+            self._covariance[:6, :6].copy(),
+            twist,
         )
 
-    def _variances(self) -> tuple[float, float, float]:
-        p, way = self._params, self._way_m
-        yaw = p.odom_yaw_noise**2 * way
-        along = (p.odom_scale * way) ** 2 + p.odom_noise**2 * way
-        return along + yaw * way**2 / 3, along, yaw
+    def _spread(self, seen: list[float], way: float) -> None:
+        """Carry the covariance on over a step that it saw, and the length of the true one."""
+        J, (dx, dy, dz) = self._J, seen
+        J[0, 5:] = -dy * self._scale, dx
+        J[1, 5:] = dx * self._scale, dy
+        J[2, 6] = dz
+        self._covariance = J @ self._covariance @ J.T + way * self._walks
 
 
 def _odometry(
@@ -125,21 +168,10 @@ def _odometry(
     attitude: Quat,
     linear: Floats,
     angular: Floats,
-    variances: tuple[float, float, float],
+    pose: Floats,
+    twist: Floats,
 ) -> Odometry:
-    level, height, yaw = variances
-    covariance = np.zeros(36)
-    covariance[::7] = level, level, height, 1e-6, 1e-6, yaw
+    header = Header(stamp_ns, _FRAME)
     return Odometry(
-        np.array(position),
-        xyzw(attitude),
-        linear,
-        angular,
-        covariance.reshape(6, 6),
-        _TWIST,
-        _CHILD,
-        Header(stamp_ns, _FRAME),
+        np.array(position), xyzw(attitude), linear, angular, pose, twist, _CHILD, header
     )
-
-
-_TWIST = np.diag([1e-3, 1e-3, 1e-3, 1e-4, 1e-4, 1e-4])
