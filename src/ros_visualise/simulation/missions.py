@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
+from ros_visualise.simulation.worlds.rooms import Room
 
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
 _EIGHT_POINTS = 120
@@ -116,8 +117,11 @@ def _eight(width: float, depth: float) -> list[tuple[float, float]]:
     return [(width / 2 * math.sin(t), depth / 2 * math.sin(2 * t)) for t in turns]
 
 
-def read_mission(path: str | Path) -> Mission:
+def read_mission(path: str | Path, rooms: Mapping[str, Room] | None = None) -> Mission:
     """The mission in a YAML file, whose keys are the fields of `Mission`.
+
+    Args:
+        rooms: shape -> where it is, as far as the file does not say.
 
     Raises:
         OpenError: there is no such file, or no mission in it.
@@ -130,7 +134,9 @@ def read_mission(path: str | Path) -> Mission:
         if name not in known:
             raise OpenError(f"{path}: no key {name!r}: choose of {', '.join(known)}")
     try:
-        return Mission(**{name: _read(name, value) for name, value in content.items()})
+        said = {name: _read(name, value) for name, value in content.items()}
+        room = (rooms or {}).get(said.get("shape", ""))
+        return Mission(**((room._asdict() if room else {}) | said))
     except OpenError as error:
         raise OpenError(f"{path}: {error}") from None
 

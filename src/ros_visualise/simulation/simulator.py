@@ -22,6 +22,7 @@ from ros_visualise.simulation.sensors.suite import Suite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.streams import Output, Timetable
 from ros_visualise.simulation.worlds import World, build_world
+from ros_visualise.simulation.worlds.rooms import ROOMS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -195,10 +196,11 @@ class Simulation:
             return mission
         if mission == "default":
             return self._default_mission()
+        rooms = ROOMS[self.world.name]
         if mission in SHAPES:
-            x, y, _ = self.world.starts[self._name]
-            return Mission(shape=str(mission), center=(x, y), laps=0)
-        return read_mission(mission)
+            center, size = rooms[str(mission)]
+            return Mission(str(mission), size, center, laps=0)
+        return read_mission(mission, rooms)
 
     def _default_mission(self) -> Mission:
         """The world's way for the rover, a survey of the middle for the quadrotor."""
