@@ -112,6 +112,18 @@ def test_the_rover_turns_as_fast_as_asked_up_to_its_limit(x: float, asked: float
     assert np.mean(rates[-100:]) == pytest.approx(got, rel=0.06)
 
 
+@pytest.mark.parametrize(("x", "turn"), [(0, 0.5), (0.5, 0.3), (0.8, 0.5), (0, 2), (1, -1)])
+def test_the_rover_rides_calmly_while_it_turns(x: float, turn: float):
+    settings = replace(BLIND_HUSKY, command_timeout=30.0, imu_rate=200.0)
+    simulation = Simulation("husky", "plane", settings=settings)
+    simulation.command(twist(x=x, turn=turn))
+    felt = collect(simulation, 4.0)["imu"][300:]
+    force, rate = (np.array([getattr(m, k) for m in felt]) for k in ("linear_xyz", "angular_xyz"))
+    assert force.std(axis=0) == pytest.approx(0, abs=0.3), "no wheel hops"
+    assert rate[:, :2].std(axis=0) == pytest.approx(0, abs=0.03)
+    assert force[:, 2].mean() == pytest.approx(9.81, abs=0.3)
+
+
 def test_the_rover_stands_where_it_was_set_down_and_stops_without_commands():
     simulation = Simulation("husky", "plane", settings=BLIND_HUSKY)
     assert collect(simulation, 2.0)["truth"][-1].position_xyz == pytest.approx(

@@ -19,14 +19,13 @@ WHEELBASE = 0.512  # m
 TRACK = 0.5708  # m
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
-EFFECTIVE_TRACK = 2.12 * TRACK
+EFFECTIVE_TRACK = TRACK * (1 + (WHEELBASE / TRACK) ** 2)
 """How far apart wheels that do not slip would have to be to turn as this rover does, metres.
 
 Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction works
 against the slip's direction, and its moments about the middle cancel only where the slip along the
-wheel is to that across it as half the wheelbase is to half the track: a factor of
-1 + (WHEELBASE / TRACK)^2 = 1.80 on rigid ground. husky_control has 1.875; on MuJoCo's soft ground,
-which lifts what slides, it was measured.
+wheel is to that across it as half the wheelbase is to half the track: a factor of 1.80;
+husky_control has 1.875.
 """
 
 _LEASH_M = 0.9  # that it looks ahead

@@ -17,7 +17,7 @@ from ros_visualise.simulation.textures import (
     draw_leaves,
     draw_wood,
 )
-from ros_visualise.simulation.worlds.mjcf import GROUND, SHOWN, SUN_SLOPE, Scene
+from ros_visualise.simulation.worlds.mjcf import SHOWN, SUN_SLOPE, Scene
 
 _SIDE_M = 48.0
 _PICTURE_PX = 2048
@@ -123,7 +123,7 @@ def _set_landmarks(scene: Scene) -> list[Shadow]:
 def _lay_helipad(scene: Scene) -> None:
     half, axes = _HELIPAD_M / 2, lying(math.pi / 2)
     material = scene.add_material("helipad", draw_helipad)
-    scene.add("box", (half, half, 0.0025), (*HELIPAD_XY, 0.0025), material, GROUND, axes)
+    scene.add("box", (half, half, 0.0025), (*HELIPAD_XY, 0.0025), material, SHOWN, axes)
     place = (*HELIPAD_XY, 0.005)
     scene.landmarks.append(Landmark("helipad", "helipad", place, axes, _HELIPAD_M))
 
