@@ -32,6 +32,9 @@ _OUTPUTS = {
 }
 
 
+_MADE = {topic for topics in _OUTPUTS.values() for topic in topics.values()}
+"""Topics that image nodes publish: recorded, they went through them once already."""
+
 _SOURCE_TOPICS = {
     "image": "/image_raw",
     "imu": "/imu/data",
@@ -104,7 +107,7 @@ def recording_pipeline(
     declared = player(recording, topics)
     if image is None:
         images = [name for name, cls in declared.outputs.items() if cls is Image]
-        image = first_image(recording, images)
+        image = first_image(recording, sorted(images, key=_MADE.__contains__))
     else:
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None

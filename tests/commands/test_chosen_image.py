@@ -34,6 +34,11 @@ def test_the_first_images_in_gray_or_colours_are_taken_and_shown(bag):
     assert taken(bag) == "/c_gray"
 
 
+def test_what_came_out_of_image_nodes_already_is_taken_last(tmp_path):
+    bag = write_bag(tmp_path / "r.bag", controlled_stream=images(), image_raw=images())
+    assert taken(bag) == "/image_raw"
+
+
 def test_those_that_are_chosen_are_taken_and_shown(bag):
     assert taken(bag, "/d_gray") == "/d_gray"
     assert taken(bag, "/a_depth") == "/a_depth"

@@ -386,6 +386,16 @@ def test_a_jump_back_in_time_begins_a_new_path(runtime):
     assert seen == [[0], [0, 1], [2], [2, 3]]
 
 
+def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
+    subscription = runtime.subscribe("/path")
+    for number, (x, time_s) in enumerate([(0, 5), (1, 6), (0.5, 5.5), (2, 7)]):
+        runtime.topic("/odom").publish(Packet(number, odometry(x, time_s=time_s), 0))
+        path = subscription.take(5)
+        assert (path is None) == (time_s == 5.5)
+    assert path.positions_xyz[:, 0].tolist() == [0, 1, 2]
+    assert runtime.report()["nodes"]["path"]["refused"] == 1
+
+
 def test_the_last_poses_are_published_though_no_message_follows(runtime):
     runtime.parameters["path"].update({"rate": 5.0})
     subscription = runtime.subscribe("/path", depth=10)

@@ -78,7 +78,7 @@ class PathNode:
         self._pair = FramePair(self._tree, params.tf_parent, params.tf_child)
         self._followed = ""
         self._is_due = self._has_grown = False
-        self._arrived_ns = 0
+        self._arrived_ns = self._late = 0
         self.reset()
 
     def reset(self) -> None:
@@ -130,7 +130,7 @@ class PathNode:
         return self._track.path(self._header)
 
     def report(self) -> dict[str, Any]:
-        """What was gone, and poses that were refused: no numbers, or without a fix."""
+        """What was gone, and poses that were refused: no numbers, without a fix, or late."""
         in_pair = self._pair.refused.total()
         gone = self._travel.summary()
         speeds = {"mean_mps": gone.mean_mps, "top_mps": gone.top_mps}
@@ -139,7 +139,7 @@ class PathNode:
             "length_m": round(gone.length_m, 3),
             "duration_s": round(gone.duration_s, 3),
             **{name: None if mps is None else round(mps, 3) for name, mps in speeds.items()},
-            "refused": self._locator.refused + self._locator.without_fix + in_pair,
+            "refused": self._locator.refused + self._locator.without_fix + in_pair + self._late,
             "deviation_m": round(self._track.deviation_m, 4),
         }
 
@@ -183,6 +183,9 @@ class PathNode:
     def _add(self, header: Header, pose: Floats, params: PathParams) -> None:
         if header.frame_id != self._header.frame_id:
             self._begin()
+        if header.stamp_ns < self._header.stamp_ns:
+            self._late += 1
+            return
         self._header = header
         self._arrived_ns = self._clock.monotonic_ns()
         self._travel.add(header.stamp_ns, pose[:3].tolist())

@@ -8,7 +8,7 @@ import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from ros_visualise.data import Transforms
+from ros_visualise.data import Image
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
@@ -19,7 +19,10 @@ from ros_visualise.runtime.stats import NodeStats
 log = logging.getLogger(__name__)
 
 _DISORDER_NS = 1_000_000_000
-"""Those who send transforms do not agree on the time; only further back, time has jumped."""
+"""Messages come late, and those who send transforms disagree; only further back, time has jumped.
+
+Images come from one camera, and any that goes back begins a stream anew.
+"""
 
 NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
@@ -120,11 +123,11 @@ class NodeRunner:
     def _reset_if_time_went_back(self, inputs: Mapping[str, Any]) -> None:
         for port, message in inputs.items():
             stamp_ns = message.header.stamp_ns
-            patience_ns = _DISORDER_NS if isinstance(message, Transforms) else 0
+            patience_ns = 0 if isinstance(message, Image) else _DISORDER_NS
             if stamp_ns < self._last_stamps_ns.get(port, 0) - patience_ns:
                 self._state.reset()
                 self._last_stamps_ns.clear()
-            self._last_stamps_ns[port] = stamp_ns
+            self._last_stamps_ns[port] = max(stamp_ns, self._last_stamps_ns.get(port, 0))
 
     def _fail(self, error: Exception) -> None:
         self.failed = True

@@ -193,7 +193,7 @@ def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> Non
 class Choice:
     """A switch for each window, in a folder.
 
-    Those added are on; beside a scene, where there is less room, those with images are.
+    Those added are on; beside a scene, where there is less room, those with images are, if any.
     """
 
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
@@ -213,10 +213,11 @@ class Choice:
         names = [window.name for window in windows]
         for name in self._switches.keys() - set(names):
             self._switches.pop(name).remove()
+        pictures = any(window.picture is not None for window in windows)
         with self._folder:
             for window in windows:
                 if window.name not in self._switches:
-                    is_on = window.picture is not None or not scene
+                    is_on = window.picture is not None or not (scene and pictures)
                     switch = self._gui.add_checkbox(window.name, is_on)
                     switch.on_update(self._switched)
                     self._switches[window.name] = switch
