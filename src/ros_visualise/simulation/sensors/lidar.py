@@ -24,6 +24,8 @@ POINT = np.dtype(
     }
 )
 _GROUND = -1
+_NOISE = 1 << 16  # numbers that scans take turns with
+_NOISE_STEP = 40503  # from scan to scan: odd, so that a ray goes through all of them
 
 
 class Lidar:
@@ -36,15 +38,19 @@ class Lidar:
     frame_id = "lidar_link"
 
     def __init__(self, params: RobotParams, seed: int, model: Any, data: Any) -> None:
-        self._params, self._seed = params, seed
+        self._params = params
         rings, columns = params.lidar_rings, params.lidar_columns
         elevation = np.radians(np.linspace(params.lidar_low, params.lidar_high, rings))
         azimuth = -np.pi + 2 * np.pi * np.arange(columns) / columns
         level = np.cos(elevation)[:, None]
         ray = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)[:, None]
         self._rays = np.stack(np.broadcast_arrays(*ray)).reshape(3, -1)
-        self._rays32 = self._rays.astype(np.float32)
-        self._rings = np.repeat(np.arange(rings, dtype=np.uint16), columns)
+        noise = random_of(seed, "lidar").standard_normal(_NOISE, np.float32)
+        noise *= np.float32(params.lidar_noise)
+        self._noise = np.resize(noise, _NOISE + rings * columns)
+        self._points = np.zeros((rings * columns, 5), np.float32)  # at a range of one metre
+        self._points[:, :3] = self._rays.T
+        self._points.view(POINT)["ring"][:, 0] = np.repeat(np.arange(rings), columns)
         standing = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type != PLANE))
         things = standing[np.argsort(model.geom_type[standing], kind="stable")]
         boxes, places, axes = (
@@ -63,18 +69,13 @@ class Lidar:
         ranges, surface = self.cast(position_xyz, R)
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
-        random = random_of(self._seed, "lidar", index)
-        measured = random.standard_normal(len(met), np.float32)
-        measured *= np.float32(p.lidar_noise)
-        measured += ranges[met]
-        points = np.empty((len(met), 5), np.float32)
+        start = index * _NOISE_STEP % _NOISE
+        measured = self._noise[start : start + len(met)] + ranges.take(met).astype(np.float32)
+        points = self._points.take(met, axis=0)
         for axis in range(3):
-            np.multiply(self._rays32[axis].take(met), measured, out=points[:, axis])
-        points[:, 3] = self._brightness[surface[met]]
-        points[:, 4] = 0  # what pads the rings out
-        cloud = points.view(POINT)[:, 0]
-        cloud["ring"] = self._rings[met]
-        return PointCloud(cloud, True, Header(stamp_ns, self.frame_id))
+            points[:, axis] *= measured
+        points[:, 3] = self._brightness.take(surface.take(met))
+        return PointCloud(points.view(POINT)[:, 0], True, Header(stamp_ns, self.frame_id))
 
     def cast(self, position_xyz: Floats, R: Floats) -> tuple[Floats, Indices]:
         """True ranges (N,) in metres, infinite where nothing is, and what each ray met.
@@ -82,15 +83,18 @@ class Lidar:
         That is the place of a thing among those that stand in the world, -1 for the ground.
         """
         down = R[2] @ self._rays
-        ranges = np.full(len(down), np.inf)
-        np.divide(-position_xyz[2], down, out=ranges, where=down < 0)
+        with np.errstate(divide="ignore"):
+            ranges = -position_xyz[2] / down
+        ranges[down >= 0] = np.inf
         surface = np.full(len(down), _GROUND, np.intp)
         things, rays = self._silhouettes.pairs(position_xyz, R)
         found = self._things.meet(position_xyz, R, self._rays.take(rays, axis=1), things)
-        nearer = np.flatnonzero(found < ranges[rays])
-        nearer = nearer[np.argsort(-found[nearer])]  # of one ray the nearest is written last
-        ranges[rays[nearer]] = found[nearer]
-        surface[rays[nearer]] = things[nearer]
+        nearer = np.flatnonzero(found < ranges.take(rays))
+        found, rays, things = found.take(nearer), rays.take(nearer), things.take(nearer)
+        while len(rays):  # where things are one behind another, any may be written first
+            ranges[rays], surface[rays] = found, things
+            left = np.flatnonzero(found < ranges.take(rays))
+            found, rays, things = found.take(left), rays.take(left), things.take(left)
         return ranges, surface
 
 

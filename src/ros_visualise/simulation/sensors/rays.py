@@ -23,6 +23,7 @@ _SIZES = {_SPHERE: [0, 0, 0], _ELLIPSOID: [0, 1, 2], _CYLINDER: [0, 0, 1], _BOX:
 """Which of a geom's sizes is its half extent along x, y and z."""
 
 _TINY = 1e-300  # for rays along a cylinder, which never cross its round side
+_ASIDE = 1e-150  # for rays along a slab, which hardly ever cross its sides
 
 
 class Things:
@@ -47,11 +48,13 @@ class Things:
             [model.geom_size[g][_SIZES[t]] for g, t in zip(geoms, types, strict=True)]
         )
         axes = data.geom_xmat[geoms].reshape(-1, 3, 3)
-        self._scale = (axes / halves.reshape(-1, 1, 3)).transpose(0, 2, 1)
-        self._places = np.array(data.geom_xpos[geoms])
+        self._scale = np.ascontiguousarray((axes / halves.reshape(-1, 1, 3)).transpose(2, 1, 0))
+        self._places = np.ascontiguousarray(data.geom_xpos[geoms].T)
         rounds = np.array([_ROUND[t] for t in types])
+        self._round = (np.arange(3)[:, None] < rounds).astype(np.float64)
         starts = [0, *(np.flatnonzero(np.diff(rounds)) + 1).tolist()]
-        self._kinds = [(n, int(rounds[n])) for n in starts if n < len(rounds)]
+        ends = [*starts[1:], len(rounds)]
+        self._kinds = [(n, end, int(rounds[n])) for n, end in zip(starts, ends, strict=True) if end]
 
     def meet(self, position_xyz: Floats, R: Floats, rays: Floats, things: Indices) -> Floats:
         """Ranges in metres at which rays from one place meet each its thing, (N,), or infinity.
@@ -64,35 +67,71 @@ class Things:
             rays: (3, N) of length 1.
             things: (N,) places in the list, in rising order.
         """
-        origins = np.einsum("gij,gj->ig", self._scale, position_xyz - self._places)
-        turns = np.moveaxis(self._scale @ R, 0, -1).reshape(9, -1)
+        origins = (self._scale * (position_xyz[:, None] - self._places)).sum(axis=1)
+        outside = (self._round * origins**2).sum(axis=0) - 1
+        turns = (R.T @ self._scale).reshape(9, -1)
+        table = np.concatenate([turns, origins, outside[None]])
+        counts = np.bincount(things, minlength=table.shape[1])
         found = np.empty(len(things))
-        ends = np.searchsorted(things, [start for start, _ in self._kinds] + [len(self._places)])
-        for (_, rounded), begin, end in zip(self._kinds, ends[:-1], ends[1:], strict=True):
-            part = things[begin:end]
-            turn = turns.take(part, axis=1).reshape(3, 3, -1)
-            directions = np.einsum("ijn,jn->in", turn, rays[:, begin:end])
-            found[begin:end] = _enter(origins.take(part, axis=1), directions, rounded)
+        begin = 0
+        for first, last, rounded in self._kinds:
+            each = np.repeat(table[:, first:last], counts[first:last], axis=1)
+            end = begin + each.shape[1]
+            x, y, z = rays[:, begin:end]
+            directions = each[0:9:3] * x
+            directions += each[1:9:3] * y
+            directions += each[2:9:3] * z
+            found[begin:end] = _enter(each[9:12], each[12], directions, rounded)
+            begin = end
         return found
 
 
-def _enter(origins: Floats, directions: Floats, rounded: int) -> Floats:
-    """Ranges at which rays (3, N) enter what is round along its first axes, flat along others."""
-    near, far = np.full(origins.shape[1], -np.inf), np.full(origins.shape[1], np.inf)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        if rounded:
-            near, far = _cross_ball(origins[:rounded], directions[:rounded])
-        for origin, direction in zip(origins[rounded:], directions[rounded:], strict=True):
-            first, second = (-1 - origin) / direction, (1 - origin) / direction
-            near = np.maximum(near, np.minimum(first, second))
-            far = np.minimum(far, np.maximum(first, second))
-        return np.where((near <= far) & (far >= 0), np.where(near >= 0, near, far), np.inf)
+def _enter(origins: Floats, outside: Floats, directions: Floats, rounded: int) -> Floats:
+    """Ranges at which rays (3, N) enter what is round along its first axes, flat along others.
+
+    ``outside`` (N,) is the square of how far out of the round axes they start, less 1.
+    """
+    crossed = [_cross_ball(origins[:rounded], outside, directions[:rounded])] if rounded else []
+    crossed += map(_cross_slab, origins[rounded:], directions[rounded:])
+    near, far = crossed[0]
+    for first, last in crossed[1:]:
+        np.maximum(near, first, out=near)
+        np.minimum(far, last, out=far)
+    met = near <= far
+    met &= far >= 0
+    return np.where(met, np.where(near >= 0, near, far), np.inf)
 
 
-def _cross_ball(origins: Floats, directions: Floats) -> tuple[Floats, Floats]:
+def _cross_slab(origin: Floats, direction: Floats) -> tuple[Floats, Floats]:
+    """From and to which range rays (N,) are between -1 and 1."""
+    half = 1 / (direction + _ASIDE)
+    middle = origin * half
+    np.abs(half, out=half)
+    far = half - middle
+    half += middle
+    return np.negative(half, out=half), far
+
+
+def _cross_ball(origins: Floats, outside: Floats, directions: Floats) -> tuple[Floats, Floats]:
     """From and to which range rays are in the ball of radius 1; not a number where never."""
-    a = np.maximum(np.einsum("in,in->n", directions, directions), _TINY)
-    b = np.einsum("in,in->n", origins, directions)
-    c = np.einsum("in,in->n", origins, origins) - 1
-    root = np.sqrt(b * b - a * c)
-    return (-b - root) / a, (-b + root) / a
+    a = _dot(directions, directions)
+    np.maximum(a, _TINY, out=a)
+    b = _dot(origins, directions)
+    root = b * b
+    root -= a * outside
+    with np.errstate(invalid="ignore"):
+        np.sqrt(root, out=root)
+    near = root + b
+    np.negative(near, out=near)
+    near /= a
+    root -= b
+    root /= a
+    return near, root
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Of columns; for as few rows as here, faster than einsum."""
+    products: Floats = a[0] * b[0]
+    for i in range(1, len(a)):
+        products += a[i] * b[i]
+    return products

@@ -36,7 +36,8 @@ class Silhouettes:
     ) -> None:
         local = boxes[:, None, :3] + _CORNERS * boxes[:, None, 3:]
         turn = axes.reshape(-1, 3, 3).transpose(0, 2, 1)
-        self._corners = local @ turn + places[:, None]
+        corners = local @ turn + places[:, None]
+        self._corners = np.ascontiguousarray(corners.transpose(2, 1, 0))
         self._elevations, self._columns, self._far_m = elevations, columns, far_m
         rays = np.arange(len(elevations) * columns).reshape(-1, columns)
         self._around = np.concatenate([rays, rays], axis=1).ravel()  # rows go around twice
@@ -47,7 +48,9 @@ class Silhouettes:
         Seen from a place in the world, R being R_map_lidar.
         """
         columns = self._columns
-        near, left, right, low, high = _extent((self._corners - position_xyz) @ R)
+        around = self._corners - position_xyz[:, None, None]
+        corners = (R.T @ around.reshape(3, -1)).reshape(around.shape)
+        near, left, right, low, high = _extent(corners)
         first = np.floor((left + np.pi) * columns / (2 * np.pi)).astype(np.intp)
         last = np.ceil((right + np.pi) * columns / (2 * np.pi)).astype(np.intp) + 1
         width = np.minimum(last - first, columns)
@@ -69,20 +72,19 @@ def _runs(starts: Indices, lengths: Indices) -> Indices:
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Shortest range, azimuths from and to, elevations from and to, (N,) each, of (N, 8, 3)."""
-    middle = (corners[:, 0] + corners[:, 7]) / 2
-    level = corners[..., :2] - middle[:, None, :2]
-    aside = np.sqrt(np.einsum("gci,gci->gc", level, level).max(axis=1))
-    away = np.hypot(middle[:, 0], middle[:, 1])
+    """Shortest range, azimuths from and to, elevations from and to, (N,) each, of (3, 8, N)."""
+    x, y, z = corners
+    ahead, left = (x[0] + x[7]) / 2, (y[0] + y[7]) / 2
+    aside = np.sqrt(((x - ahead) ** 2 + (y - left) ** 2).max(axis=0))
+    away = np.hypot(ahead, left)
     level_near, level_far = np.maximum(away - aside, 1e-6), away + aside
-    below, above = corners[..., 2].min(axis=1), corners[..., 2].max(axis=1)
+    below, above = z.min(axis=0), z.max(axis=0)
     low = np.arctan2(below, np.where(below < 0, level_near, level_far))
     high = np.arctan2(above, np.where(above > 0, level_near, level_far))
-    heading = np.arctan2(middle[:, 1], middle[:, 0])
-    bearing = np.arctan2(corners[..., 1], corners[..., 0]) - heading[:, None]
-    bearing = np.mod(bearing + np.pi, 2 * np.pi) - np.pi
+    heading = np.arctan2(left, ahead)
+    bearing = np.arctan2(ahead * y - left * x, ahead * x + left * y)  # from the heading
     around = away <= aside
-    left = heading + np.where(around, -np.pi, bearing.min(axis=1))
-    right = heading + np.where(around, np.pi, bearing.max(axis=1))
+    first = heading + np.where(around, -np.pi, bearing.min(axis=0))
+    last = heading + np.where(around, np.pi, bearing.max(axis=0))
     height = np.maximum(np.maximum(below, -above), 0)
-    return np.hypot(np.where(around, 0, level_near), height), left, right, low, high
+    return np.hypot(np.where(around, 0, level_near), height), first, last, low, high
