@@ -9,7 +9,7 @@ from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
 from ros_visualise.data import Header, PoseStamped
 from ros_visualise.errors import UsageError
-from ros_visualise.simulation import Mission, Simulation
+from ros_visualise.simulation import WORLDS, Mission, RobotParams, Simulation
 
 
 def test_a_quadrotor_without_thrust_falls_freely():
@@ -146,6 +146,22 @@ def test_the_rover_goes_to_a_way_point_and_along_a_mission():
     assert np.linalg.norm(place - (2.0, -1.0), axis=1).min() < 0.5
     assert place[-1] == pytest.approx([0, 0], abs=0.3)
     assert simulation.finished
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize(
+    ("robot", "blind"), [("husky", BLIND_HUSKY), ("quadrotor", BLIND_QUADROTOR)]
+)
+def test_a_robot_is_at_rest_from_the_first_measurement(robot: str, blind: RobotParams, world: str):
+    calm = replace(blind, accel_density=0.0, accel_bias=0.0, accel_walk=0.0, imu_rate=200.0)
+    simulation = Simulation(robot, world, settings=calm)
+    found = collect(simulation, 0.3)
+    forces = np.array([m.linear_xyz for m in found["imu"]])
+    assert forces == pytest.approx(np.tile([0, 0, 9.81], (len(forces), 1)), abs=0.01)
+    x, y, yaw = simulation.world.starts[robot]
+    first = found["truth"][0]
+    assert first.position_xyz[:2] == pytest.approx([x, y], abs=1e-6)
+    assert first.quat_xyzw == pytest.approx([0, 0, math.sin(yaw / 2), math.cos(yaw / 2)], abs=1e-6)
 
 
 def test_both_weigh_what_they_do():

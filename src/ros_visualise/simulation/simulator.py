@@ -28,6 +28,7 @@ PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": Qu
 """Robot -> its settings."""
 
 _FLOORS = {"husky": husky.WHEEL_RADIUS - 0.03282, "quadrotor": quadrotor.STANDING_M}
+_SETTLING_S = 1.0  # before the start, so that the first measurements are of a robot at rest
 
 
 class Simulation:
@@ -176,11 +177,14 @@ class Simulation:
         self._suite.close()
 
     def _set_down(self) -> Any:
+        """Put the robot at its start, motors at rest, and let its weight come to rest there."""
+        mujoco = load_mujoco()
         x, y, yaw = self.world.starts[self._name]
         start = {"husky": husky.start_pose, "quadrotor": quadrotor.start_pose}[self._name]
         position, attitude = start(x, y, yaw)
         self._data.qpos[:7] = (*position, *attitude)
-        load_mujoco().mj_forward(self._model, self._data)
+        mujoco.mj_step(self._model, self._data, round(_SETTLING_S / self._model.opt.timestep))
+        self._data.time = 0.0
         return position, attitude
 
     def _make_robot(self, seed: int) -> Robot:
