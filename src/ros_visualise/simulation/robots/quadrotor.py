@@ -12,12 +12,14 @@ from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_
 from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.robots.progress import Progress
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
 AIRFRAME = Airframe(1.5, (0.0291, 0.0291, 0.0552), 0.177, 0.016, 7.5)
 STANDING_M = 0.16  # of base_link over the ground
+_UNDERSIDE_M = 0.05  # what it touches further below carries it
 TAKE_OFF_M = 2.0
 _LOWEST_M = 1.0  # that it flies to a goal or to a mission
 MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
@@ -26,8 +28,10 @@ MAX_TURN = math.radians(70)  # per second
 _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _STIFFNESS = 2.0  # 1/s: how the point follows the carrot
 _LEASH_S = 1.2  # that the carrot is ahead at most; at a steady speed it is 2 / _STIFFNESS
+_REACH_M = 1.0  # that the point is away from the robot at most; in free flight it is 0.25
+_HELD_M = 0.5  # further behind than that something holds it
 _LANDED_S = 0.4
-_ARRIVED_M = 0.12
+_ARRIVED_M, _THERE_M = 0.12, 0.3  # of the point, of the robot
 _COURSE_M_S = 0.4  # slower than that there is no course to head to
 
 
@@ -60,6 +64,7 @@ class Quadrotor:
         self._twist = ((0.0, 0.0, 0.0), 0.0)
         self._commanded_s = -math.inf
         self._touched_s = 0.0
+        self._progress = Progress("quadrotor")
         self.finished = False
         self.actions: Mapping[str, Callable[[], None]] = {
             "take_off": self.take_off,
@@ -130,11 +135,14 @@ class Quadrotor:
             self._data.ctrl[:] = 0.0
             return
         state = self._state()
-        acceleration = self._move(time_s)
+        acceleration = self._move(time_s, state.position)
+        self._keep_near(state)
         target = SetPoint(self._point, self._velocity, acceleration, self._yaw, self._yaw_rate)
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
-        if self._mode is Mode.LANDING:
+        if self._mode is Mode.LANDING or self._is_sent_down(state):
             self._feel_ground(state)
+        else:
+            self._touched_s = 0.0
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
         """What a camera and an IMU make of its motion."""
@@ -183,7 +191,7 @@ class Quadrotor:
     def _finish(self) -> None:
         self.finished = True
 
-    def _move(self, time_s: float) -> Vector:
+    def _move(self, time_s: float, place: Vector) -> Vector:
         """Move the point by one step; returns its acceleration."""
         if (
             self._mode is Mode.COMMANDED
@@ -191,7 +199,7 @@ class Quadrotor:
         ):
             self._twist = ((0.0, 0.0, 0.0), 0.0)
         if self._mode is Mode.FLYING and self._carrot is not None:
-            pull = self._pull(self._carrot)
+            pull = self._pull(self._carrot, place)
         else:
             wanted = (0.0, 0.0, -_SINK) if self._mode is Mode.LANDING else self._commanded()
             pull = [3.0 * (w - v) for w, v in zip(wanted, self._velocity, strict=True)]
@@ -203,11 +211,23 @@ class Quadrotor:
         self._point, self._velocity = (x + vx * dt, y + vy * dt, z + vz * dt), (vx, vy, vz)
         return ax, ay, az
 
-    def _pull(self, carrot: Carrot) -> list[float]:
+    def _keep_near(self, state: State) -> None:
+        """Begin anew from where it is held, lest the point goes on without it."""
+        off = [p - s for p, s in zip(self._point, state.position, strict=True)]
+        away = math.hypot(*off)
+        if away > _REACH_M:
+            x, y, z = (s + _REACH_M / away * o for s, o in zip(state.position, off, strict=True))
+            self._point, self._velocity = (x, y, z), state.velocity
+            self._controller.reset()
+        wanted = off if away > _HELD_M else (0.0, 0.0, 0.0)
+        self._progress.watch(wanted, state.velocity, state.position[:2], self._dt_s)
+
+    def _pull(self, carrot: Carrot, place: Vector) -> list[float]:
         """Acceleration of a critically damped spring to the carrot."""
         lead = carrot.lead(self._point, self._cruise * self._dt_s)
         off = [c - p for c, p in zip(lead, self._point, strict=True)]
-        if carrot.at_end and math.hypot(*off) < _ARRIVED_M and self._next:
+        is_there = math.hypot(*off) < _ARRIVED_M and math.dist(lead, place) < _THERE_M
+        if carrot.at_end and is_there and self._next:
             self._next.pop(0)()
         self._head(carrot.yaw)
         k = _STIFFNESS
@@ -230,9 +250,16 @@ class Quadrotor:
         c, s = share * math.cos(self._yaw), share * math.sin(self._yaw)
         return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
 
+    def _is_sent_down(self, state: State) -> bool:
+        """By a velocity, and does not come down."""
+        sinks = self._mode is Mode.COMMANDED and self._twist[0][2] < 0
+        return sinks and self._point[2] < state.position[2] - _HELD_M
+
     def _feel_ground(self, state: State) -> None:
         """Turn the motors off when it stands."""
-        stands = self._data.ncon > 0 and abs(state.velocity[2]) < 0.15
+        below = state.position[2] - _UNDERSIDE_M
+        rests = any(self._data.contact[i].pos[2] < below for i in range(self._data.ncon))
+        stands = rests and abs(state.velocity[2]) < 0.15
         self._touched_s = self._touched_s + self._dt_s if stands else 0.0
         if self._touched_s > _LANDED_S:
             self._mode = Mode.LANDED

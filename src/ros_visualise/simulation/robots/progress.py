@@ -1,0 +1,57 @@
+"""Whether a robot that is asked to go makes any way."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+
+log = logging.getLogger(__name__)
+
+_PATIENCE_S = 5.0
+_LEAST = 0.2  # of what is asked for
+
+
+class Progress:
+    """Compares how a robot moves with how it shall, and warns once where it is stuck.
+
+    Args:
+        robot: its name.
+    """
+
+    def __init__(self, robot: str) -> None:
+        self._robot = robot
+        self._warned = False
+        self._begin()
+
+    def watch(
+        self,
+        wanted: Sequence[float],
+        actual: Sequence[float],
+        place_xy: tuple[float, float],
+        dt_s: float,
+    ) -> None:
+        """Take in one step.
+
+        Args:
+            wanted: velocity that it is asked for, along any axes; all zero: nothing is asked.
+            actual: velocity along the same.
+            place_xy: metres in ``map``.
+        """
+        square = sum(w * w for w in wanted)
+        if square < 1e-6:
+            self._begin()
+            return
+        self._asked += square
+        self._made += sum(w * a for w, a in zip(wanted, actual, strict=True))
+        self._since_s += dt_s
+        if self._since_s > _PATIENCE_S:
+            stuck = self._made < _LEAST * self._asked
+            if stuck and not self._warned:
+                x, y = place_xy
+                why = "something is in its way"
+                log.warning("%s makes no way at (%.1f, %.1f): %s", self._robot, x, y, why)
+            self._warned = stuck
+            self._begin()
+
+    def _begin(self) -> None:
+        self._asked = self._made = self._since_s = 0.0
