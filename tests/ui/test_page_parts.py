@@ -17,7 +17,7 @@ from ros_visualise.params import param, specs
 from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.tables import topic_table
+from ros_visualise.ui.page.tables import topic_table, way_lines
 from ros_visualise.ui.page.worker import Worker
 
 
@@ -144,6 +144,13 @@ def test_the_table_tells_rates_drops_and_latency():
 
 def worker_of(said, tick=lambda: None):
     return Worker(said.append, tick, 60.0)
+
+
+def test_the_way_that_was_gone_is_told():
+    gone = {"length_m": 12.34, "duration_s": 10.0, "mean_mps": 1.234, "top_mps": None, "refused": 2}
+    told = way_lines({"nodes": {"player": {}, "path": gone}})
+    assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 refused" in told
+    assert "player" not in told
 
 
 def test_only_the_newest_of_a_kind_is_done():

@@ -21,7 +21,7 @@ from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
-from ros_visualise.ui.page.tables import topic_table
+from ros_visualise.ui.page.tables import topic_table, way_lines
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Choice, Window, arrange, has_window
@@ -197,7 +197,7 @@ class Desk:
 
     def _show_report(self, report: dict[str, Any]) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            self._table.content = topic_table(self._graph, report)
+            self._table.content = topic_table(self._graph, report) + way_lines(report)
             self._plots.add(report)
 
     def _show_frames(self) -> None:

@@ -1,4 +1,4 @@
-"""What the page tells in figures: the topics with their rates, drops and latencies."""
+"""What the page tells in figures: topics with rates, drops and latencies; the way gone."""
 
 from __future__ import annotations
 
@@ -22,6 +22,25 @@ def topic_table(graph: Graph, report: dict[str, Any]) -> str:
         for name, topic in report["topics"].items()
     ]
     return f'<table class="rv-topics">{_HEAD}{"".join(rows)}</table>'
+
+
+def way_lines(report: dict[str, Any]) -> str:
+    """How far and how fast it went, by the nodes of a run report that tell, in HTML."""
+    return "".join(
+        f'<div class="rv-note">{escape(name)}: {escape(_way(node))}</div>'
+        for name, node in report["nodes"].items()
+        if "length_m" in node
+    )
+
+
+def _way(node: dict[str, Any]) -> str:
+    parts = [f"{node['length_m']:.1f} m in {node['duration_s']:.1f} s"]
+    for word, mps in (("mean", node["mean_mps"]), ("top", node["top_mps"])):
+        if mps is not None:
+            parts.append(f"{word} {mps:.2f} m/s")
+    if node["refused"]:
+        parts.append(f"{node['refused']} refused")
+    return ", ".join(parts)
 
 
 def _row(name: str, topic: dict[str, Any], node: dict[str, Any]) -> str:

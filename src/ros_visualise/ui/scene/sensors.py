@@ -30,6 +30,7 @@ class Fix(Drawing):
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
         self._datum: Floats = np.zeros(3)
+        self.T_frame_body: Floats = np.eye(4)
         self._trail = Trail()
         self._line = Line(scene, f"{name}/trail", color)
         self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
@@ -43,6 +44,7 @@ class Fix(Drawing):
         if self._plane is None:
             self._plane = LocalPlane(*place)
         position = self._datum + self._plane.to_enu(place)
+        self.T_frame_body[:3, 3] = position
         self._trail.add(message.header.stamp_ns, position)
         self._line.show(self._trail.vertices)
         self._dot.position, self._dot.scale, self._dot.visible = position, look.axes_size, True

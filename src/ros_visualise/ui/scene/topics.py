@@ -12,13 +12,23 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import CameraInfo, Floats, Odometry
+from ros_visualise.data import (
+    CameraInfo,
+    Floats,
+    NavSatFix,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+)
 from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.scene.drawing import PALETTE, Drawing, Look, node_name
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.poses import Pose
+from ros_visualise.ui.scene.sensors import Fix
+
+_TELLS_ROBOT = (Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix)
 
 
 @dataclass
@@ -143,10 +153,11 @@ class Topics:
         return False
 
     def robot(self) -> Floats | None:
-        """T_fixed_robot by the first odometry; None if there is none."""
-        for _, entry in self:
-            if entry.kind is Odometry and isinstance(entry.drawing, Pose) and entry.shown:
-                return entry.drawing.T_fixed_frame @ entry.drawing.T_frame_body
+        """T_fixed_robot by the first odometry, else pose, else fix; None if there is none."""
+        for kind in _TELLS_ROBOT:
+            for _, entry in self:
+                if entry.kind is kind and isinstance(entry.drawing, Pose | Fix) and entry.shown:
+                    return entry.drawing.T_fixed_frame @ entry.drawing.T_frame_body
         return None
 
     def extent(self) -> npt.NDArray[np.floating]:
