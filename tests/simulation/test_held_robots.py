@@ -5,7 +5,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from simulated_runs import BLIND_QUADROTOR, collect, twist
+from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
 from ros_visualise.simulation import Mission, Simulation
 
@@ -55,3 +55,19 @@ def test_a_mission_through_a_fence_is_not_finished(caplog):
     assert len(caplog.messages) == 1
     assert caplog.messages[0].startswith("quadrotor makes no way at (")
     assert caplog.messages[0].endswith("): something is in its way")
+
+
+def test_a_rover_that_makes_no_way_says_so_once_where_it_is(caplog):
+    held = replace(BLIND_HUSKY, command_timeout=30.0)
+    simulation = Simulation("husky", "playpen", settings=held)
+    simulation.command(twist(turn=0.5))
+    collect(simulation, 6.0)
+    simulation.command(twist(x=0.02))
+    collect(simulation, 6.0)
+    simulation.act("stop")
+    collect(simulation, 1.0)
+    assert not caplog.messages, "it turned, and crept"
+    simulation._data.qpos[:7] = 9.2, 4.5, 0.132, 1, 0, 0, 0
+    simulation.command(twist(x=0.5))
+    collect(simulation, 15.0)
+    assert caplog.messages == ["husky makes no way at (9.4, 4.5): something is in its way"]

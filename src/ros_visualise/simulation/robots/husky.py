@@ -10,6 +10,7 @@ from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.robots.progress import Progress
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
 from ros_visualise.simulation.settings import HuskyParams
@@ -52,6 +53,7 @@ class Husky:
         self._carrot: Carrot | None = None
         self._cruise = MAX_SPEED
         self._final_yaw: float | None = None
+        self._progress = Progress("husky")
         self.finished = False
         self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
 
@@ -88,6 +90,7 @@ class Husky:
         dt, (speed, turn) = self._dt_s, self._wanted
         self._speed = _approach(self._speed, speed, MAX_SPEED, MAX_ACCELERATION * dt)
         self._turn = _approach(self._turn, turn, MAX_TURN, MAX_TURN_ACCELERATION * dt)
+        self._watch()
         aside = self._turn * EFFECTIVE_TRACK / 2
         left, right = (self._speed - aside) / WHEEL_RADIUS, (self._speed + aside) / WHEEL_RADIUS
         self._spin((left, left, right, right))
@@ -115,6 +118,14 @@ class Husky:
             trim = self._trim[i] + _INTEGRAL * (wanted[i] - actual[i]) * self._dt_s
             self._trim[i] = max(-_INTEGRAL_LIMIT, min(_INTEGRAL_LIMIT, trim))
         self._data.ctrl[:] = [w + t for w, t in zip(wanted, self._trim, strict=True)]
+
+    def _watch(self) -> None:
+        """Compare what is asked for with its true motion; turns count as the track's wheels go."""
+        yaw, (x, y, _) = self._yaw(), self._place()
+        vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
+        ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
+        wanted, actual = (self._speed, TRACK * self._turn), (ahead, TRACK * turn)
+        self._progress.watch(wanted, actual, (x, y), self._dt_s)
 
     def _place(self) -> Vector:
         x, y = self._data.qpos[:2].tolist()
