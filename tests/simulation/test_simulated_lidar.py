@@ -82,6 +82,27 @@ def test_ranges_to_a_wall_are_right_within_their_noise():
     assert errors.mean() == pytest.approx(0, abs=0.01)
 
 
+def test_noise_is_white_and_a_scan_has_its_own_whichever_was_before():
+    simulation = Simulation("husky", "playpen", settings=SIGHTED)
+    model, data = simulation._model, simulation._data
+    place, R = np.array([0.0, 0.0, 0.6]), np.eye(3)
+    lidar = Lidar(SIGHTED, 5, model, data)
+    ranges, _ = lidar.cast(place, R)
+    true = ranges[(ranges >= SIGHTED.lidar_near) & (ranges <= SIGHTED.lidar_far)]
+    clouds = [lidar.measure(0, index, place, R) for index in (*range(12), 500, 10_000)]
+    noise = [np.linalg.norm(cloud.xyz.astype(np.float64), axis=1) - true for cloud in clouds]
+    assert np.std(noise, axis=1) == pytest.approx(SIGHTED.lidar_noise, rel=0.05)
+    assert np.mean(noise, axis=1) == pytest.approx(0, abs=0.05 * SIGHTED.lidar_noise)
+    likeness = np.corrcoef(noise) - np.eye(len(noise))
+    assert abs(likeness).max() < 5 / math.sqrt(len(true))
+    neighbours = [np.corrcoef(each[:-1], each[1:])[0, 1] for each in noise]
+    assert abs(np.array(neighbours)).max() < 5 / math.sqrt(len(true))
+    again = Lidar(SIGHTED, 5, model, data).measure(0, 500, place, R)
+    assert again.points.tobytes() == clouds[-2].points.tobytes()
+    other = Lidar(SIGHTED, 6, model, data).measure(0, 500, place, R)
+    assert other.points.tobytes() != again.points.tobytes()
+
+
 def test_the_ground_is_flat_and_rings_rise():
     cloud = collect(Simulation("husky", "plane", settings=SIGHTED), 0.05)["points"][0]
     assert len(cloud.points) == 8 * 900, "half of the rows look down"

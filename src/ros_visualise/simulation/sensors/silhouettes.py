@@ -61,7 +61,7 @@ class Silhouettes:
         row = _runs(bottom, height)
         start = 2 * columns * row + (first % columns)[things]
         spans = width[things]
-        return np.repeat(things, spans), self._around[_runs(start, spans)]
+        return np.repeat(things, spans), self._around.take(_runs(start, spans))
 
 
 def _runs(starts: Indices, lengths: Indices) -> Indices:
