@@ -138,3 +138,33 @@ def test_steps_go_from_message_to_message_where_there_are_no_images():
     name, message = next(messages)
     assert (name, message.header.stamp_ns) == ("imu", S // 100)
     playback.close()
+
+
+def fly(told, action_s, again_s):
+    """Heights by the second of a quadrotor that is told two velocities, up first, in turn."""
+    source, heights = make("quadrotor", Playback(rate=0, duration_s=9)), []
+    for name, message in source.messages():
+        if name != "truth":
+            continue
+        stamp_s = message.header.stamp_ns / S
+        if stamp_s % 1 == 0:
+            heights.append(message.position_xyz[2])
+        if stamp_s == action_s:
+            source.act("take_off")
+        z = 0.5 if stamp_s < 1 else told if stamp_s < again_s else -told
+        if stamp_s < 7:
+            source.receive("cmd_vel", Twist(np.array([0, 0, z]), np.zeros(3)))
+    return heights
+
+
+def test_an_action_ends_a_velocity_that_is_told_again_and_again():
+    heights = fly(told=-0.1, action_s=2, again_s=10)
+    assert heights[2] < 0.8
+    assert heights[7] == pytest.approx(2.0, abs=0.1)
+
+
+def test_after_an_action_another_velocity_counts():
+    heights = fly(told=-0.1, action_s=2, again_s=5)
+    assert heights[5] > 1.5
+    assert heights[7] - heights[6] == pytest.approx(0.1, abs=0.05)
+    assert heights[6] == pytest.approx(heights[5], abs=0.5)

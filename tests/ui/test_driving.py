@@ -24,14 +24,14 @@ class Told:
 
     def __init__(self, runtime: LocalRuntime) -> None:
         self._runtime = runtime
-        self.velocities: list[tuple[float, float]] = []
+        self.velocities: list[tuple[float, ...]] = []
         self.actions: list[tuple[str, str]] = []
 
     def __getattr__(self, name):
         return getattr(self._runtime, name)
 
     def publish(self, topic, message):
-        self.velocities.append((float(message.linear_xyz[0]), float(message.angular_xyz[2])))
+        self.velocities.append((*message.linear_xyz[[0, 2]].tolist(), message.angular_xyz[2]))
         self._runtime.publish(topic, message)
 
     def act(self, node, action):
@@ -49,6 +49,31 @@ def husky(port) -> Iterator[Told]:
     yield told
     page.close()
     running.stop()
+
+
+def test_an_action_of_the_robot_ends_the_driving(port):
+    running = LocalRuntime(graph_of("quadrotor"), Playback(hold=True))
+    told, page = Told(running), Page(port=port)
+    page.open(told)
+    running.start()
+    client = Client(port)
+    try:
+        client.read_until(lambda: "drive" in client.values)
+        truth = told.subscribe("/ground_truth/odom")
+        client.set("drive", "▽ down")
+        client.read_until(lambda: len(told.velocities) > 2)
+        client.set("clear", True)
+        client.read_until(lambda: told.actions == [("path", "clear")])
+        before = len(told.velocities)
+        client.read_until(lambda: len(told.velocities) > before + 1)
+        client.set("take off", True)
+        client.read_until(lambda: truth.take(10).position_xyz[2] > 1.0)
+        after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
+        assert after == [(0.0, 0.0, 0.0)], "one that stops it, then none any more"
+    finally:
+        client.socket.close()
+        page.close()
+        running.stop()
 
 
 @pytest.fixture
@@ -73,10 +98,10 @@ def test_it_drives_until_it_is_stopped(client, husky):
     client.set("speed", 0.5)
     client.set("drive", "▲ forward")
     client.read_until(lambda: len(husky.velocities) > 3)
-    assert set(husky.velocities) == {(0.5, 0.0)}
+    assert set(husky.velocities) == {(0.5, 0.0, 0.0)}
     client.read_until(lambda: now().position_xyz[0] > 0.3)
     client.set("drive", "■ stop")
-    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0))
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
     client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
 
 

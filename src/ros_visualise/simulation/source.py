@@ -77,6 +77,10 @@ class SimulatedRobot:
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
         self._sees = settings.camera
         self._is_awaited: Callable[[str], bool] = lambda output: True
+        self._timeout_ns = round(settings.command_timeout * 1e9)
+        self._told: tuple[float, ...] | None = None
+        self._told_ns = 0
+        self._ended: tuple[float, ...] | None = None
         self._sought_ns = 0
         self._simulation = self._make()
 
@@ -117,16 +121,30 @@ class SimulatedRobot:
         self._is_awaited = wants
 
     def receive(self, port: str, message: Any) -> None:
-        """Take a velocity (``cmd_vel``) or a goal."""
-        robot = self._simulation
-        robot.command(message) if port == "cmd_vel" else robot.goto(message)
+        """Take a velocity (``cmd_vel``) or a goal.
+
+        A velocity that an action or a goal has ended counts anew when it changes or has paused.
+        """
+        if port != "cmd_vel":
+            self._ended = self._told
+            self._simulation.goto(message)
+        elif not self._has_ended(message):
+            self._simulation.command(message)
 
     def close(self) -> None:
         """Nothing is open: the renderer goes with the messages."""
 
     def act(self, action: str) -> None:
         """Do what `Simulation.act` knows."""
+        self._ended = self._told
         self._simulation.act(action)
+
+    def _has_ended(self, twist: Twist) -> bool:
+        told, time_ns = (*twist.linear_xyz, *twist.angular_xyz), self._simulation.time_ns
+        if told != self._ended or time_ns - self._told_ns > self._timeout_ns:
+            self._ended = None
+        self._told, self._told_ns = told, time_ns
+        return self._ended is not None
 
     def _begin(self, start_ns: int) -> Simulation:
         """The simulation at a time: the present one, unless its time has passed."""

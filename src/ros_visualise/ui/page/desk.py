@@ -143,7 +143,11 @@ class Desk:
     def _make_window(self, node: Node, there: Window | None) -> Window:
         if there is not None and there.shows(node, self._runtime):
             return there
-        return Window(self._server.gui, self._runtime, node, self._worker, self._scene)
+        gui = self._server.gui
+        return Window(gui, self._runtime, node, self._worker, self._scene, self._act)
+
+    def _act(self, node: str, action: str) -> None:
+        self._driving.act(node, action)
 
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]

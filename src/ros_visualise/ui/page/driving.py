@@ -73,6 +73,13 @@ class Driving:
         """Nobody looks on any more: let it stop."""
         self._share = None
 
+    def act(self, node: str, action: str) -> None:
+        """Run an action of a node; one of the robot's own ends the driving."""
+        graph = self._runtime.graph
+        if self._topic is not None and self._topic in graph.node(node).inputs.values():
+            self._stop()
+        self._runtime.act(node, action)
+
     def _go(self, share: tuple[float, float, float, float]) -> None:
         self._share = share
         self.refresh()

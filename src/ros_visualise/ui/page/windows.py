@@ -34,7 +34,13 @@ class Window:
     """One node: its main parameters above the image that it publishes, the others below."""
 
     def __init__(
-        self, gui: viser.GuiApi, runtime: Runtime, node: Node, worker: Worker, scene: Scene
+        self,
+        gui: viser.GuiApi,
+        runtime: Runtime,
+        node: Node,
+        worker: Worker,
+        scene: Scene,
+        act: Callable[[str, str], None],
     ) -> None:
         self.name = node.name
         self.picture: Picture | None = None
@@ -53,7 +59,7 @@ class Window:
             if first is not None:
                 self._add_picture(runtime, images, first, len(main))
             self._add_folders([spec for spec in declared if spec.group])
-            self._add_actions(runtime, node)
+            self._add_actions(node, act)
 
     @property
     def visible(self) -> bool:
@@ -98,10 +104,10 @@ class Window:
         async def _(event: viser.GuiEvent[Any]) -> None:
             picture.topic = event.target.value
 
-    def _add_actions(self, runtime: Runtime, node: Node) -> None:
+    def _add_actions(self, node: Node, act: Callable[[str, str], None]) -> None:
         for name, help in node.type.actions.items():
             button = self._gui.add_button(name.replace("_", " "), hint=help)
-            button.on_click(partial(self._clicked, partial(runtime.act, node.name, name)))
+            button.on_click(partial(self._clicked, partial(act, node.name, name)))
 
     async def _clicked(self, action: Callable[[], None], event: viser.GuiEvent[Any]) -> None:
         if event.client_id is not None:
