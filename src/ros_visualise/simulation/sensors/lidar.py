@@ -24,7 +24,7 @@ POINT = np.dtype(
     }
 )
 _GROUND = -1
-_NOISE = 1 << 16  # numbers that scans take turns with
+_NOISE_BITS = 16  # at least, of how many numbers scans take turns with
 _NOISE_STEP = 40503  # from scan to scan: odd, so that a ray goes through all of them
 
 
@@ -33,6 +33,9 @@ class Lidar:
 
     The robot does not see itself. The ground is the plane z = 0. ``intensity`` is how bright the
     surface is, 0 to 100; ``ring`` 0 is the lowest row.
+
+    The noise is of one long list of numbers, from elsewhere in it at each scan: drawing them anew
+    would take a tenth of a scan's time.
     """
 
     frame_id = "lidar_link"
@@ -45,10 +48,12 @@ class Lidar:
         level = np.cos(elevation)[:, None]
         ray = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)[:, None]
         self._rays = np.stack(np.broadcast_arrays(*ray)).reshape(3, -1)
-        noise = random_of(seed, "lidar").standard_normal(_NOISE, np.float32)
+        rays = rings * columns
+        self._period = 1 << max(_NOISE_BITS, rays.bit_length())  # no number twice in a scan
+        noise = random_of(seed, "lidar").standard_normal(self._period, np.float32)
         noise *= np.float32(params.lidar_noise)
-        self._noise = np.resize(noise, _NOISE + rings * columns)
-        self._points = np.zeros((rings * columns, 5), np.float32)  # at a range of one metre
+        self._noise = np.resize(noise, self._period + rays)
+        self._points = np.zeros((rays, 5), np.float32)  # at a range of one metre
         self._points[:, :3] = self._rays.T
         self._points.view(POINT)["ring"][:, 0] = np.repeat(np.arange(rings), columns)
         standing = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type != PLANE))
@@ -69,7 +74,7 @@ class Lidar:
         ranges, surface = self.cast(position_xyz, R)
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
-        start = index * _NOISE_STEP % _NOISE
+        start = index * _NOISE_STEP % self._period
         measured = self._noise[start : start + len(met)] + ranges.take(met).astype(np.float32)
         points = self._points.take(met, axis=0)
         for axis in range(3):
@@ -83,7 +88,7 @@ class Lidar:
         That is the place of a thing among those that stand in the world, -1 for the ground.
         """
         down = R[2] @ self._rays
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             ranges = -position_xyz[2] / down
         ranges[down >= 0] = np.inf
         surface = np.full(len(down), _GROUND, np.intp)
