@@ -40,5 +40,5 @@ def keep(message: Any, dtype: npt.DTypeLike = np.float64, **shapes: tuple[int, .
 def read_only(pixels: Pixels) -> Pixels:
     """The same memory as an array that nobody can write to; the array itself stays as it was."""
     view: Pixels = pixels.view()
-    view.flags.writeable = False
+    view.setflags(write=False)
     return view

@@ -29,6 +29,7 @@ wheel is to that across it as half the wheelbase is to half the track: a factor 
 husky_control has 1.875.
 """
 
+_NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _LEASH_M = 0.9  # that it looks ahead
 _ARRIVED_M = 0.15
 _TURN_ON_SPOT = math.radians(50)
@@ -49,6 +50,7 @@ class Husky:
         self._wanted = (0.0, 0.0)  # m/s and rad/s
         self._speed = self._turn = 0.0  # as limited
         self._commanded_s = -math.inf
+        self._steps = 0
         self._trim = [0.0] * 4
         self._carrot: Carrot | None = None
         self._cruise = MAX_SPEED
@@ -83,17 +85,23 @@ class Husky:
 
     def control(self, time_s: float) -> None:
         """Wheel speeds for the next step."""
+        if self._steps % _NAVIGATION_STEPS == 0:
+            self._navigate(time_s)
+        self._steps += 1
+        dt, (speed, turn) = self._dt_s, self._wanted
+        self._speed = _approach(self._speed, speed, MAX_SPEED, MAX_ACCELERATION * dt)
+        self._turn = _approach(self._turn, turn, MAX_TURN, MAX_TURN_ACCELERATION * dt)
+        aside = self._turn * EFFECTIVE_TRACK / 2
+        left, right = (self._speed - aside) / WHEEL_RADIUS, (self._speed + aside) / WHEEL_RADIUS
+        self._spin((left, left, right, right))
+
+    def _navigate(self, time_s: float) -> None:
+        """Choose speed and turn rate, and see whether it gets on."""
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
         elif time_s - self._commanded_s > self._params.command_timeout:
             self._wanted = (0.0, 0.0)
-        dt, (speed, turn) = self._dt_s, self._wanted
-        self._speed = _approach(self._speed, speed, MAX_SPEED, MAX_ACCELERATION * dt)
-        self._turn = _approach(self._turn, turn, MAX_TURN, MAX_TURN_ACCELERATION * dt)
         self._watch()
-        aside = self._turn * EFFECTIVE_TRACK / 2
-        left, right = (self._speed - aside) / WHEEL_RADIUS, (self._speed + aside) / WHEEL_RADIUS
-        self._spin((left, left, right, right))
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
         """From how far the wheels of each side have turned."""
@@ -125,7 +133,7 @@ class Husky:
         vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
         wanted, actual = (self._speed, TRACK * self._turn), (ahead, TRACK * turn)
-        self._progress.watch(wanted, actual, (x, y), self._dt_s)
+        self._progress.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
     def _place(self) -> Vector:
         x, y = self._data.qpos[:2].tolist()
@@ -146,7 +154,7 @@ class Husky:
         Source: Coulter, Implementation of the pure pursuit path tracking algorithm, 1992.
         """
         place = self._place()
-        x, y, _ = carrot.lead(place, 4 * self._cruise * self._dt_s)
+        x, y, _ = carrot.lead(place, 4 * self._cruise * self._dt_s * _NAVIGATION_STEPS)
         dx, dy = x - place[0], y - place[1]
         away = math.hypot(dx, dy)
         if carrot.at_end and away < _ARRIVED_M:
