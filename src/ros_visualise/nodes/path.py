@@ -69,6 +69,7 @@ class PathNode:
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.
+    Poses that come late, within a second, are left out.
     """
 
     def __init__(self, params: PathParams, clock: Clock | None = None) -> None:
