@@ -148,6 +148,25 @@ def test_an_update_is_applied_there_and_here_as_one_whole(remote, own):
     assert (answer.count, answer.blur.value) == (9, "off")
 
 
+def test_whoever_is_told_of_parameters_can_set_them_at_once(own, monkeypatch):
+    service = rospy.Service
+
+    def late(*args):
+        time.sleep(0.5)
+        return service(*args)
+
+    monkeypatch.setattr(rospy, "Service", late)
+    remote = RemoteParameters(f"{rospy.get_name()}/late")
+    servers = []
+    starting = threading.Thread(target=lambda: servers.append(ReconfigureServer(own, "late")))
+    starting.start()
+    assert remote.wait(PATIENCE_S)
+    assert remote.update({"count": 9}).count == 9
+    remote.close()
+    starting.join()
+    servers[0].close()
+
+
 def test_changes_by_others_are_told(remote, own):
     told = []
     remote.on_change(lambda current, changed: told.append((current.count, dict(changed))))

@@ -23,6 +23,7 @@ _CLOSE_S = 0.5
 class ReconfigureServer:
     """Offers a node's parameters over dynamic_reconfigure, for as long as it is open.
 
+    Requests are answered before anybody is told of the parameters.
     A request is applied as one whole or refused as one whole; what is changed elsewhere is
     published, and put on the parameter server, by a thread of its own: no lock is held by whoever
     changes a parameter while ROS is talked to.
@@ -41,13 +42,13 @@ class ReconfigureServer:
         self._changed = threading.Event()
         self._closed = False
         self._descriptions = self._advertise("parameter_descriptions", ConfigDescription)
-        self._descriptions.publish(describe(self._specs))
         self._updates = self._advertise("parameter_updates", Config)
+        self._service = rospy.Service(f"{self._namespace}/set_parameters", Reconfigure, self._set)
+        self._descriptions.publish(describe(self._specs))
         self._forget = parameters.on_change(lambda *_: self._changed.set())
         self._publish()
         self._thread = threading.Thread(target=self._follow, name="reconfigure", daemon=True)
         self._thread.start()
-        self._service = rospy.Service(f"{self._namespace}/set_parameters", Reconfigure, self._set)
 
     def close(self) -> None:
         """Offer them no longer; more than once does no harm."""
