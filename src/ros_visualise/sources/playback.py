@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import closing
-from typing import Any, NamedTuple, TypeVar
+from contextlib import closing, contextmanager
+from typing import NamedTuple, TypeVar
 
-from ros_visualise.errors import ParameterError, UsageError
-from ros_visualise.rate import MAX_RATE, Clock, WallClock
+from ros_visualise.errors import UsageError
+from ros_visualise.rate import Clock, WallClock
 from ros_visualise.sources.playable import Playable, time_before
 from ros_visualise.sources.quota import Quota
+from ros_visualise.sources.requests import Requests
 from ros_visualise.sources.timeline import Timeline
 
 T = TypeVar("T")
 
-_LATE_NS = 500_000_000  # further behind than this, time is lost rather than caught up with
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 
 
@@ -44,6 +44,9 @@ class Playback:
         live_stamps: stamp each message with the clock's time at which it is due, as a camera would,
             rather than with its place in the recording.
         clock: what tells the time.
+
+    Raises:
+        ParameterError: the rate is not from 0 to 100.
     """
 
     def __init__(
@@ -60,27 +63,17 @@ class Playback:
     ) -> None:
         self._clock = clock or WallClock()
         self._changed = threading.Condition()
-        self._time = Timeline(self._clock, _checked_rate(rate))
-        self._loop, self._hold, self._live_stamps = loop, hold, live_stamps
+        self._line = Timeline(self._clock, rate, live_stamps)
+        self._asked = Requests()
         self._quota = Quota(duration_s, frames)
+        self._loop, self._hold = loop, hold
         self._jumps = 0
         self._closed = False
         self._ended = False  # all is read and nobody wants more
-        self._restarting = False  # the source is to be opened anew
-        self._again = False  # somebody wants it from the start again
         self._done = False  # all that was asked for is played
-        self._steps = self._steps_back = 0
-        self._target_ns: int | None = None
         self._duration_ns: int | None = None
         self._position_ns = round(start_s * 1e9)
         self._period_ns = 0
-        self._cycle_ns = 0  # where the present loop starts on the line of all loops
-        self._line_ns = 0  # where the last message was on that line
-        self._awaited_ns: int | None = None  # where on it the next one is, if that is known
-        self._base_ns: int | None = None  # the stamp of that line's start, once it is known
-        self._due_at_ns = 0  # when the last message was due, in the clock's time
-        self._fresh = True  # the next message is shown at once, and time goes on from it
-        self._is_frame: Callable[[Any], bool] = lambda _: True
         self.step_topics: tuple[str, ...] = ()
         """Topics of the source that can be stepped through, where it has several."""
         self.step_topic = ""
@@ -113,35 +106,34 @@ class Playback:
     def state(self) -> PlaybackState:
         """What it does now."""
         with self._changed:
-            position_ns = self._position_ns if self._target_ns is None else self._target_ns
+            target_ns, line = self._asked.target_ns, self._line
+            position_ns = self._position_ns if target_ns is None else target_ns
             duration_s = None if self._duration_ns is None else self._duration_ns / 1e9
-            playing = self._time.running and not self._ended
+            playing = line.running and not self._ended
             return PlaybackState(
-                position_ns / 1e9, duration_s, playing, self._ended, self._time.rate, self._loop
+                position_ns / 1e9, duration_s, playing, self._ended, line.rate, self._loop
             )
 
     def time_ns(self) -> int:
         """Time since the source's start, which goes on between its messages as it plays."""
         with self._changed:
-            return self._position_ns + self._reached_ns() - self._line_ns
+            return self._position_ns + self._line.reached_ns - self._line.last_ns
 
     def stamp_ns(self) -> int:
         """The stamp that goes with `time_ns`, where messages are stamped with their place."""
         with self._changed:
-            return self._origin_ns() + self._reached_ns()
+            return self._line.begin() + self._line.reached_ns
 
     def play(self) -> None:
         """Go on; at the end, start over."""
-        with self._changed:
-            self._time.change(self._time.rate, running=True)
-            self._steps, self._again = 0, self._ended
-            self._changed.notify_all()
+        with self._changing():
+            self._line.change(running=True)
+            self._asked.steps, self._asked.start_over = 0, self._ended
 
     def pause(self) -> None:
         """Stop at the message shown now."""
-        with self._changed:
-            self._time.change(self._time.rate, running=False)
-            self._changed.notify_all()
+        with self._changing():
+            self._line.change(running=False)
 
     def toggle(self) -> None:
         """Pause or go on."""
@@ -150,21 +142,15 @@ class Playback:
 
     def step(self, frames: int = 1) -> None:
         """Pause, and show the next messages, or go that many back."""
-        with self._changed:
+        with self._changing():
             self.pause()
-            if frames >= 0:
-                self._steps += frames
-            else:
-                self._steps, self._steps_back = 0, self._steps_back - frames
-            self._changed.notify_all()
+            self._asked.step(frames)
 
     def seek(self, time_s: float) -> None:
         """Go to a time since the start; paused, the message of that time is shown."""
-        with self._changed:
+        with self._changing():
             end_ns = math.inf if self._duration_ns is None else self._duration_ns
-            self._target_ns = int(max(0, min(round(time_s * 1e9), end_ns)))
-            self._steps = self._steps_back = 0
-            self._changed.notify_all()
+            self._asked.seek(int(max(0, min(round(time_s * 1e9), end_ns))))
 
     def set_rate(self, rate: float) -> None:
         """Change the speed, at once.
@@ -172,33 +158,29 @@ class Playback:
         Raises:
             ParameterError: it is not from 0 to 100.
         """
-        with self._changed:
-            self._time.change(_checked_rate(rate), self._time.running)
-            self._changed.notify_all()
+        with self._changing():
+            self._line.change(rate=rate)
 
     def set_loop(self, loop: bool) -> None:
         """Start over at the end, or not."""
-        with self._changed:
+        with self._changing():
             self._loop = loop
-            self._changed.notify_all()
 
     def restart(self) -> None:
         """End what is played now, because its source is to be opened anew; see `take_restart`."""
-        with self._changed:
-            self._restarting = True
-            self._changed.notify_all()
+        with self._changing():
+            self._asked.reopen = True
 
     def take_restart(self) -> bool:
         """Whether what was played ended for a `restart`, which is answered by this."""
         with self._changed:
-            restarting, self._restarting = self._restarting, False
-            return restarting and not self._closed
+            reopen, self._asked.reopen = self._asked.reopen, False
+            return reopen and not self._closed
 
     def close(self) -> None:
         """End the source and every wait."""
-        with self._changed:
+        with self._changing():
             self._closed = True
-            self._changed.notify_all()
 
     def check_start(self, duration_ns: int | None) -> None:
         """Refuse to start where there is nothing.
@@ -220,10 +202,9 @@ class Playback:
             is_frame: whether an item is one of those that a person steps through and that are
                 counted; the others pass with them.
         """
-        self._is_frame = is_frame
         start_ns = self._begin(recording)
         while start_ns is not None:
-            at_end = yield from self._play_from(start_ns, recording)
+            at_end = yield from self._play_from(start_ns, recording, is_frame)
             start_ns = self._next_start(recording, at_end)
 
     def follow(self, items: Iterable[T | None]) -> Iterator[T]:
@@ -234,98 +215,69 @@ class Playback:
         start_ns = self._clock.monotonic_ns()
         for item in items:
             live_ns = self._clock.monotonic_ns() - start_ns
-            if self._closed or self._restarting or self._quota.ends_within(live_ns):
+            if self._closed or self._asked.reopen or self._quota.ends_within(live_ns):
                 break
             if item is not None and self._passes_live(live_ns):
                 yield item
-        self._ended = not self._restarting
+        self._ended = not self._asked.reopen
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        with self._changed:
+            yield
+            self._changed.notify_all()
 
     def _passes_live(self, live_ns: int) -> bool:
         with self._changed:
-            passes = self._time.running or self._steps > 0
-            self._steps = max(0, self._steps - 1)
+            passes = self._line.running or self._asked.steps > 0
+            self._asked.steps = max(0, self._asked.steps - 1)
             self._position_ns = live_ns
             self._quota.use(0, passes)
             return passes
 
     def _begin(self, recording: Playable[T]) -> int | None:
         with self._changed:
-            self._origin_ns()
-            self._duration_ns, self._fresh = recording.duration_ns, True
+            self._line.begin()
+            self._duration_ns, self._line.is_fresh = recording.duration_ns, True
             return None if self._closed else self._position_ns
 
     def _play_from(
-        self, start_ns: int, recording: Playable[T]
+        self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
     ) -> Generator[tuple[int, T], None, bool]:
         """Returns whether the end was reached."""
         self._jumps += 1
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
-                if not self._wait_turn(time_ns, self._is_frame(item)):
+                if not self._wait_turn(time_ns, is_frame(item)):
                     return False
-                yield self._stamp_ns(), item
+                yield self._line.stamp_ns, item
         return True
-
-    def _stamp_ns(self) -> int:
-        return self._due_at_ns if self._live_stamps else self._origin_ns() + self._line_ns
-
-    def _origin_ns(self) -> int:
-        """The stamp of the start of the line of all loops: the time at which it was first asked."""
-        if self._base_ns is None:
-            self._base_ns = self._clock.now_ns() if self._time.rate else 0
-        return self._base_ns
-
-    def _reached_ns(self) -> int:
-        """The place on that line that is reached now; it waits for the next message."""
-        reached_ns = self._time.place_ns() if self._time.rate else self._line_ns
-        limit_ns = self._line_ns if self._awaited_ns is None else self._awaited_ns
-        return max(self._line_ns, min(reached_ns, limit_ns))
 
     def _wait_turn(self, time_ns: int, is_frame: bool) -> bool:
         """Wait until the message of that time is due; whether it may pass."""
         with self._changed:
-            line_ns = self._cycle_ns + time_ns
-            gap_ns = 0 if self._fresh else line_ns - self._line_ns
+            place_ns = self._line.place_ns(time_ns)
+            gap_ns = self._line.gap_ns(place_ns)
             self._done = self._quota.ends_within(gap_ns)
-            if self._done or not self._wait_due(line_ns):
+            if self._done or not self._wait_until_due(place_ns):
                 return False
-            self._steps = max(0, self._steps - is_frame)
+            self._asked.steps = max(0, self._asked.steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
                 self._period_ns = gap_ns
             self._quota.use(gap_ns, is_frame)
-            self._position_ns, self._line_ns, self._fresh = time_ns, line_ns, False
+            self._position_ns = time_ns
             return True
 
-    def _wait_due(self, line_ns: int) -> bool:
-        self._awaited_ns = None if self._fresh else line_ns
-        try:
-            return self._wait_until_due(line_ns)
-        finally:
-            self._awaited_ns = None
-
-    def _wait_until_due(self, line_ns: int) -> bool:
-        while not (self._closed or self._moves()):
-            now_ns = self._clock.monotonic_ns()
-            due_ns = self._due_ns(line_ns, now_ns)
-            if due_ns is None or now_ns < due_ns:
+    def _wait_until_due(self, place_ns: int) -> bool:
+        with self._line.awaiting(place_ns):
+            while not (self._closed or self._asked.lead_away):
+                now_ns = self._clock.monotonic_ns()
+                due_ns = now_ns if self._asked.steps else self._line.due_ns(place_ns, now_ns)
+                if due_ns is not None and due_ns <= now_ns:
+                    self._line.put(place_ns, due_ns, now_ns)
+                    return True
                 self._clock.wait(self._changed, due_ns)
-                continue
-            if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
-                self._time.put(line_ns)
-                due_ns = now_ns
-            self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)
-            return True
         return False
-
-    def _due_ns(self, line_ns: int, now_ns: int) -> int | None:
-        """The monotonic time at which a message is due; None while paused."""
-        if self._fresh or self._steps or (self._time.running and not self._time.rate):
-            return now_ns
-        return self._time.due_ns(line_ns) if self._time.running else None
-
-    def _moves(self) -> bool:
-        """Somebody wants another place than the next message."""
-        return self._restarting or self._target_ns is not None or self._steps_back > 0
 
     def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
         """Where to read on; None for nowhere."""
@@ -334,14 +286,13 @@ class Playback:
                 self._correct_duration()
                 self._wait_at_end()
             self._ended = self._closed or self._done or not self._wants_more()
-            if self._ended or self._restarting:
+            if self._ended or self._asked.reopen:
                 return None
-            if not self._moves():
-                return self._next_cycle()
-            position_ns = self._position_ns if self._target_ns is None else self._target_ns
-            back, self._steps_back, self._target_ns = self._steps_back, 0, None
-            self._again, self._fresh = False, True
-        return time_before(recording, position_ns, back)
+            if not self._asked.lead_away:
+                return self._begin_loop()
+            self._line.is_fresh = True
+            position_ns, frames_back = self._asked.take_place(self._position_ns)
+        return time_before(recording, position_ns, frames_back)
 
     def _correct_duration(self) -> None:
         """Whatever was promised, this is the end."""
@@ -351,22 +302,14 @@ class Playback:
 
     def _wait_at_end(self) -> None:
         while self._hold and not (self._closed or self._done or self._wants_more()):
-            self._ended, self._steps = True, 0
+            self._ended, self._asked.steps = True, 0
             self._clock.wait(self._changed, None)
 
     def _wants_more(self) -> bool:
-        loops = self._loop and (self._time.running or self._steps > 0)
-        return self._moves() or (self.has_played and (self._again or loops))
+        loops = self._loop and (self._line.running or self._asked.steps > 0)
+        return self._asked.lead_away or (self.has_played and (self._asked.start_over or loops))
 
-    def _next_cycle(self) -> int:
-        self._cycle_ns += self._duration_ns or 0
-        self._fresh, self._again = self._again, False
+    def _begin_loop(self) -> int:
+        self._line.begin_loop(self._duration_ns or 0)
+        self._line.is_fresh, self._asked.start_over = self._asked.start_over, False
         return 0
-
-
-def _checked_rate(rate: float) -> float:
-    if not 0 <= rate <= MAX_RATE:
-        raise ParameterError(
-            f"rate={rate:g}: must be from 0 to {MAX_RATE}; 0 is as fast as it goes"
-        )
-    return float(rate)

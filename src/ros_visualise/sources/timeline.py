@@ -1,40 +1,115 @@
-"""A line of time that passes at a rate of the clock's, and stands still while paused."""
+"""The line of time on which messages pass, all loops of a recording one after the other."""
 
 from __future__ import annotations
 
-from ros_visualise.rate import Clock
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.rate import MAX_RATE, Clock
+
+_LATE_NS = 500_000_000  # further behind than this, time is lost rather than caught up with
 
 
 class Timeline:
-    """Where playing has come to; whoever uses it holds a lock.
+    """Passes at a rate of the clock's, and stands still while paused; its user holds a lock.
 
     Args:
-        clock: its monotonic time drives the line.
-        rate: speed of the line; 0 does not pace at all.
+        clock: its monotonic time drives the line, its other one the stamps.
+        rate: speed of the line; 0 does not pace at all, and then stamps start at zero.
+        live_stamps: stamp messages with the clock's time at which they are due, else with their
+            place.
+
+    Attributes:
+        last_ns: the place of the last message.
+        is_fresh: the next message is shown at once, and time goes on from it.
+
+    Raises:
+        ParameterError: the rate is not from 0 to `MAX_RATE`.
     """
 
-    def __init__(self, clock: Clock, rate: float) -> None:
+    def __init__(self, clock: Clock, rate: float, live_stamps: bool) -> None:
         self._clock = clock
-        self.rate = rate
-        self.running = True
-        self._anchor = (0, 0)  # (monotonic time, place on the line) that go together
+        self._live_stamps = live_stamps
+        self.rate, self.running = _checked(rate), True
+        self.last_ns = 0
+        self.is_fresh = True
+        self._due_at_ns = 0  # when the last message was due, in the clock's time
+        self._cycle_ns = 0  # the place where the present loop starts
+        self._awaited_ns: int | None = None  # the place of the next message, while it is awaited
+        self._origin_ns: int | None = None  # the stamp of the line's start, once it has begun
+        self._anchor = (0, 0)  # (monotonic time, place) that go together
 
-    def put(self, line_ns: int) -> None:
-        """That place is reached now."""
-        self._anchor = (self._clock.monotonic_ns(), line_ns)
+    def begin(self) -> int:
+        """The stamp of the line's start: the time at which this was called first."""
+        if self._origin_ns is None:
+            self._origin_ns = self._clock.now_ns() if self.rate else 0
+        return self._origin_ns
 
-    def place_ns(self) -> int:
-        """The place that is reached now."""
-        then_ns, line_ns = self._anchor
-        speed = self.rate if self.running else 0
-        return line_ns + round((self._clock.monotonic_ns() - then_ns) * speed)
+    @property
+    def stamp_ns(self) -> int:
+        """The stamp of the last message."""
+        return self._due_at_ns if self._live_stamps else self.begin() + self.last_ns
 
-    def change(self, rate: float, running: bool) -> None:
+    @property
+    def reached_ns(self) -> int:
+        """The place that is reached now; it waits for the next message."""
+        reached_ns = self._paced_ns(self._clock.monotonic_ns()) if self.rate else self.last_ns
+        limit_ns = self.last_ns if self._awaited_ns is None else self._awaited_ns
+        return max(self.last_ns, min(reached_ns, limit_ns))
+
+    def change(self, *, rate: float | None = None, running: bool | None = None) -> None:
         """Go on from the place reached by now, otherwise."""
-        self.put(self.place_ns())
-        self.rate, self.running = rate, running
+        now_ns = self._clock.monotonic_ns()
+        self._anchor = (now_ns, self._paced_ns(now_ns))
+        self.rate = self.rate if rate is None else _checked(rate)
+        self.running = self.running if running is None else running
 
-    def due_ns(self, line_ns: int) -> int:
-        """The monotonic time at which a place is reached; the rate is not 0."""
-        then_ns, then_line_ns = self._anchor
-        return then_ns + round((line_ns - then_line_ns) / self.rate)
+    def begin_loop(self, length_ns: int) -> None:
+        """The next loop starts so long after the present one did."""
+        self._cycle_ns += length_ns
+
+    def place_ns(self, time_ns: int) -> int:
+        """The place of a time of the present loop."""
+        return self._cycle_ns + time_ns
+
+    def gap_ns(self, place_ns: int) -> int:
+        """How long nothing passes until the message of a place does."""
+        return 0 if self.is_fresh else place_ns - self.last_ns
+
+    @contextmanager
+    def awaiting(self, place_ns: int) -> Iterator[None]:
+        """Time goes on to the message of a place meanwhile."""
+        self._awaited_ns = None if self.is_fresh else place_ns
+        try:
+            yield
+        finally:
+            self._awaited_ns = None
+
+    def due_ns(self, place_ns: int, now_ns: int) -> int | None:
+        """The monotonic time at which the message of a place is due; None while paused."""
+        if self.is_fresh or (self.running and not self.rate):
+            return now_ns
+        if not self.running:
+            return None
+        then_ns, then_place_ns = self._anchor
+        return then_ns + round((place_ns - then_place_ns) / self.rate)
+
+    def put(self, place_ns: int, due_ns: int, now_ns: int) -> None:
+        """The message of a place passes now; both times are monotonic ones."""
+        if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
+            self._anchor, due_ns = (now_ns, place_ns), now_ns
+        self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)
+        self.last_ns, self.is_fresh = place_ns, False
+
+    def _paced_ns(self, now_ns: int) -> int:
+        then_ns, place_ns = self._anchor
+        return place_ns + round((now_ns - then_ns) * (self.rate if self.running else 0))
+
+
+def _checked(rate: float) -> float:
+    if not 0 <= rate <= MAX_RATE:
+        raise ParameterError(
+            f"rate={rate:g}: must be from 0 to {MAX_RATE}; 0 is as fast as it goes"
+        )
+    return float(rate)
