@@ -29,7 +29,7 @@ class Memory:
         self.go_on = threading.Event()
         self.go_on.set()
 
-    def write(self, topic, message):
+    def write(self, topic, message, log_ns=None):
         self.go_on.wait(10)
         if len(self.entries) == self.room:
             raise RecordingError("memory: full")
@@ -148,7 +148,7 @@ def test_a_full_disk_ends_the_recording_and_holds_up_nobody(caplog):
 
 def test_a_bug_in_a_recorder_ends_the_recording_and_holds_up_nobody(caplog):
     memory = Memory()
-    memory.write = lambda topic, message: 1 / 0
+    memory.write = lambda *_: 1 / 0
     recording = RecorderThread(memory, chain("/a"), lossless=True)
     for number in range(100):
         recording.put("/a", packet(number))

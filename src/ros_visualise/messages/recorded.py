@@ -151,6 +151,12 @@ def content(message: Any) -> Any:
     return message.content if isinstance(message, Recorded) else message
 
 
+def recorded_ns(message: Any) -> int:
+    """When a message was recorded; of one that does not come from a recording, its stamp."""
+    found = message.stamp_ns if isinstance(message, Recorded) else message.header.stamp_ns
+    return int(found)
+
+
 def _parse_header(data: memoryview, is_ros1: bool) -> Header:
     if is_ros1:
         _, sec, nanosec, length = struct.unpack_from("<IIII", data)

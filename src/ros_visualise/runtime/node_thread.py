@@ -117,9 +117,8 @@ class NodeThread:
                 self._publish(answer)
 
     def _publish(self, answer: Mapping[str, Any]) -> None:
-        number, arrival_ns = self._last.number, self._last.arrival_ns
         for port, topic in self._outputs.items():
-            topic.publish(Packet(number, answer.get(port), arrival_ns))
+            topic.publish(self._last._replace(message=answer.get(port), port=""))
 
     def _input_closed(self) -> None:
         self._open -= 1

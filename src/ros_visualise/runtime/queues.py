@@ -14,15 +14,17 @@ END = 2**62
 class Packet(NamedTuple):
     """A message on its way through the graph; None: the node had nothing for this number.
 
-    ``number`` counts what the source published; what nodes make of it keeps the number, so that a
-    recorder can put all topics in order. ``arrival_ns`` is the monotonic time at the source.
-    ``port`` is the input of the node that it waits for.
+    ``number`` counts what the source published, ``arrival_ns`` is the monotonic time at which it
+    did, and ``log_ns`` the time under which it is recorded, where the source tells it. What nodes
+    make of it keeps all three, so that a recorder can put all topics in order, at the times at
+    which they came about. ``port`` is the input of the node that it waits for.
     """
 
     number: int
     message: Any | None
     arrival_ns: int
     port: str = ""
+    log_ns: int | None = None
 
 
 class Inbox:

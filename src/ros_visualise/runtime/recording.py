@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
-from ros_visualise.messages.recorded import Recorded
+from ros_visualise.messages.recorded import Recorded, recorded_ns
 from ros_visualise.runtime.calibrations import Calibrations
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
@@ -47,6 +47,9 @@ class RecorderThread:
     as every recorded node has answered its number, if that number went to it; what nodes say at the
     end, when all have ended.
 
+    What was made of a recorded message is written under the time under which that is recorded, its
+    log time, whatever the stamps say; what nodes say at the end, under the newest.
+
     ``lossless``: whoever publishes waits while too much is pending; otherwise the message is
     dropped and counted.
 
@@ -70,13 +73,14 @@ class RecorderThread:
         self._recorder = recorder
         self._calibrations = Calibrations(graph, recorder)
         self._pending_bytes = 0
-        self._pending: dict[str, deque[tuple[int, Any]]] = {t: deque() for t in self.topics}
+        self._pending: dict[str, deque[Packet]] = {t: deque() for t in self.topics}
         self._order = {topic: place for place, topic in enumerate(self.topics)}
         self._answered = dict.fromkeys(self.inboxes, -1)
         self._owed: dict[str, deque[int]] = {t: deque() for t in self.inboxes}
         self._begun = -1  # the newest number that came from a source
+        self._begun_ns: int | None = None  # and its log time
         self._events: deque[ParameterEvent] = deque()
-        self._stamp_ns = 0
+        self._written_ns = 0  # the log time of what was written last
         self._stopped = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
@@ -95,7 +99,7 @@ class RecorderThread:
                 self._changed.wait()
             if self._stopped:
                 return
-            self._count(topic, packet.number)
+            self._count(topic, packet)
             if pending is not None and packet.message is not None:
                 self._keep(pending, packet)
             self._changed.notify_all()
@@ -140,11 +144,12 @@ class RecorderThread:
         self.error = error
         self._recorder.close()
 
-    def _count(self, topic: str, number: int) -> None:
+    def _count(self, topic: str, packet: Packet) -> None:
         """Note who owes an answer to this number, or that it was given."""
+        number = packet.number
         self._answered[topic] = max(self._answered[topic], number)
         if topic in self._followers:
-            self._begun = max(self._begun, number)
+            self._begun, self._begun_ns = max(self._begun, number), packet.log_ns
             for follower in self._followers[topic]:
                 if self._answered[follower] < number:
                     self._owed[follower].append(number)
@@ -152,34 +157,38 @@ class RecorderThread:
         while owed and owed[0] <= number:
             owed.popleft()
 
-    def _keep(self, pending: deque[tuple[int, Any]], packet: Packet) -> None:
+    def _keep(self, pending: deque[Packet], packet: Packet) -> None:
         if self._is_full(pending, packet):
             self.dropped += 1
         else:
-            pending.append((packet.number, packet.message))
+            pending.append(packet)
             self._pending_bytes += _size(packet.message)
 
-    def _is_full(self, pending: deque[tuple[int, Any]] | None, packet: Packet) -> bool:
+    def _is_full(self, pending: deque[Packet] | None, packet: Packet) -> bool:
         """Too much waits; but a topic of which nothing waits, or that ends, holds back others."""
         if not pending or packet.number == END:
             return False
         return self._pending_bytes >= _MAX_PENDING_BYTES
 
-    def _next(self) -> tuple[str, Any] | None:
-        """The next message in order; None at the end."""
+    def _next(self) -> tuple[str, Any, int] | None:
+        """The next message in order, its topic and log time; None at the end."""
         with self._changed:
             self._changed.wait_for(lambda: self._first_ready() or self._is_over())
             topic = self._first_ready()
             if topic is None:
                 return None
-            _, message = self._pending[topic].popleft()
-            self._pending_bytes -= _size(message)
+            packet = self._pending[topic].popleft()
+            self._pending_bytes -= _size(packet.message)
             self._changed.notify_all()
-            return topic, message
+            return topic, packet.message, self._log_ns(packet)
+
+    def _log_ns(self, packet: Packet) -> int:
+        found_ns = self._begun_ns if packet.number == END else packet.log_ns
+        return recorded_ns(packet.message) if found_ns is None else found_ns
 
     def _first_ready(self) -> str | None:
         waiting = [
-            (self._pending[t][0][0], self._order[t], t) for t in self.topics if self._pending[t]
+            (self._pending[t][0].number, self._order[t], t) for t in self.topics if self._pending[t]
         ]
         if not waiting:
             return None
@@ -197,15 +206,14 @@ class RecorderThread:
     def _is_over(self) -> bool:
         return self._stopped or min(self._answered.values(), default=_FINISHED) == _FINISHED
 
-    def _write(self, topic: str, message: Any) -> None:
-        is_recorded = isinstance(message, Recorded)
-        self._stamp_ns = message.stamp_ns if is_recorded else message.header.stamp_ns
+    def _write(self, topic: str, message: Any, log_ns: int) -> None:
+        self._written_ns = log_ns
         self._write_events()
         try:
             if found := self._calibrations.find(topic, message):
-                self._recorder.write(*found, self._stamp_ns)
+                self._recorder.write(*found, log_ns)
                 self.written += 1
-            self._recorder.write(topic, message)
+            self._recorder.write(topic, message, log_ns)
             self.written += 1
         except DamagedMessage as error:
             self.dropped += 1
@@ -213,7 +221,7 @@ class RecorderThread:
 
     def _write_events(self) -> None:
         while self._events:
-            event = replace(self._events.popleft(), header=Header(self._stamp_ns))
+            event = replace(self._events.popleft(), header=Header(self._written_ns))
             self._recorder.write(PARAMETER_EVENTS, event)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Node
+from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source, SourceType
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Packet
@@ -59,7 +60,8 @@ class SourceThread:
         """Until the source ends or the playback is closed."""
         try:
             for number, (port, message) in enumerate(self._messages()):
-                packet = Packet(number, message, time.monotonic_ns())
+                now_ns = time.monotonic_ns()
+                packet = Packet(number, message, now_ns, log_ns=recorded_ns(message))
                 self._stats.received = self._stats.processed = number + 1
                 self._on_message()
                 self._outputs[port].publish(packet)
