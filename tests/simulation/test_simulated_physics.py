@@ -148,6 +148,27 @@ def test_the_rover_goes_to_a_way_point_and_along_a_mission():
     assert simulation.finished
 
 
+@pytest.mark.parametrize(("robot", "off_m"), [("husky", 0.12), ("quadrotor", 0.25)])
+def test_rows_close_to_each_other_are_mown_to_their_ends(robot: str, off_m: float):
+    settings = {"husky": BLIND_HUSKY, "quadrotor": BLIND_QUADROTOR}[robot]
+    mission = Mission("lawn_mower", size=(2.5, 0.8), spacing=0.4, height=2.0, speed=1.0, land=False)
+    simulation = Simulation(robot, "plane", mission=mission, settings=settings)
+    place = np.array([m.position_xyz for m in collect(simulation, 30.0)["truth"]])
+    assert simulation.finished
+    for corner in mission.route().points:
+        off = (place - corner)[:, :2] if robot == "husky" else place - corner
+        assert np.linalg.norm(off, axis=1).min() < off_m
+
+
+def test_the_rover_does_not_slow_down_in_the_curves_of_an_eight():
+    mission = Mission("figure_of_eight", size=(8.0, 4.0), laps=0, speed=0.8)
+    simulation = Simulation("husky", "plane", mission=mission, settings=BLIND_HUSKY)
+    collect(simulation, 4.0)
+    speeds = [m.linear_xyz[0] for m in collect(simulation, 20.0)["truth"]]
+    assert np.mean(speeds) > 0.75
+    assert min(speeds) > 0.5
+
+
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize(
     ("robot", "blind"), [("husky", BLIND_HUSKY), ("quadrotor", BLIND_QUADROTOR)]

@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from itertools import accumulate, pairwise
+from collections.abc import Iterable, Iterator
+from itertools import accumulate, chain, count, pairwise, repeat, takewhile
 
 from ros_visualise.simulation.attitude import Vector
+
+_CORNER = math.radians(30)
 
 
 class Route:
     """A line through points.
 
     Args:
-        points: two or more, metres in ``map``; equal ones that follow each other count once.
+        points: one or more, metres in ``map``; equal ones that follow each other count once.
         closed: it goes on from the last to the first.
         yaws: the heading to arrive at each point with, radians; None: along the way.
+
+    Attributes:
+        corners: how far along it are the points at which it turns by more than 30 degrees.
     """
 
     def __init__(
@@ -32,12 +38,13 @@ class Route:
         line = [points[i] for i in kept]
         self.yaws = [yaws[i] for i in kept]
         self.closed = closed and len(line) > 2
-        if self.closed:
+        if self.closed and math.dist(line[-1], line[0]) > 1e-6:
             line.append(line[0])
             self.yaws.append(self.yaws[0])
         self.points = line
         self._ends = list(accumulate((math.dist(a, b) for a, b in pairwise(line)), initial=0.0))
         self.length_m = self._ends[-1]
+        self.corners = [self._ends[i] for i in self._corners()]
         self.extent_m = max(max(along) - min(along) for along in zip(*line, strict=True))
 
     def at(self, way_m: float) -> Vector:
@@ -54,6 +61,16 @@ class Route:
         """The heading asked for at the next point from there on."""
         return self.yaws[min(self._locate(way_m)[0] + 1, len(self.yaws) - 1)]
 
+    def _corners(self) -> Iterator[int]:
+        """The numbers of the points that are corners; on a closed one the first may be."""
+        ways = [tuple(b - a for a, b in zip(*ends, strict=True)) for ends in pairwise(self.points)]
+        if self.closed:
+            ways.insert(0, ways[-1])
+        for number, (before, after) in enumerate(pairwise(ways), start=not self.closed):
+            along = sum(a * b for a, b in zip(before, after, strict=True))
+            if along < math.cos(_CORNER) * math.hypot(*before) * math.hypot(*after):
+                yield number
+
     def _locate(self, way_m: float) -> tuple[int, float]:
         if self.length_m == 0:
             return 0, 0.0
@@ -65,17 +82,23 @@ class Route:
 class Carrot:
     """A point led along a route, never further than ``leash_m`` ahead of who follows it.
 
+    At the start and at each corner it waits until the follower is there too, lest that cuts it.
+
     Args:
         leash_m: no more than a third of how far a closed route reaches, lest it be gone around
             with the follower in its middle.
         laps: how often a closed route is gone around; 0: without an end.
+        there_m: no further away is there.
     """
 
-    def __init__(self, route: Route, leash_m: float, laps: int = 1) -> None:
+    def __init__(self, route: Route, leash_m: float, laps: int = 1, there_m: float = 0.1) -> None:
         self.route = route
         self._leash_m = min(leash_m, route.extent_m / 3) if route.closed else leash_m
+        self._there_m = there_m
         endless = route.closed and laps == 0
         self._end_m = math.inf if endless else route.length_m * (laps if route.closed else 1)
+        self._stops = self._find_stops()
+        self._stop_m = next(self._stops)
         self.way_m = 0.0
         self.point = route.at(0.0)
 
@@ -91,8 +114,18 @@ class Carrot:
 
     def lead(self, follower: Vector, step_m: float) -> Vector:
         """Go on by a step, or less where the leash gets short; returns the new point."""
-        slack_m = self._leash_m - math.dist(self.point, follower)
+        away_m = math.dist(self.point, follower)
+        if self.way_m >= self._stop_m and away_m <= self._there_m:
+            self._stop_m = next(self._stops)
+        slack_m = self._leash_m - away_m
         if slack_m > 0:
-            self.way_m = min(self.way_m + min(step_m, slack_m), self._end_m)
+            self.way_m = min(self.way_m + min(step_m, slack_m), self._stop_m)
             self.point = self.route.at(self.way_m)
         return self.point
+
+    def _find_stops(self) -> Iterator[float]:
+        """How far along the way it waits, lap after lap, and at last its end."""
+        route = self.route
+        laps: Iterable[int] = count() if route.closed and route.corners else (0,)
+        corners = (lap * route.length_m + corner for lap in laps for corner in route.corners)
+        return chain((0.0,), takewhile(lambda m: m < self._end_m, corners), repeat(self._end_m))

@@ -31,7 +31,7 @@ husky_control has 1.875.
 
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _LEASH_M = 0.9  # that it looks ahead
-_ARRIVED_M = 0.15
+_THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
 _INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
 _INTEGRAL_LIMIT = 6.0  # rad/s
@@ -145,7 +145,7 @@ class Husky:
 
     def _follow(self, route: Route, laps: int, speed: float) -> None:
         flat = [(x, y, 0.0) for x, y, _ in route.points]
-        self._carrot = Carrot(Route(flat, route.closed), _LEASH_M, laps)
+        self._carrot = Carrot(Route(flat, route.closed), _LEASH_M, laps, _THERE_M)
         self._cruise = speed
 
     def _pursue(self, carrot: Carrot) -> tuple[float, float]:
@@ -157,7 +157,7 @@ class Husky:
         x, y, _ = carrot.lead(place, 4 * self._cruise * self._dt_s * _NAVIGATION_STEPS)
         dx, dy = x - place[0], y - place[1]
         away = math.hypot(dx, dy)
-        if carrot.at_end and away < _ARRIVED_M:
+        if carrot.at_end and away < _THERE_M:
             return self._arrive()
         off = wrap(math.atan2(dy, dx) - self._yaw())
         if abs(off) > _TURN_ON_SPOT:

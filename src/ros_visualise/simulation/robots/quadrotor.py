@@ -121,7 +121,7 @@ class Quadrotor:
         first = route.points[0]
         self._after_take_off(first[2], lambda: self._fly([self._point, first], speed))
         self._next.append(
-            lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps), speed)
+            lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps, _THERE_M), speed)
         )
         if mission.land:
             x, y, _ = self._home
