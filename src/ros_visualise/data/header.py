@@ -27,14 +27,18 @@ class Header:
 def keep(message: Any, dtype: npt.DTypeLike = np.float64, **shapes: tuple[int, ...]) -> None:
     """Make fields of a frozen message read-only arrays of that type and these shapes.
 
+    Set through ``vars``: ``object.__setattr__`` takes as long as all else, for some messages
+    thousands of times a second.
+
     Raises:
         ValueError: one is of another shape.
     """
+    fields = vars(message)
     for name, shape in shapes.items():
-        array = np.asarray(getattr(message, name), dtype)
+        array = np.asarray(fields[name], dtype)
         if array.shape != shape:
             raise ValueError(f"{type(message).__name__}.{name} is {array.shape}, not {shape}")
-        object.__setattr__(message, name, read_only(array))
+        fields[name] = read_only(array) if array.flags.writeable else array
 
 
 def read_only(pixels: Pixels) -> Pixels:

@@ -28,9 +28,15 @@ class Imu:
     header: Header = Header()
 
     def __post_init__(self) -> None:
-        keep(self, quat_xyzw=(4,), angular_xyz=(3,), linear_xyz=(3,))
-        keep(self, orientation_covariance=(3, 3), angular_covariance=(3, 3))
-        keep(self, linear_covariance=(3, 3))
+        keep(
+            self,
+            quat_xyzw=(4,),
+            angular_xyz=(3,),
+            linear_xyz=(3,),
+            orientation_covariance=(3, 3),
+            angular_covariance=(3, 3),
+            linear_covariance=(3, 3),
+        )
 
 
 @dataclass(frozen=True, eq=False)

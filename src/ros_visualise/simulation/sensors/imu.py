@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Imu
+from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
 from ros_visualise.simulation.sensors.noise import Drift, random_of
 from ros_visualise.simulation.settings import RobotParams
@@ -31,7 +32,7 @@ class ImuSensor:
         tilt = np.full(3, params.imu_attitude)
         self._tilt = Drift(self._random, tilt, params.imu_attitude_time, period_s)
         self._covariances = tuple(
-            np.eye(3) * variance
+            read_only(np.eye(3) * variance)
             for variance in (params.imu_attitude**2, self._white[0] ** 2, self._white[3] ** 2)
         )
 

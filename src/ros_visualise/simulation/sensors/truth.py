@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Odometry
+from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, Vector, xyzw
 
-_EXACT = np.zeros((6, 6))
+_EXACT = read_only(np.zeros((6, 6)))
 
 
 def tell_truth(
