@@ -7,6 +7,7 @@ A target is written OUT[@TOPIC[,TOPIC...]]: ``edges.mp4``, ``edges.mp4@/edges_ov
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Protocol
@@ -29,6 +30,16 @@ COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
 """Kind of recording -> how it may be compressed; the first one is what it is if nobody says."""
 PARAMETER_EVENTS = "/parameter_events"
 """The topic of a `ros_visualise.data.ParameterEvent`; with ROS 2 types it is always recorded."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a recording is written; as `open_recorder` has them."""
+
+    encoding: Encoding
+    compression: str
+    overwrite: bool
+    live: bool
 
 
 class Recorder(Protocol):
@@ -152,15 +163,9 @@ def open_recorder(
         OpenError: it exists or cannot be written.
     """
     path, named = parse_target(target)
-    kind = kind_of(path)
-    encoding = encoding_of(path, profile)
-    if compression is not None and compression not in COMPRESSIONS[kind]:
-        can = ", ".join(COMPRESSIONS[kind]) or "nothing but what it is"
-        raise UsageError(f"{path}: cannot be compressed by {compression}; it can by {can}")
-    for name in named:
-        if name not in topics:
-            raise UsageError(f"{target}: no topic {name}; there are {', '.join(topics)}")
-    wanted = {name: topics[name] for name in named or topics if named or name not in on_demand}
+    kind, encoding = kind_of(path), encoding_of(path, profile)
+    compression = _choose_compression(path, kind, compression)
+    wanted = _choose_topics(target, named, topics, on_demand)
     if kind == "mp4":
         from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
@@ -169,31 +174,39 @@ def open_recorder(
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
         wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
-    return _open_chunked(
-        kind, path, wanted, encoding, overwrite, compression or COMPRESSIONS[kind][0], live
-    )
-
-
-def _open_chunked(
-    kind: Kind,
-    path: Path,
-    topics: Mapping[str, TopicType],
-    encoding: Encoding,
-    overwrite: bool,
-    compression: str,
-    live: bool,
-) -> Recorder:
-    from ros_visualise.sinks.encoding import Encoder
-
-    encoder = Encoder(encoding)
+    settings = Settings(encoding, compression, overwrite, live)
     if kind == "bag":
         from ros_visualise.sinks.bag import BagRecorder
 
-        return BagRecorder(path, topics, encoder, overwrite, compression, live)
+        return BagRecorder(path, wanted, settings)
     if kind == "folder":
         from ros_visualise.sinks.folder import FolderRecorder
 
-        return FolderRecorder(path, topics, encoder, overwrite, compression, live)
+        return FolderRecorder(path, wanted, settings)
     from ros_visualise.sinks.mcap import McapRecorder
 
-    return McapRecorder(path, topics, encoder, overwrite, compression, live)
+    return McapRecorder(path, wanted, settings)
+
+
+def _choose_compression(path: Path, kind: Kind, wanted: str | None) -> str:
+    possible = COMPRESSIONS[kind]
+    if wanted is None:
+        return next(iter(possible), "")
+    if wanted not in possible:
+        can = ", ".join(possible) or "nothing but what it is"
+        raise UsageError(f"{path}: cannot be compressed by {wanted}; it can by {can}")
+    return wanted
+
+
+def _choose_topics(
+    target: str,
+    named: Collection[str],
+    topics: Mapping[str, TopicType],
+    on_demand: Collection[str],
+) -> dict[str, TopicType]:
+    """Those that are named, else all but those on demand."""
+    for name in named:
+        if name not in topics:
+            raise UsageError(f"{target}: no topic {name}; there are {', '.join(topics)}")
+    wanted = named or [name for name in topics if name not in on_demand]
+    return {name: topics[name] for name in wanted}

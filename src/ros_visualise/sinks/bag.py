@@ -15,12 +15,12 @@ from pathlib import Path
 import lz4.frame  # type: ignore[import-untyped]
 
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import Settings
 from ros_visualise.sinks.chunked import ChunkedRecorder
-from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
+from ros_visualise.sinks.encoding import Buffer, Declaration
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _BAG_HEADER_BYTES = 4096  # with blanks: room to write it again, also by rosbag reindex
-_CHUNK_BYTES = 768 * 1024  # as rosbag does
 _CALLER = "/ros_visualise"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _NS = 1_000_000_000
@@ -37,7 +37,7 @@ def _compress_lz4(data: bytes) -> bytes:
     return compressed
 
 
-COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
+_COMPRESS: dict[str, Callable[[bytes], bytes]] = {
     "none": bytes,
     "lz4": _compress_lz4,
     "bz2": bz2.compress,
@@ -47,23 +47,17 @@ COMPRESSIONS: dict[str, Callable[[bytes], bytes]] = {
 class BagRecorder(ChunkedRecorder):
     """Any number of topics in one .bag, as `rosbag record` writes it."""
 
-    def __init__(
-        self,
-        path: Path,
-        topics: Mapping[str, TopicType],
-        encoder: Encoder,
-        overwrite: bool,
-        compression: str = "none",
-        live: bool = True,
-    ) -> None:
-        self._compression = compression
+    full_bytes = 768 * 1024  # as rosbag does
+
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
+        self._compression = settings.compression
         self._numbers: dict[str, int] = {}
         self._prefixes: dict[str, bytes] = {}
         self._connections: dict[str, bytes] = {}
         self._seen: set[str] = set()
         self._chunk_infos: list[bytes] = []
         self._chunk = _Chunk()
-        super().__init__(path, topics, encoder, overwrite, _CHUNK_BYTES, live)
+        super().__init__(path, topics, settings)
 
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         for topic, found in declared.items():
@@ -119,7 +113,7 @@ class BagRecorder(ChunkedRecorder):
     def _write_chunk(self) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         content = b"".join(chunk.parts)
-        compressed = COMPRESSIONS[self._compression](content)
+        compressed = _COMPRESS[self._compression](content)
         self._file.write(_chunk_start(self._compression, len(content), len(compressed)))
         self._file.write(compressed)
         self._file.write(self._chunk_index(chunk))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.sinks import Settings
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
 from ros_visualise.sinks.files import DISK_FULL, TargetFile, recording_failed
 
@@ -33,39 +34,30 @@ class ChunkedRecorder(ABC):
     Args:
         path: the file.
         topics: topic -> type of its messages; `add` adds others.
-        encoder: makes the bytes of messages.
-        overwrite: replace a file that exists.
-        chunk_bytes: when a chunk is full, unless it is live.
-        live: as above.
+        settings: how it is written.
 
     Raises:
         DamagedMessage: a type that cannot be written.
         OpenError: as `TargetFile`.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        topics: Mapping[str, TopicType],
-        encoder: Encoder,
-        overwrite: bool,
-        chunk_bytes: int,
-        live: bool,
-    ) -> None:
+    full_bytes: ClassVar[int]
+    """When a chunk is full, unless it is live."""
+
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self.path = path
         self.topics = tuple(topics)
-        self.declared = {name: encoder.declare(topic) for name, topic in topics.items()}
+        self._encoder, self._live = Encoder(settings.encoding), settings.live
+        self.declared = {name: self._encoder.declare(topic) for name, topic in topics.items()}
         self.counts = dict.fromkeys(topics, 0)
         self._types = {name: topic.name for name, topic in topics.items()}
         self.start_ns, self.end_ns = _END_NS, 0
-        self._encoder = encoder
-        self._live = live
-        self._chunk_bytes = _LIVE_CHUNK_BYTES if live else chunk_bytes
+        self._chunk_bytes = _LIVE_CHUNK_BYTES if settings.live else self.full_bytes
         self._closed = False
         self._count = self._kept = self._chunked = 0
         self._waiting_bytes = self._waiting_since_ns = 0
         self._unchecked_bytes = _CHECK_BYTES
-        self._file = TargetFile(path, overwrite)
+        self._file = TargetFile(path, settings.overwrite)
         try:
             self._begin(self.declared)
             self._end = self._file.tell()

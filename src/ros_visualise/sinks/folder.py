@@ -13,7 +13,7 @@ from ruamel.yaml import YAML
 
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sinks.encoding import Encoder
+from ros_visualise.sinks import Settings
 from ros_visualise.sinks.files import recording_failed
 from ros_visualise.sinks.mcap import McapRecorder
 
@@ -30,19 +30,10 @@ class FolderRecorder:
         OpenError: the folder is there and not to be replaced, or holds something else than a bag.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        topics: Mapping[str, TopicType],
-        encoder: Encoder,
-        overwrite: bool,
-        compression: str = "lz4",
-        live: bool = True,
-    ) -> None:
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self.path = path
-        file = path / f"{path.name}_0.mcap"
-        _make_folder(path, overwrite)
-        self._recorder = McapRecorder(file, topics, encoder, overwrite, compression, live)
+        _make_folder(path, settings.overwrite)
+        self._recorder = McapRecorder(path / f"{path.name}_0.mcap", topics, settings)
         self._closed = False
 
     @property

@@ -32,17 +32,17 @@ from rosbags.convert.converter import LATCH
 from rosbags.rosbag2.metadata import dump_qos_v8
 
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import Settings
 from ros_visualise.sinks.chunked import ChunkedRecorder
-from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
+from ros_visualise.sinks.encoding import Buffer, Declaration
 
-COMPRESSIONS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
+_COMPRESS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
     "none": ("", bytes),
     "lz4": ("lz4", lz4.frame.compress),
     "zstd": ("zstd", zstandard.compress),
 }
 _PROFILES = {"ros1": ("ros1", "ros1msg", "ros1"), "cdr": ("ros2", "ros2msg", "cdr")}
 """Encoding -> profile of the file, encoding of its schemas and of its messages."""
-_CHUNK_BYTES = 1 << 20
 _CHUNK_INDEX_BYTES = 128
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
@@ -72,22 +72,16 @@ class McapRecorder(ChunkedRecorder):
     for colour at 1080p.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        topics: Mapping[str, TopicType],
-        encoder: Encoder,
-        overwrite: bool,
-        compression: str = "lz4",
-        live: bool = True,
-    ) -> None:
-        self._compression, self._compress = COMPRESSIONS[compression]
-        self._profile, self._schema_encoding, self._encoding = _PROFILES[encoder.encoding]
+    full_bytes = 1 << 20
+
+    def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
+        self._compression, self._compress = _COMPRESS[settings.compression]
+        self._profile, self._schema_encoding, self._encoding = _PROFILES[settings.encoding]
         self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._channels: dict[str, Channel] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
-        super().__init__(path, topics, encoder, overwrite, _CHUNK_BYTES, live)
+        super().__init__(path, topics, settings)
 
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         for topic, found in declared.items():
