@@ -14,6 +14,7 @@ LAYERS = [
     {"errors", "data", "params", "geometry", "rate"},
     {"messages", "vision"},
     {"sources", "sinks", "simulation"},
+    {"declarations"},
     {"nodes"},
     {"graph"},
     {"pipelines"},

@@ -124,17 +124,14 @@ def test_after_a_rest_the_first_new_pose_is_published_at_once():
 
 
 def test_messages_without_stamps_go_by_the_time_of_arrival():
-    class Clock:
-        time_ns = 0
-
-        def monotonic_ns(self):
-            self.time_ns += 10_000_000
-            return self.time_ns
-
     params = replace(EACH, rate=5)
-    path = PathNode(params, Clock())
+    path = PathNode(params)
     unstamped = [replace(odometry(n), header=Header(0, "odom")) for n in range(1000)]
-    assert sum(path.step(params, odom=message) is not None for message in unstamped) == 50
+    answers = [
+        path.step(params, odom=message, arrival_ns=10**12 + n * 10_000_000)
+        for n, message in enumerate(unstamped)
+    ]
+    assert sum(answer is not None for answer in answers) == 50
 
 
 class Watch:

@@ -6,6 +6,7 @@ from ros_visualise.nodes import find
 from ros_visualise.params import Parameters
 from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.runner import NodeRunner
 
 BROKEN = Recorded("sensor_msgs/msg/Image", b"\1\2\3", Definitions("ros1"), 5)
@@ -14,7 +15,7 @@ BROKEN = Recorded("sensor_msgs/msg/Image", b"\1\2\3", Definitions("ros1"), 5)
 def test_a_node_names_the_topic_of_what_is_damaged(caplog):
     graph = alone(find("fps_control"))
     runner = NodeRunner(graph.nodes[0], Parameters(graph.nodes[0].params))
-    assert runner.step({"image": BROKEN}, 0) == {}
+    assert runner.step(Packet(0, BROKEN, 0, "image")) == {}
     assert runner.report()["dropped"] == {"damaged": 1}
     assert "fps_control: /image_raw: 3 bytes are no sensor_msgs/msg/Image" in caplog.text
 

@@ -8,8 +8,12 @@
 A node is a function or, where it keeps a state, a class with
 
 - ``__init__(params)``,
-- ``step(<an input by name>, params)``, called for each message, and where needed
-- ``reset()``, when time has jumped backwards,
+- ``step(<an input by name>, params)``, called for each message; declared ``timed``, it is also
+  given ``arrival_ns``: when the message came, by the clock of the recording that it is from or by
+  one of ours,
+and where needed
+- ``reset()``, when time has jumped: a message is older than the one before on the same input, by
+  more than the ``late_s`` that the node declares,
 - ``finish()``, at the end of the stream,
 - ``tick(params)``, now and then where messages come from outside, so that nobody knows whether
   another comes: what is due by now,
@@ -32,207 +36,34 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
-import inspect
 import pkgutil
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Protocol, TypeVar
 
-from ros_visualise.data import MESSAGES
+from ros_visualise.declarations import (
+    NodeType,
+    NoParams,
+    Source,
+    SourceType,
+    action,
+    node,
+    source,
+)
 from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.messages.recorded import TopicType
 
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class NoParams:
-    """The parameters of a node that has none."""
-
-
-@dataclass(frozen=True)
-class NodeType:
-    """A declared node.
-
-    ``on_demand`` names the outputs that are only made while somebody wants them; ``latched`` those
-    whose last message holds until the next, so that whoever comes later gets it; ``drops`` is the
-    reason under which an answer of None is counted, where that means a dropped message;
-    ``stateless`` where the same message and parameters always give the same answer; ``actions``
-    are the names of its actions, and what each does.
-    """
-
-    name: str
-    make: Callable[[Any], Any]
-    params: type
-    inputs: Mapping[str, type]
-    outputs: Mapping[str, type]
-    on_demand: frozenset[str] = frozenset()
-    drops: str | None = None
-    stateless: bool = True
-    doc: str = ""
-    latched: frozenset[str] = frozenset()
-    actions: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class SourceType:
-    """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera.
-
-    ``makes_time`` where its messages tell what time it is, as those of a recording and of a
-    simulation; else they are stamped with the time that there is. ``ros`` are the types of those
-    outputs for which their class does not say it, as of a recording.
-    """
-
-    name: str
-    make: Callable[[Any, Any], Source]
-    params: type
-    outputs: Mapping[str, type]
-    live: bool = False
-    doc: str = ""
-    inputs: Mapping[str, type] = field(default_factory=dict)
-    on_demand: frozenset[str] = frozenset()
-    latched: frozenset[str] = frozenset()
-    actions: Mapping[str, str] = field(default_factory=dict)
-    ros: Mapping[str, TopicType] = field(default_factory=dict)
-    makes_time: bool = False
-
-
-class Source(Protocol):
-    """What a declared source class offers to a runtime."""
-
-    def messages(self) -> Iterator[tuple[str, Any]]:
-        """(Output name, message) until the end."""
-
-    def close(self) -> None:
-        """Let go of what is open; may be called from any thread."""
-
-    def receive(self, port: str, message: Any) -> None:
-        """Take a message of an input; may be called from any thread."""
-
-    def spare(self, wants: Callable[[str], bool]) -> None:
-        """Make no message for which nobody asks; ``wants`` tells of an output by its name."""
-
-    def report(self) -> dict[str, Any]:
-        """Figures of its own for the run report."""
-
-
-class _Optional:
-    """What a node's or a source's class may leave out."""
-
-    def reset(self) -> None:
-        pass
-
-    def finish(self) -> Any:
-        return None
-
-    def tick(self, params: Any) -> Any:
-        return None
-
-    def receive(self, port: str, message: Any) -> None:
-        pass
-
-    def spare(self, wants: Callable[[str], bool]) -> None:
-        pass
-
-    def report(self) -> dict[str, Any]:
-        return {}
-
-
-class _Function(_Optional):
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.step = function
-
-
-def node(
-    name: str,
-    *,
-    inputs: Mapping[str, type],
-    outputs: Mapping[str, type],
-    params: type = NoParams,
-    on_demand: tuple[str, ...] = (),
-    latched: tuple[str, ...] = (),
-    drops: str | None = None,
-) -> Callable[[T], T]:
-    """Declare the decorated function or class as a node; see the module's docstring.
-
-    Raises:
-        UsageError: an input or output is not a message of `ros_visualise.data`, or there is no
-            such output.
-    """
-    for port in (*on_demand, *latched):
-        if port not in outputs:
-            raise UsageError(f"node {name}: no output {port!r}; there is {', '.join(outputs)}")
-    for kind in (*inputs.values(), *outputs.values()):
-        if kind not in MESSAGES:
-            there = ", ".join(message.__name__ for message in MESSAGES)
-            raise UsageError(f"node {name}: {kind.__name__} is no message; there is {there}")
-
-    def declare(target: T) -> T:
-        target.declared = NodeType(  # type: ignore[attr-defined]
-            name,
-            _completed(target) if isinstance(target, type) else lambda _: _Function(target),  # type: ignore[arg-type]
-            params,
-            inputs,
-            outputs,
-            frozenset(on_demand),
-            drops,
-            stateless=not isinstance(target, type),
-            doc=_first_line(target),
-            latched=frozenset(latched),
-            actions=_actions_of(target),
-        )
-        return target
-
-    return declare
-
-
-def source(
-    name: str,
-    *,
-    params: type,
-    outputs: Mapping[str, type],
-    inputs: Mapping[str, type] | None = None,
-    on_demand: tuple[str, ...] = (),
-    latched: tuple[str, ...] = (),
-    live: bool = False,
-    makes_time: bool = False,
-) -> Callable[[T], T]:
-    """Declare the decorated class as a source; see the module's docstring."""
-
-    def declare(target: T) -> T:
-        target.declared = SourceType(  # type: ignore[attr-defined]
-            name,
-            _completed(target),  # type: ignore[arg-type]
-            params,
-            outputs,
-            live,
-            doc=_first_line(target),
-            inputs=inputs or {},
-            on_demand=frozenset(on_demand),
-            latched=frozenset(latched),
-            actions=_actions_of(target),
-            makes_time=makes_time,
-        )
-        return target
-
-    return declare
-
-
-def action(help: str) -> Callable[[T], T]:
-    """Declare the decorated method as an action: something that a person may ask a node to do.
-
-    Args:
-        help: what it does, in a few words.
-    """
-
-    def declare(method: T) -> T:
-        method.action = help  # type: ignore[attr-defined]
-        return method
-
-    return declare
+__all__ = [
+    "NoParams",
+    "NodeType",
+    "Source",
+    "SourceType",
+    "action",
+    "find",
+    "find_all",
+    "load",
+    "node",
+    "source",
+]
 
 
 def find(name: str) -> NodeType | SourceType:
@@ -287,17 +118,3 @@ def _declared_in(module: ModuleType) -> dict[str, NodeType | SourceType]:
         if isinstance(declared, NodeType | SourceType):
             found[attribute] = found[declared.name] = declared
     return found
-
-
-def _completed(cls: type) -> type:
-    """The class, with what it leaves out."""
-    return type(cls.__name__, (cls, _Optional), {})
-
-
-def _actions_of(target: Any) -> dict[str, str]:
-    found = {name: getattr(method, "action", None) for name, method in vars(target).items()}
-    return {name: help for name, help in found.items() if isinstance(help, str)}
-
-
-def _first_line(target: Any) -> str:
-    return (inspect.getdoc(target) or "").partition("\n")[0]

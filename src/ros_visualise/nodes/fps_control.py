@@ -8,7 +8,7 @@ from typing import Any
 from ros_visualise.data import Image
 from ros_visualise.nodes import node
 from ros_visualise.params import param
-from ros_visualise.rate import Clock, Pacer, WallClock
+from ros_visualise.rate import Pacer
 
 
 @dataclass(frozen=True)
@@ -27,30 +27,32 @@ class FpsParams:
     inputs={"image": Image},
     outputs={"image": Image},
     drops="rate",
+    timed=True,
 )
 class FpsControl:
-    """Lets frames pass at a requested rate, going by their stamps; repeats and delays none."""
+    """Lets frames pass at a requested rate, going by their stamps; repeats and delays none.
 
-    def __init__(self, params: FpsParams, clock: Clock | None = None) -> None:
-        self._clock = clock or WallClock()
+    Where stamps are zero it goes by the times at which frames come.
+    """
+
+    def __init__(self, params: FpsParams) -> None:
         self._pacer = Pacer()
         self._first_arrival_ns: int | None = None
         self._requested_hz: float | None = None
 
-    def step(self, image: Image, params: FpsParams) -> Image | None:
+    def step(self, image: Image, params: FpsParams, arrival_ns: int) -> Image | None:
         """The image itself, or None where the rate leaves it out."""
         self._requested_hz = max(params.fps, 1) if params.enabled else None
         if self._requested_hz is None:
             self._pacer.reset()
             return image
-        stamp_ns = image.header.stamp_ns or self._since_first_arrival_ns()
+        stamp_ns = image.header.stamp_ns or self._since_first_arrival(arrival_ns)
         return image if self._pacer.passes(stamp_ns, self._requested_hz) else None
 
-    def _since_first_arrival_ns(self) -> int:
-        now_ns = self._clock.now_ns()
+    def _since_first_arrival(self, arrival_ns: int) -> int:
         if self._first_arrival_ns is None:
-            self._first_arrival_ns = now_ns
-        return now_ns - self._first_arrival_ns
+            self._first_arrival_ns = arrival_ns
+        return arrival_ns - self._first_arrival_ns
 
     def report(self) -> dict[str, Any]:
         """What was asked for; None while everything passes."""

@@ -63,6 +63,8 @@ class PathParams:
     },
     outputs={"path": Path},
     latched=("path",),
+    late_s=1.0,  # messages come late, and those who send transforms disagree
+    timed=True,
 )
 class PathNode:
     """The path that a robot has gone, begun anew when time jumps back or the frame changes.
@@ -79,7 +81,7 @@ class PathNode:
         self._pair = FramePair(self._tree, params.tf_parent, params.tf_child)
         self._followed = ""
         self._is_due = self._has_grown = False
-        self._arrived_ns = self._late = 0
+        self._arrival_ns = self._heard_ns = self._late = 0
         self.reset()
 
     def reset(self) -> None:
@@ -105,8 +107,10 @@ class PathNode:
         fix: NavSatFix | None = None,
         tf: Transforms | None = None,
         tf_static: Transforms | None = None,
+        arrival_ns: int = 0,
     ) -> Path | None:
         """The path so far, when it has grown and it is time for it."""
+        self._arrival_ns = arrival_ns
         self._choose_pair(params)
         for name, one in (("odom", odom), ("pose", pose), ("pose_cov", pose_cov), ("fix", fix)):
             if one is not None and self._follows(name):
@@ -120,7 +124,7 @@ class PathNode:
     def tick(self, params: PathParams) -> Path | None:
         """The path, where its last poses wait for others, and none has come for a whole period."""
         period_ns = 1e9 / params.rate if params.rate else 0
-        silence_ns = self._clock.monotonic_ns() - self._arrived_ns
+        silence_ns = self._clock.monotonic_ns() - self._heard_ns
         return self.finish() if silence_ns >= period_ns else None
 
     def finish(self) -> Path | None:
@@ -188,11 +192,11 @@ class PathNode:
             self._late += 1
             return
         self._header = header
-        self._arrived_ns = self._clock.monotonic_ns()
+        self._heard_ns = self._clock.monotonic_ns()
         self._travel.add(header.stamp_ns, pose[:3].tolist())
         if self._track.is_apart(pose, params.min_distance, math.radians(params.min_angle)):
             self._track.append(header.stamp_ns, pose, params.max_poses)
             self._has_grown = True
-        time_ns = header.stamp_ns or self._arrived_ns
+        time_ns = header.stamp_ns or self._arrival_ns
         if not params.rate or self._pacer.passes(time_ns, params.rate):
             self._is_due = True

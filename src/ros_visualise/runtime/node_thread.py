@@ -103,7 +103,7 @@ class NodeThread:
     def _step(self, packet: Packet) -> Mapping[str, Any]:
         if packet.message is None:
             return NOTHING
-        return self.runner.step({packet.port: packet.message}, packet.arrival_ns)
+        return self.runner.step(packet)
 
     def _tick_in_time(self) -> None:
         if self._tick_s is not None and time.monotonic() - self._ticked_s >= self._tick_s:

@@ -8,21 +8,15 @@ import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from ros_visualise.data import Image
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
+from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.stats import NodeStats
 
 log = logging.getLogger(__name__)
-
-_DISORDER_NS = 1_000_000_000
-"""Messages come late, and those who send transforms disagree; only further back, time has jumped.
-
-Images come from one camera, and any that goes back begins a stream anew.
-"""
 
 NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
@@ -44,26 +38,23 @@ class NodeRunner:
         self._type = node.type
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
-        self._last_stamps_ns: dict[str, int] = {}
+        self._newest_ns: dict[str, int] = {}  # input -> stamp
         self._said: set[tuple[type, str, int | None]] = set()
 
-    def step(self, inputs: Mapping[str, Any], arrival_ns: int) -> Mapping[str, Any]:
-        """What the node makes of these messages: output name -> message.
+    def step(self, packet: Packet) -> Mapping[str, Any]:
+        """What the node makes of a message, which waits for it at one of its inputs.
 
-        Args:
-            inputs: input name -> message.
-            arrival_ns: monotonic time at which the source let go of what this was made from.
+        The answer is output name -> message.
         """
         self.stats.received += 1
         started_ns = time.monotonic_ns()
         try:
-            decoded = {port: content(message) for port, message in inputs.items()}
-            self._reset_if_time_went_back(decoded)
-            answer = self._state.step(**decoded, params=self._parameters.current)
-            outputs = self._by_output(answer)
+            message = content(packet.message)
+            self._reset_if_time_went_back(packet.port, message.header.stamp_ns)
+            outputs = self._by_output(self._ask(packet, message))
         except DamagedMessage as error:
             self.stats.dropped["damaged"] += 1
-            self._say(error, ", ".join(self.node.inputs[port] for port in inputs))
+            self._say(error, self.node.inputs[packet.port])
             return NOTHING
         except Exception as error:
             self.stats.dropped["error"] += 1
@@ -72,7 +63,7 @@ class NodeRunner:
         if not outputs and self._type.drops:
             self.stats.dropped[self._type.drops] += 1
         else:
-            self.stats.answered(arrival_ns, started_ns)
+            self.stats.answered(packet.arrival_ns, started_ns)
         return outputs
 
     def act(self, name: str) -> Mapping[str, Any]:
@@ -108,6 +99,12 @@ class NodeRunner:
             own = {}
         return {**self.stats.report(), **own}
 
+    def _ask(self, packet: Packet, message: Any) -> Any:
+        given = {packet.port: message, "params": self._parameters.current}
+        if self._type.timed:
+            given["arrival_ns"] = packet.log_ns or packet.arrival_ns
+        return self._state.step(**given)
+
     def _by_output(self, answer: Any) -> Mapping[str, Any]:
         if answer is None:
             return NOTHING
@@ -120,14 +117,13 @@ class NodeRunner:
                 raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
         return outputs
 
-    def _reset_if_time_went_back(self, inputs: Mapping[str, Any]) -> None:
-        for port, message in inputs.items():
-            stamp_ns = message.header.stamp_ns
-            patience_ns = 0 if isinstance(message, Image) else _DISORDER_NS
-            if stamp_ns < self._last_stamps_ns.get(port, 0) - patience_ns:
-                self._state.reset()
-                self._last_stamps_ns.clear()
-            self._last_stamps_ns[port] = max(stamp_ns, self._last_stamps_ns.get(port, 0))
+    def _reset_if_time_went_back(self, port: str, stamp_ns: int) -> None:
+        newest_ns = self._newest_ns.get(port, 0)
+        if stamp_ns < newest_ns - round(self._type.late_s * 1e9):
+            self._state.reset()
+            self._newest_ns.clear()
+            newest_ns = stamp_ns
+        self._newest_ns[port] = max(stamp_ns, newest_ns)
 
     def _fail(self, error: Exception) -> None:
         self.failed = True

@@ -1,0 +1,223 @@
+"""What a node or a source declares of itself; `ros_visualise.nodes` tells how it is written."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
+
+from ros_visualise.data import MESSAGES
+from ros_visualise.errors import UsageError
+from ros_visualise.messages.recorded import TopicType
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """The parameters of a node that has none."""
+
+
+@dataclass(frozen=True)
+class NodeType:
+    """A declared node.
+
+    ``on_demand`` names the outputs that are only made while somebody wants them; ``latched`` those
+    whose last message holds until the next, so that whoever comes later gets it; ``drops`` is the
+    reason under which an answer of None is counted, where that means a dropped message;
+    ``late_s`` is how much older than the last a message of an input may be without time having
+    jumped back; ``timed`` where its step wants to know when a message came; ``stateless`` where the
+    same message and parameters always give the same answer; ``actions`` are the names of its
+    actions, and what each does.
+    """
+
+    name: str
+    make: Callable[[Any], Any]
+    params: type
+    inputs: Mapping[str, type]
+    outputs: Mapping[str, type]
+    on_demand: frozenset[str] = frozenset()
+    drops: str | None = None
+    late_s: float = 0.0
+    timed: bool = False
+    stateless: bool = True
+    doc: str = ""
+    latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SourceType:
+    """A declared source; ``live`` where it cannot wait for whoever is slow, as a camera.
+
+    ``makes_time`` where its messages tell what time it is, as those of a recording and of a
+    simulation; else they are stamped with the time that there is. ``ros`` are the types of those
+    outputs for which their class does not say it, as of a recording.
+    """
+
+    name: str
+    make: Callable[[Any, Any], Source]
+    params: type
+    outputs: Mapping[str, type]
+    live: bool = False
+    doc: str = ""
+    inputs: Mapping[str, type] = field(default_factory=dict)
+    on_demand: frozenset[str] = frozenset()
+    latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
+    ros: Mapping[str, TopicType] = field(default_factory=dict)
+    makes_time: bool = False
+
+
+class Source(Protocol):
+    """What a declared source class offers to a runtime."""
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """(Output name, message) until the end."""
+
+    def close(self) -> None:
+        """Let go of what is open; may be called from any thread."""
+
+    def receive(self, port: str, message: Any) -> None:
+        """Take a message of an input; may be called from any thread."""
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        """Make no message for which nobody asks; ``wants`` tells of an output by its name."""
+
+    def report(self) -> dict[str, Any]:
+        """Figures of its own for the run report."""
+
+
+class _Optional:
+    """What a node's or a source's class may leave out."""
+
+    def reset(self) -> None:
+        pass
+
+    def finish(self) -> Any:
+        return None
+
+    def tick(self, params: Any) -> Any:
+        return None
+
+    def receive(self, port: str, message: Any) -> None:
+        pass
+
+    def spare(self, wants: Callable[[str], bool]) -> None:
+        pass
+
+    def report(self) -> dict[str, Any]:
+        return {}
+
+
+class _Function(_Optional):
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.step = function
+
+
+def node(
+    name: str,
+    *,
+    inputs: Mapping[str, type],
+    outputs: Mapping[str, type],
+    params: type = NoParams,
+    on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
+    drops: str | None = None,
+    late_s: float = 0.0,
+    timed: bool = False,
+) -> Callable[[T], T]:
+    """Declare the decorated function or class as a node; see `NodeType`.
+
+    Raises:
+        UsageError: an input or output is not a message of `ros_visualise.data`, or there is no
+            such output.
+    """
+    for port in (*on_demand, *latched):
+        if port not in outputs:
+            raise UsageError(f"node {name}: no output {port!r}; there is {', '.join(outputs)}")
+    for kind in (*inputs.values(), *outputs.values()):
+        if kind not in MESSAGES:
+            there = ", ".join(message.__name__ for message in MESSAGES)
+            raise UsageError(f"node {name}: {kind.__name__} is no message; there is {there}")
+
+    def declare(target: T) -> T:
+        target.declared = NodeType(  # type: ignore[attr-defined]
+            name,
+            _completed(target) if isinstance(target, type) else lambda _: _Function(target),  # type: ignore[arg-type]
+            params,
+            inputs,
+            outputs,
+            frozenset(on_demand),
+            drops,
+            late_s,
+            timed,
+            stateless=not isinstance(target, type),
+            doc=_first_line(target),
+            latched=frozenset(latched),
+            actions=_actions_of(target),
+        )
+        return target
+
+    return declare
+
+
+def source(
+    name: str,
+    *,
+    params: type,
+    outputs: Mapping[str, type],
+    inputs: Mapping[str, type] | None = None,
+    on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
+    live: bool = False,
+    makes_time: bool = False,
+) -> Callable[[T], T]:
+    """Declare the decorated class as a source; see `SourceType`."""
+
+    def declare(target: T) -> T:
+        target.declared = SourceType(  # type: ignore[attr-defined]
+            name,
+            _completed(target),  # type: ignore[arg-type]
+            params,
+            outputs,
+            live,
+            doc=_first_line(target),
+            inputs=inputs or {},
+            on_demand=frozenset(on_demand),
+            latched=frozenset(latched),
+            actions=_actions_of(target),
+            makes_time=makes_time,
+        )
+        return target
+
+    return declare
+
+
+def action(help: str) -> Callable[[T], T]:
+    """Declare the decorated method as an action: something that a person may ask a node to do.
+
+    Args:
+        help: what it does, in a few words.
+    """
+
+    def declare(method: T) -> T:
+        method.action = help  # type: ignore[attr-defined]
+        return method
+
+    return declare
+
+
+def _completed(cls: type) -> type:
+    """The class, with what it leaves out."""
+    return type(cls.__name__, (cls, _Optional), {})
+
+
+def _actions_of(target: Any) -> dict[str, str]:
+    found = {name: getattr(method, "action", None) for name, method in vars(target).items()}
+    return {name: help for name, help in found.items() if isinstance(help, str)}
+
+
+def _first_line(target: Any) -> str:
+    return (inspect.getdoc(target) or "").partition("\n")[0]
