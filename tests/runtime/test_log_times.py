@@ -16,7 +16,7 @@ from ros_visualise.sources.recordings import open_recording
 START_NS = 1_700_000_000_000_000_000
 HOUR_NS = 3_600_000_000_000
 PERIOD_NS = 10_000_000  # of odometry; every fifth time an image comes with it
-COUNT = 300
+COUNT = 200
 DERIVED = ("/controlled_stream", "/processed_image", "/edges")
 TYPES = {
     "/image_raw": TopicType("sensor_msgs/msg/Image"),
@@ -33,16 +33,18 @@ CLOCKS = {
 def make_bag(path, stamp_of):
     """Images and odometry, whose stamps are what a clock made of their log times."""
     rng = np.random.default_rng(1)
-    with open_recorder(str(path), TYPES) as recorder:
+    with open_recorder(str(path), TYPES, live=False) as recorder:
         for number in range(COUNT):
             log_ns = START_NS + number * PERIOD_NS
             header = Header(stamp_of(log_ns), "odom")
             quat = np.array([0, 0, 0, 1.0])
             odometry = Odometry(np.array([number, 0, 0.0]), quat, header=header)
             recorder.write("/odom", odometry, log_ns)
-            if number % 5 == 0:
+            if number % 5 == 4:
+                log_ns += 1_000_000
                 pixels = rng.integers(0, 256, (6, 8), np.uint8)
-                recorder.write("/image_raw", Image(pixels, "mono8", header), log_ns + 1_000_000)
+                image = Image(pixels, "mono8", Header(stamp_of(log_ns), "camera"))
+                recorder.write("/image_raw", image, log_ns)
     return path
 
 
@@ -89,8 +91,9 @@ def test_what_is_derived_lies_beside_what_it_was_made_of(stamp_of, suffix, tmp_p
         assert len(times[topic]) == COUNT // 10  # 10 of 20 images a second
     assert set(times["/path"][:-1]) <= set(times["/odom"])
     assert len(times["/path"]) == 5 * COUNT // 100 + 1  # and the whole one at the end
-    assert times["/path"][-1][1] == times["/odom"][-1][1]
-    assert all(START_NS <= log_ns < START_NS + COUNT * PERIOD_NS for _, log_ns, _ in found)
+    assert times["/path"][-1] == (times["/image_raw"][-1][0], times["/odom"][-1][1])
+    parameters = times.get("/parameter_events", [])
+    assert all(event == (START_NS, START_NS) for event in parameters)
 
 
 def test_messages_stand_in_the_file_in_order_of_their_log_times(stamp_of, tmp_path):
@@ -103,11 +106,11 @@ def test_messages_stand_in_the_file_in_order_of_their_log_times(stamp_of, tmp_pa
     assert len(times) > COUNT
 
 
-@pytest.mark.parametrize("name", ["out.bag", "out.mcap"])
-def test_the_same_recording_makes_the_same_file(stamp_of, name, tmp_path):
+def test_the_same_recording_makes_the_same_file(stamp_of, tmp_path):
     made = make_bag(tmp_path / "made.bag", stamp_of)
     files = []
     for folder in (tmp_path / "first", tmp_path / "second"):
         folder.mkdir()
-        files.append(record(graph_of(made, fps_control={"fps": 7}), folder / name).read_bytes())
+        out = record(graph_of(made, fps_control={"fps": 7}), folder / "out.mcap")
+        files.append(out.read_bytes())
     assert files[0] == files[1]

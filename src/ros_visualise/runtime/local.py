@@ -17,7 +17,7 @@ from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.recording import RecorderThread, recordable
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
@@ -146,13 +146,14 @@ class LocalRuntime:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        types = {name: topic.ros for name, topic in self.graph.topics.items()}
         on_demand = [name for name, topic in self.graph.topics.items() if topic.on_demand]
         path = parse_target(str(target))[0].resolve()
         if any(one.is_open and one.path.resolve() == path for one in self._recordings):
             raise UsageError(f"{path}: is being recorded already; choose another name")
         beside = calibration_topics(self.graph)
-        recorder = open_recorder(str(target), types, overwrite, on_demand, beside=beside)
+        recorder = open_recorder(
+            str(target), recordable(self.graph), overwrite, on_demand, beside=beside
+        )
         recording = RecorderThread(recorder, self.graph, not self.graph.live)
         for name, parameters in self.parameters.items():
             recording.put_event(ParameterEvent(name, new=vars(parameters.current)))

@@ -12,7 +12,8 @@ from typing import Any
 from ros_visualise.data import Header, Image, ParameterEvent, Path, PointCloud
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
-from ros_visualise.messages.recorded import Recorded, recorded_ns
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
 from ros_visualise.runtime.calibrations import Calibrations
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
@@ -48,7 +49,8 @@ class RecorderThread:
     end, when all have ended.
 
     What was made of a recorded message is written under the time under which that is recorded, its
-    log time, whatever the stamps say; what nodes say at the end, under the newest.
+    log time, whatever the stamps say; what nodes say at the end, and what the source is told from
+    outside the graph, under the newest.
 
     ``lossless``: whoever publishes waits while too much is pending; otherwise the message is
     dropped and counted.
@@ -67,7 +69,8 @@ class RecorderThread:
         self.lossless = lossless
         self.path = recorder.path
         self.written = 0
-        self.topics = tuple(t for t in graph.topics if t in recorder.topics)
+        self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
+        self._told = _told(graph)
         self._followers = _followers(graph, self.topics)
         self.inboxes = {t: TopicInbox(self, t) for t in (*self._followers, *self.topics)}
         self._recorder = recorder
@@ -75,7 +78,7 @@ class RecorderThread:
         self._pending_bytes = 0
         self._pending: dict[str, deque[Packet]] = {t: deque() for t in self.topics}
         self._order = {topic: place for place, topic in enumerate(self.topics)}
-        self._answered = dict.fromkeys(self.inboxes, -1)
+        self._answered = {t: -1 for t in self.inboxes if t not in self._told}
         self._owed: dict[str, deque[int]] = {t: deque() for t in self.inboxes}
         self._begun = -1  # the newest number that came from a source
         self._begun_ns: int | None = None  # and its log time
@@ -92,14 +95,17 @@ class RecorderThread:
         return not self._stopped
 
     def put(self, topic: str, packet: Packet) -> None:
-        """Take the publisher's answer for one number."""
+        """Take the publisher's answer for one number, or what the source is told."""
         pending = self._pending.get(topic)
         with self._changed:
             while self.lossless and self._is_full(pending, packet) and not self._stopped:
                 self._changed.wait()
             if self._stopped:
                 return
-            self._count(topic, packet)
+            if topic in self._told:
+                packet = packet._replace(number=max(self._begun, 0), log_ns=self._begun_ns)
+            else:
+                self._count(topic, packet)
             if pending is not None and packet.message is not None:
                 self._keep(pending, packet)
             self._changed.notify_all()
@@ -183,7 +189,8 @@ class RecorderThread:
             return topic, packet.message, self._log_ns(packet)
 
     def _log_ns(self, packet: Packet) -> int:
-        found_ns = self._begun_ns if packet.number == END else packet.log_ns
+        is_new = packet.log_ns is None or packet.number == END
+        found_ns = self._begun_ns if is_new else packet.log_ns
         return recorded_ns(packet.message) if found_ns is None else found_ns
 
     def _first_ready(self) -> str | None:
@@ -225,9 +232,21 @@ class RecorderThread:
             self._recorder.write(PARAMETER_EVENTS, event)
 
 
+def recordable(graph: Graph) -> dict[str, TopicType]:
+    """What of a graph can be recorded: its topics, and those by which its source is told."""
+    return {name: topic.ros for name, topic in graph.topics.items()} | _told(graph)
+
+
+def _told(graph: Graph) -> dict[str, TopicType]:
+    """Topics from outside the graph that its source listens to, as velocities for a robot."""
+    heard = graph.source.inputs.values() if graph.source else ()
+    inputs = graph.inputs
+    return {topic: TopicType(type_name(inputs[topic])) for topic in heard if topic in inputs}
+
+
 def _followers(graph: Graph, recorded: Collection[str]) -> dict[str, list[str]]:
     """Topics that numbers come from -> the recorded topics that are made from them."""
-    begins = set(graph.inputs)
+    begins = graph.inputs.keys() - _told(graph).keys()
     if graph.source is not None:
         begins |= set(graph.source.outputs.values())
     origins = {topic: {topic} for topic in begins}
