@@ -16,8 +16,9 @@ from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.node_thread import NodeThread
+from ros_visualise.runtime.ordering import recordable
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.recording import RecorderThread, recordable
+from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic

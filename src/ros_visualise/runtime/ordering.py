@@ -1,0 +1,144 @@
+"""The order in which the messages of a running graph belong, however its threads run."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Collection
+
+from ros_visualise.data import Image, Path, PointCloud
+from ros_visualise.graph import Graph
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
+from ros_visualise.runtime.queues import END, Packet
+
+_FINISHED = 2**63
+
+
+def recordable(graph: Graph) -> dict[str, TopicType]:
+    """What of a graph can be recorded: its topics, and those by which its source is told."""
+    return {name: topic.ros for name, topic in graph.topics.items()} | _told(graph)
+
+
+class Ordering:
+    """Puts packets in order: by the number that the source gave them, then by that of the nodes.
+
+    A packet is ready as soon as every recorded node has answered its number, if that number went to
+    it; what nodes say at the end, when all have ended. What the source is told from outside the
+    graph comes after its newest message.
+
+    What was made of a recorded message has the time under which that is recorded, its log time,
+    whatever the stamps say; what nodes say at the end and what the source is told, the newest.
+
+    Args:
+        graph: what runs.
+        topics: those whose messages are wanted, in the order of `recordable`.
+
+    Attributes:
+        inputs: topics whose packets it is to be given: also those that numbers come from.
+        size: bytes of what waits.
+    """
+
+    def __init__(self, graph: Graph, topics: Collection[str]) -> None:
+        self.size = 0
+        self._told = _told(graph)
+        self._followers = _followers(graph, topics)
+        self.inputs = tuple(dict.fromkeys((*self._followers, *topics)))
+        self._waiting: dict[str, deque[Packet]] = {topic: deque() for topic in topics}
+        self._place = {topic: place for place, topic in enumerate(topics)}
+        self._answered = {topic: -1 for topic in self.inputs if topic not in self._told}
+        self._owed: dict[str, deque[int]] = {topic: deque() for topic in self.inputs}
+        self._begun = -1  # the newest number that came from a source
+        self._begun_ns: int | None = None  # and its log time
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more is to come."""
+        return min(self._answered.values(), default=_FINISHED) == _FINISHED
+
+    def waits(self, topic: str) -> bool:
+        """Whether a message of a topic waits."""
+        return bool(self._waiting.get(topic))
+
+    def put(self, topic: str, packet: Packet) -> None:
+        """Take the publisher's answer for one number, or what the source is told."""
+        if topic in self._told:
+            packet = packet._replace(number=max(self._begun, 0), log_ns=self._begun_ns)
+        else:
+            self._count(topic, packet)
+        if topic in self._waiting and packet.message is not None:
+            self._waiting[topic].append(packet)
+            self.size += _size(packet)
+
+    def finish(self, topic: str) -> None:
+        """Nothing more comes on this topic."""
+        self._answered[topic] = _FINISHED
+        self._owed[topic].clear()
+
+    def first(self, at_once: bool) -> str | None:
+        """The topic of the next packet if it is ready, or if it is wanted at once."""
+        waiting = [
+            (packets[0].number, self._place[topic], topic)
+            for topic, packets in self._waiting.items()
+            if packets
+        ]
+        if not waiting:
+            return None
+        number, _, topic = min(waiting)
+        return topic if at_once or self._is_answered(number) else None
+
+    def take(self, topic: str) -> Packet:
+        """The next packet, of the topic that `first` gave; it has a log time."""
+        packet = self._waiting[topic].popleft()
+        self.size -= _size(packet)
+        is_new = packet.log_ns is None or packet.number == END
+        log_ns = self._begun_ns if is_new else packet.log_ns
+        return packet._replace(log_ns=recorded_ns(packet.message) if log_ns is None else log_ns)
+
+    def _count(self, topic: str, packet: Packet) -> None:
+        """Note who owes an answer to this number, or that it was given."""
+        number = packet.number
+        self._answered[topic] = max(self._answered[topic], number)
+        if topic in self._followers:
+            self._begun, self._begun_ns = max(self._begun, number), packet.log_ns
+            for follower in self._followers[topic]:
+                if self._answered[follower] < number:
+                    self._owed[follower].append(number)
+        owed = self._owed[topic]
+        while owed and owed[0] <= number:
+            owed.popleft()
+
+    def _is_answered(self, number: int) -> bool:
+        """Whether nothing can come any more that belongs before this number, or to it."""
+        if number == END:
+            return self.ended
+        if any(owed and owed[0] <= number for owed in self._owed.values()):
+            return False
+        return number <= self._begun or all(self._answered[t] == _FINISHED for t in self._followers)
+
+
+def _told(graph: Graph) -> dict[str, TopicType]:
+    """Topics from outside the graph that its source listens to, as velocities for a robot."""
+    heard = graph.source.inputs.values() if graph.source else ()
+    inputs = graph.inputs
+    return {topic: TopicType(type_name(inputs[topic])) for topic in heard if topic in inputs}
+
+
+def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
+    """Topics that numbers come from -> the wanted topics that are made from them."""
+    begins = graph.inputs.keys() - _told(graph).keys()
+    if graph.source is not None:
+        begins |= set(graph.source.outputs.values())
+    origins = {topic: {topic} for topic in begins}
+    for node in graph.nodes:
+        if node is not graph.source:
+            made_from = set().union(*(origins.get(topic, set()) for topic in node.inputs.values()))
+            origins |= {topic: made_from for topic in node.outputs.values()}
+    return {
+        begin: [t for t in wanted if t not in begins and begin in origins.get(t, set())]
+        for begin in sorted(begins)
+    }
+
+
+def _size(packet: Packet) -> int:
+    message = packet.message
+    return message.nbytes if isinstance(message, Image | Path | PointCloud | Recorded) else 0
