@@ -88,6 +88,17 @@ def test_frames_of_one_row_do_not_overlap():
     assert min(np.diff(x)) > 6.3 * len(names[0])
 
 
+def test_an_only_child_stands_below_the_middle_of_its_parent():
+    texts = texts_of([Link("a_rather_long_frame", "b", True, 0, None)])
+    assert texts["b"].get("x") == texts["a_rather_long_frame"].get("x")
+
+
+def test_a_small_tree_is_not_enlarged():
+    picture = ET.fromstring(tree_picture([Link("map", "odom", True, 0, None)]))
+    width = float(picture.get("viewBox").split()[2])
+    assert f"max-width:{width:.0f}px" in picture.get("style")
+
+
 def test_several_trees_and_none_are_pictured():
     texts = texts_of([Link("a", "b", True, 0, None), Link("c", "d", True, 0, None)])
     assert {"a", "b", "c", "d"} <= set(texts)

@@ -10,6 +10,8 @@ from ros_visualise.ui.scene.links import Link
 
 _ROW, _BOX, _GAP = 58.0, 20.0, 8.0
 _CHARACTER, _SMALL = 6.3, 4.6
+_SMALLEST = 0.62
+"""A wide tree is scaled down so far at most, and then scrolled; a small one is never enlarged."""
 _NS = 1_000_000_000
 _OLD_S = 1.0
 
@@ -25,13 +27,14 @@ def tree_picture(links: Sequence[Link]) -> str:
         return '<div class="rv-note">no transforms yet</div>'
     now_ns = max((link.stamp_ns for link in links if not link.static), default=0)
     places = _places(links)
-    width = max(place.x + _half(name) for name, place in places.items())
+    width = max(place.x + _half(name) for name, place in places.items()) + 2
     height = _ROW * max(place.depth for place in places.values()) + _BOX + 4
     arrows = "".join(_arrow(link, places, now_ns) for link in links if link.parent in places)
     boxes = "".join(_box(name, place) for name, place in places.items())
     return (
-        f'<svg class="rv-graph rv-tree" viewBox="0 0 {width + 2:g} {height:g}" '
-        f'style="min-width:{width * 0.62:.0f}px" role="img">{arrows}{boxes}</svg>'
+        f'<svg class="rv-graph rv-tree" viewBox="0 0 {width:g} {height:g}" role="img" '
+        f'style="min-width:{_SMALLEST * width:.0f}px; max-width:{width:.0f}px">'
+        f"{arrows}{boxes}</svg>"
     )
 
 
@@ -53,11 +56,14 @@ def _put(
 ) -> float:
     """Place a frame and all below it from x on; how wide they are."""
     places[name] = _Place(x, depth)
-    right = x
+    first, right = len(places), x
     for link in children.get(name, ()):
         if link.child not in places:
             right += _put(link.child, right, depth + 1, children, places) + _GAP
-    width = max(2 * _half(name), right - x - _GAP)
+    below = right - x - _GAP
+    width = max(2 * _half(name), below)
+    for child in list(places)[first:]:
+        places[child] = _Place(places[child].x + (width - below) / 2, places[child].depth)
     places[name] = _Place(x + width / 2, depth)
     return width
 
