@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from contextlib import suppress
 
 import numpy as np
 
@@ -101,29 +102,32 @@ class Frames:
         try:
             return self.tree.lookup(fixed, frame, stamp_ns or None)
         except NoTransform:
-            if patient:
+            if patient or not stamp_ns:
                 raise
             return self.tree.lookup(fixed, frame)
 
     def places(self) -> dict[str, Floats]:
         """Frame -> T_fixed_frame as it is known last, of all whose place is known."""
-        found = {}
+        found, fixed = {}, self.fixed
         for name in self.tree.frames():
-            try:
-                found[name] = self.locate(name, 0)
-            except NoTransform:
-                continue
+            with suppress(NoTransform):
+                found[name] = self.tree.lookup(fixed, name)
         return found
 
     def _largest_root(self) -> str:
         """The root that most frames hang below."""
-        tops: Counter[str] = Counter()
-        for name in self.tree.frames():
-            top, above = name, self.tree.parent(name)
-            while above is not None:
-                top, above = above, self.tree.parent(above)
-            tops[top] += 1
+        roots = self.tree.roots
+        if len(roots) == 1:
+            return roots[0]
+        tops = Counter(self._top(name) for name in self.tree.frames())
         return max(tops, key=lambda top: (tops[top], top))
+
+    def _top(self, frame: str) -> str:
+        passed = {frame}
+        while (above := self.tree.parent(frame)) is not None and above not in passed:
+            frame = above
+            passed.add(frame)
+        return frame
 
 
 def _name(frame: str) -> str:

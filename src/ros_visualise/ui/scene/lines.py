@@ -81,7 +81,8 @@ class Trail:
     """
 
     def __init__(self) -> None:
-        self._vertices: list[Floats] = []
+        self._room = np.empty((_MAX_VERTICES, 3))
+        self._kept = 0
         self._spacing_m = _SPACING_M
         self._last: tuple[int, Floats] | None = None
 
@@ -92,22 +93,24 @@ class Trail:
         if self._last is not None and self._is_jump(stamp_ns, position_xyz):
             self.clear()
         self._last = stamp_ns, position_xyz
-        way = self._vertices
-        if way and np.linalg.norm(position_xyz - way[-1]) < self._spacing_m:
+        way = self._room[: self._kept]
+        if len(way) and np.linalg.norm(position_xyz - way[-1]) < self._spacing_m:
             return
-        way.append(position_xyz)
-        if len(way) > _MAX_VERTICES:
-            self._vertices, self._spacing_m = way[::2], 2 * self._spacing_m
+        if len(way) == len(self._room):
+            self._kept, self._spacing_m = len(way[::2]), 2 * self._spacing_m
+            self._room[: self._kept] = way[::2].copy()
+        self._room[self._kept] = position_xyz
+        self._kept += 1
 
     def clear(self) -> None:
         """Forget all."""
-        self._vertices, self._spacing_m, self._last = [], _SPACING_M, None
+        self._kept, self._spacing_m, self._last = 0, _SPACING_M, None
 
     @property
     def vertices(self) -> Floats:
         """(N, 3): the positions kept, and the last one."""
         last = [] if self._last is None else [self._last[1]]
-        return np.array([*self._vertices, *last]).reshape(-1, 3)
+        return np.concatenate([self._room[: self._kept], np.reshape(last, (-1, 3))])
 
     def _is_jump(self, stamp_ns: int, position_xyz: Floats) -> bool:
         assert self._last is not None
