@@ -36,9 +36,10 @@ class Changing:
             self.parameters.setdefault(node.name, Parameters(node.params))
         self.graph = Graph(nodes)
 
-    def subscribe(self, topic):
+    def subscribe(self, topic, depth=1):
         inbox = Inbox(lossless=False)
-        inbox.put(Packet(0, Image(np.zeros((6, 8), np.uint8), "mono8"), 0))
+        shape = (0, 0) if topic == "/empty" else (6, 8)
+        inbox.put(Packet(0, Image(np.zeros(shape, np.uint8), "mono8"), 0))
         self.looked_at.append(topic)
         return Subscription(topic, inbox, lambda: self.looked_at.remove(topic))
 
@@ -121,3 +122,9 @@ def test_graphs_that_change_fast_break_nothing(client, changing, caplog):
     client.read_until(lambda: {"n0", "n1", "n2", "n3"} <= set(client.values))
     client.read_until(lambda: sorted(changing.looked_at) == ["/n0", "/n1", "/n2", "/n3"])
     assert not [record for record in caplog.records if record.exc_info]
+
+
+def test_an_image_without_pixels_is_told_and_keeps_no_other_from_being_shown(client, changing):
+    changing.show(make("broken", "/empty"), make("camera", "/image_raw"))
+    client.read_until(lambda: any("/empty<span>0 × 0 mono8" in text for text in client.html))
+    client.read_until(lambda: any("/image_raw<span>8 × 6 mono8" in text for text in client.html))

@@ -122,8 +122,8 @@ def test_topics_are_followed_only_while_somebody_looks(page, port, runtime, monk
     followed = []
     subscribe = runtime.subscribe
 
-    def counted(topic):
-        subscription = subscribe(topic)
+    def counted(topic, depth):
+        subscription = subscribe(topic, depth)
         close = subscription.close
         subscription.close = lambda: (followed.remove(topic), close())
         followed.append(topic)

@@ -69,6 +69,8 @@ class Pane:
         """Show what is new."""
         said = self.trackbars.update() if self.trackbars else None
         image = self._subscription.take(0) if self._subscription else None
+        if image is not None and not image.pixels.size:
+            image = None  # there is nothing to see
         if said is not None:
             self._caption, self._until_s = said, time.monotonic() + _CAPTION_S
         faded = self.shows_images and self._caption != "" and time.monotonic() > self._until_s

@@ -31,6 +31,12 @@ def preview(image: Image, size: int) -> Pixels:
     return small if small.ndim == 2 else to_bgr(small, order_of(image.encoding))
 
 
+def rgb_preview(image: Image, size: int) -> Pixels:
+    """The same as the page wants it: (height, width, 3) RGB, 8 bits."""
+    pixels = preview(image, size)
+    return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
+
+
 def _shrink(pixels: Pixels, size: int) -> Pixels:
     """Halved until less than half is left to do: at 4K seven times as fast as one mean."""
     height, width = pixels.shape[:2]

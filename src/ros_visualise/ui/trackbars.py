@@ -11,6 +11,7 @@ import cv2
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value, specs
+from ros_visualise.ui.steps import round_step
 
 _STEPS = 100  # that a float's range is divided into, at least
 
@@ -51,7 +52,7 @@ def scale_of(spec: Spec) -> Scale | None:
         low, high, step = 0.0, float(max(len(spec.choices) - 1, spec.type is bool)), 1.0
     elif spec.range is not None:
         low, high = spec.range
-        step = 1.0 if spec.type is int else _round_step((high - low) / _STEPS)
+        step = 1.0 if spec.type is int else round_step((high - low) / _STEPS)
     else:
         return None
     last = math.ceil((high - low) / step - 1e-9)
@@ -128,9 +129,3 @@ def _describe(params: Any, spec: Spec) -> str:
     shown = f"{text:.6g}" if isinstance(text, float) else str(text)
     choices = f" ({', '.join(spec.choices)})" if spec.choices else ""
     return f"{spec.name} = {shown}{choices}\n{spec.help}"
-
-
-def _round_step(largest: float) -> float:
-    """The largest of ... 0.1, 0.2, 0.5, 1, 2, 5 ... that is not above ``largest``."""
-    power = 10.0 ** math.floor(math.log10(largest))
-    return next(m * power for m in (5, 2, 1) if m * power <= largest * (1 + 1e-9))

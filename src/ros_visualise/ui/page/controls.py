@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -13,6 +12,7 @@ import viser
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.steps import round_step
 
 _STEPS = 200
 """A slider over a range of floats has about so many steps."""
@@ -37,21 +37,14 @@ class Controls:
         for spec in specs:
             value = shown(getattr(self._parameters.current, spec.name))
             element = add_element(self._gui, spec, value)
-            element.on_update(self._listener(spec.name))
+            apply = partial(self._apply, spec.name)
+            element.on_update(self._worker.listener((self._node, spec.name), apply))
             self._elements[spec.name] = element
 
     def close(self) -> None:
         """Let go of the parameters; what was asked for and not done yet is let go too."""
         self._forget()
         self._elements.clear()
-
-    def _listener(self, name: str) -> Callable[[viser.GuiEvent[Any]], Any]:
-        async def moved(event: viser.GuiEvent[Any]) -> None:
-            if event.client_id is not None:  # moved by a person, not by `_show`
-                action = partial(self._apply, name, event.target.value)
-                self._worker.post((self._node, name), action)
-
-        return moved
 
     def _apply(self, name: str, value: Any) -> None:
         if name not in self._elements:
@@ -105,11 +98,5 @@ def _add_number(gui: viser.GuiApi, spec: Spec, label: str, value: Any) -> viser.
         low, high = (None if limit is None else number(limit) for limit in (spec.min, spec.max))
         return gui.add_number(label, number(value), min=low, max=high, hint=spec.help)
     low, high = number(min(spec.range[0], value)), number(max(spec.range[1], value))
-    step = 1 if number is int else _round_step(high - low)
+    step = 1 if number is int else round_step((high - low) / _STEPS)
     return gui.add_slider(label, low, high, step, number(value), hint=spec.help)
-
-
-def _round_step(span: float) -> float:
-    """1, 2 or 5 times a power of ten, so that a span has `_STEPS` steps or more."""
-    power = 10.0 ** math.floor(math.log10(span / _STEPS))
-    return max(factor * power for factor in (1, 2, 5) if factor * power <= span / _STEPS)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections.abc import Callable
 from functools import partial
-from html import escape
 from typing import Any
 
 import viser
@@ -17,6 +14,8 @@ from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
+from ros_visualise.ui.page.layout import Choice, arrange
+from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.space import Space
@@ -24,26 +23,14 @@ from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import topic_table, way_lines
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
-from ros_visualise.ui.page.windows import Choice, Window, arrange, has_window
+from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
 
 _PERIOD_S = 0.2
 _WINDOW_S = 2.0
-_MESSAGE_S = 10.0
 _CLOSE_S = 0.3
-
-
-class _MessageLine(logging.Handler):
-    """Shows warnings and errors on the page."""
-
-    def __init__(self, say: Callable[[str], None]) -> None:
-        super().__init__(logging.WARNING)
-        self._say = say
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._say(record.getMessage())
 
 
 class Desk:
@@ -54,11 +41,12 @@ class Desk:
 
     def __init__(self, server: viser.ViserServer, runtime: Runtime) -> None:
         self._server, self._runtime = server, runtime
-        self._said_s: float | None = None
-        self._ticks = 0
-        self._worker = Worker(self.say, self._refresh, _PERIOD_S)
-        gui = server.gui
         self._graph = runtime.graph
+        self._ticks = 0
+        gui = server.gui
+        gui.add_html(STYLE)
+        self._notice = Notice(gui)
+        self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
         self._scene = Scene(server)
         self._windows: list[Window] = []
         self._windows = self._make_windows()
@@ -67,21 +55,15 @@ class Desk:
         self._add_main_panel(gui)
         self._follow_scene()
         arrange(gui, self._windows, self._choice.chosen, self._has_scene)
-        self._log = _MessageLine(self._say_soon)
-        logging.getLogger("ros_visualise").addHandler(self._log)
+        self._warnings = Warnings(self._say_soon)
+        logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
         self._images.start()
         self._drawing.start()
 
-    def say(self, message: str) -> None:
-        """Show one line, for a while."""
-        self._said_s = time.monotonic()
-        self._message.content = f'<div class="rv-message">{escape(message)}</div>'
-        self._message.visible = True
-
     def close(self) -> None:
         """End the threads and let go of the graph."""
-        logging.getLogger("ros_visualise").removeHandler(self._log)
+        logging.getLogger("ros_visualise").removeHandler(self._warnings)
         self._worker.close(_CLOSE_S)
         for window in self._windows:
             window.close()
@@ -89,12 +71,10 @@ class Desk:
         self._drawing.close(_CLOSE_S)
 
     def _say_soon(self, message: str) -> None:
-        self._worker.post("say", partial(self.say, message))
+        self._worker.post("say", partial(self._notice.say, message))
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
-        gui.add_html(STYLE)
         self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._message = gui.add_html("", visible=False)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
@@ -106,11 +86,12 @@ class Desk:
         self._frames_folder = gui.add_folder("frames", expand_by_default=False)
         with self._frames_folder:
             self._frames = gui.add_html("")
-        self._table = gui.add_html("")
-        folder = gui.add_folder("windows")
-        with folder:
-            self._add_size(gui)
-        self._choice = Choice(gui, folder, self._worker)
+        with gui.add_folder("topics"):
+            self._table = gui.add_html("")
+        self._windows_folder = gui.add_folder("windows")
+        with self._windows_folder:
+            self._size = self._add_size(gui)
+        self._choice = Choice(gui, self._windows_folder, self._worker)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker)
         with gui.add_folder("graph"):
@@ -121,19 +102,14 @@ class Desk:
             self._field_plot.follow(_kinds_of(self._graph))
             self._plots = Plots(gui, self._graph)
 
-    def _add_size(self, gui: viser.GuiApi) -> None:
-        size = gui.add_slider(
-            "image size",
-            240,
-            1920,
-            40,
-            SIZE,
-            hint="pixels of the longer side that are sent at most",
-        )
+    def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
+        hint = "pixels of the longer side that are sent at most"
+        size = gui.add_slider("image size", 240, 1920, 40, SIZE, hint=hint)
+        size.on_update(self._worker.listener("size", self._set_size))
+        return size
 
-        @size.on_update
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            self._images.size = event.target.value
+    def _set_size(self, size: int) -> None:
+        self._images.size = size
 
     def _make_windows(self) -> list[Window]:
         """A window for each node that has anything to show; those that fit are kept."""
@@ -161,6 +137,8 @@ class Desk:
         self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
         self._space_folder.visible = self._frames_folder.visible = self._has_scene
         self._choice.follow(self._windows, self._has_scene)
+        self._windows_folder.visible = bool(self._windows)
+        self._size.visible = bool(self._pictures())
 
     def _follow(self) -> None:
         """Show the graph as it is now."""
@@ -183,8 +161,7 @@ class Desk:
     def _refresh(self) -> None:
         if self._runtime.graph is not self._graph:
             self._follow()
-        if self._said_s is not None and time.monotonic() - self._said_s > _MESSAGE_S:
-            self._said_s, self._message.visible = None, False
+        self._notice.refresh()
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -15,14 +15,15 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.worker import Worker
 
 _STOP = "■"
-_ON_THE_GROUND: Mapping[str, tuple[Any, tuple[float, float, float, float]]] = {
+_Share = tuple[float, float, float, float]
+_ON_THE_GROUND: Mapping[str, tuple[Any, _Share]] = {
     "▲ forward": ("i", (1, 0, 0, 0)),
     "▼ back": ("m", (-1, 0, 0, 0)),
     "◀ left": ("j", (0, 0, 0, 1)),
     "▶ right": ("l", (0, 0, 0, -1)),
 }
 """Label -> key, and (x, y, z, turn) as shares of the speeds."""
-_IN_THE_AIR: Mapping[str, tuple[Any, tuple[float, float, float, float]]] = {
+_IN_THE_AIR: Mapping[str, tuple[Any, _Share]] = {
     "△ up": ("t", (0, 0, 1, 0)),
     "▽ down": ("b", (0, 0, -1, 0)),
 }
@@ -41,9 +42,9 @@ class Driving:
     def __init__(
         self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, runtime: Runtime, worker: Worker
     ) -> None:
-        self._runtime, self._worker = runtime, worker
+        self._runtime = runtime
         self._topic = velocity_topic(runtime.graph)
-        self._share: tuple[float, float, float, float] | None = None
+        self._share: _Share | None = None
         folder.visible = self._topic is not None
         if self._topic is None:
             return
@@ -55,10 +56,12 @@ class Driving:
             self._turn = gui.add_slider("turn", 0.1, 2.0, 0.1, 0.6, hint="rad/s")
             labels = (*moves, f"{_STOP} stop")
             buttons = gui.add_button_group("drive", labels, hint="keys I, M, J, L, K; T and B")
-        buttons.on_click(partial(self._clicked, {label: m[1] for label, m in moves.items()}))
+        shares = {label: share for label, (_, share) in moves.items()}
+        buttons.on_click(worker.listener("drive", partial(self._press, shares)))
         for label, (key, share) in moves.items():
-            self._add_key(gui, label[2:].capitalize(), key, partial(self._go, share))
-        self._add_key(gui, "Stop", "k", self._stop)
+            name = f"Drive: {label[2:].capitalize()}"
+            worker.add_key(gui, name, key, partial(self._go, share))
+        worker.add_key(gui, "Drive: Stop", "k", self._stop)
 
     def refresh(self) -> None:
         """Tell it once more, or a robot would stop by itself."""
@@ -80,7 +83,7 @@ class Driving:
             self._stop()
         self._runtime.act(node, action)
 
-    def _go(self, share: tuple[float, float, float, float]) -> None:
+    def _go(self, share: _Share) -> None:
         self._share = share
         self.refresh()
 
@@ -89,17 +92,11 @@ class Driving:
             self._go((0, 0, 0, 0))
             self._share = None
 
-    async def _clicked(self, shares: Mapping[str, Any], event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            share = shares.get(event.target.value)
-            self._worker.post("drive", self._stop if share is None else partial(self._go, share))
-
-    def _add_key(
-        self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
-    ) -> None:
-        @gui.add_command(f"Drive: {label}", hotkey=key).on_trigger
-        async def _(_: Any) -> None:
-            self._worker.post("drive", action)
+    def _press(self, shares: Mapping[str, _Share], label: str) -> None:
+        if label in shares:
+            self._go(shares[label])
+        else:
+            self._stop()
 
 
 def velocity_topic(graph: Graph) -> str | None:

@@ -25,8 +25,9 @@ from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.figures import numeric_fields
 from ros_visualise.messages.recorded import Recorded
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.page.plots import add_plot
 
 _NONE = "–"
@@ -83,7 +84,7 @@ class FieldPlot:
     """
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime) -> None:
-        self._gui, self._runtime = gui, runtime
+        self._gui = gui
         self._topic = gui.add_dropdown("topic", (_NONE,))
         self._fields = [
             gui.add_dropdown(f"field {number + 1}", (_NONE,), visible=False)
@@ -93,7 +94,7 @@ class FieldPlot:
         self._place = gui.add_folder(None)
         self._plot: viser.GuiUplotHandle | None = None
         self._history = History([])
-        self._subscription: Subscription | None = None
+        self._feed = Feed(runtime, _WAITING)
         self._followed = _NONE
         self._known: tuple[str, ...] = ()
 
@@ -110,14 +111,13 @@ class FieldPlot:
             self._begin(self._topic.value)
         if self._followed == _NONE:
             return
-        if self._subscription is None:
-            self._subscription = self._runtime.subscribe(self._followed, _WAITING)
+        self._feed.follow(self._followed)
         chosen = [field.value for field in self._fields if field.value != _NONE]
         if chosen != self._history.paths:
             self._history = History(chosen)
             self._replot()
         news = False
-        while (message := self._subscription.take(0)) is not None:
+        while (message := self._feed.take()) is not None:
             self._add(message)
             news = True
         if news and self._plot is not None:
@@ -127,9 +127,7 @@ class FieldPlot:
 
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
-        if self._subscription is not None:
-            self._subscription.close()
-            self._subscription = None
+        self._feed.follow(None)
 
     def _begin(self, topic: str) -> None:
         self.rest()

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
 from html import escape
 
-import cv2
 import numpy as np
 import viser
 
 from ros_visualise.data import Image, Pixels
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.page.overlay import Overlay
-from ros_visualise.ui.preview import preview
+from ros_visualise.ui.preview import rgb_preview
+
+log = logging.getLogger(__name__)
 
 SIZE = 720
 """Pixels of an image's longer side on the page, to start with."""
@@ -39,9 +42,8 @@ class Picture:
         """What it shows; may be changed from any thread."""
         self.visible = True
         """Whether it is on the page at all; may be changed from any thread."""
-        self._runtime, self._rows, self._overlay = runtime, rows, overlay
-        self._followed: str | None = None
-        self._subscription: Subscription | None = None
+        self._rows, self._overlay = rows, overlay
+        self._feed = Feed(runtime)
         self._image: Image | None = None
         self._size = 0
         blank = np.zeros((9, 16, 3), np.uint8)
@@ -55,20 +57,29 @@ class Picture:
             size: of the longer side in pixels.
             previews: by the id of their image, those that this round made already.
         """
-        self._follow(self.topic if self.visible else None)
-        image = self._subscription.take(0) if self._subscription else None
-        over = self._overlay.refresh() if self.visible else False
-        if self._image is None and image is None:
+        if not self.visible:
+            self.rest()
             return
-        if image is None and size == self._size and not over:
-            return
-        self._image, self._size = image or self._image, size
-        assert self._image is not None
-        if id(self._image) not in previews:
-            previews[id(self._image)] = _to_rgb(preview(self._image, size))
-        shown = previews[id(self._image)]
-        self._element.image = self._overlay.draw(self._image, self.topic, shown)
+        self._feed.follow(self.topic)
+        image = self._feed.take()
+        is_other = self._overlay.refresh() or size != self._size
+        shown = image or self._image
+        if shown is not None and (image is not None or is_other):
+            self._image, self._size = shown, size
+            self._show(shown, previews)
+
+    def rest(self) -> None:
+        """Ask for nothing until the next `refresh`."""
+        self._feed.follow(None)
+        self._overlay.rest()
+
+    def _show(self, image: Image, previews: dict[int, Pixels]) -> None:
         self._caption.content = self._describe()
+        if not image.pixels.size:
+            return
+        if id(image) not in previews:
+            previews[id(image)] = rgb_preview(image, self._size)
+        self._element.image = self._overlay.draw(image, self.topic, previews[id(image)])
 
     def _describe(self) -> str:
         image = self._image
@@ -78,19 +89,6 @@ class Picture:
             f'<div class="rv-caption rv-rows-{self._rows}">'
             f"{escape(self.topic)}<span>{size} {escape(encoding)}</span></div>"
         )
-
-    def rest(self) -> None:
-        """Ask for nothing until the next `refresh`."""
-        self._follow(None)
-        self._overlay.rest()
-
-    def _follow(self, topic: str | None) -> None:
-        if topic == self._followed:
-            return
-        if self._subscription is not None:
-            self._subscription.close()
-        self._subscription = None if topic is None else self._runtime.subscribe(topic)
-        self._followed = topic
 
 
 class ImageThread:
@@ -110,6 +108,7 @@ class ImageThread:
     ) -> None:
         self.size = SIZE
         self._pictures, self._is_watched, self._in_haste = pictures, is_watched, in_haste
+        self._said: set[str] = set()  # topics of which it was said what is wrong
         self._at_work = threading.Lock()
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="images", daemon=True)
@@ -149,11 +148,18 @@ class ImageThread:
         return _REST_IN_HASTE if self._in_haste() else _REST
 
     def _refresh(self) -> None:
-        watched = self._is_watched()
+        if not self._is_watched():
+            for picture in self._pictures:
+                picture.rest()
+            return
         previews: dict[int, Pixels] = {}
         for picture in self._pictures:
-            picture.refresh(self.size, previews) if watched else picture.rest()
+            try:
+                picture.refresh(self.size, previews)
+            except Exception as error:  # whatever an image holds, the next one is shown
+                self._say(picture.topic, error)
 
-
-def _to_rgb(pixels: Pixels) -> Pixels:
-    return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
+    def _say(self, topic: str, error: Exception) -> None:
+        if topic not in self._said:
+            self._said.add(topic)
+            log.warning("%s is not shown: %s (said once)", topic, error, exc_info=error)

@@ -8,7 +8,8 @@ import numpy.typing as npt
 from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
-from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.scene.coloring import turbo
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.scene import Scene
@@ -27,28 +28,22 @@ class Overlay:
 
     def __init__(self, runtime: Runtime, scene: Scene) -> None:
         self.topic: str | None = None
-        self._runtime, self._scene = runtime, scene
-        self._followed: str | None = None
-        self._subscription: Subscription | None = None
+        self._scene = scene
+        self._feed = Feed(runtime)
         self._cloud: PointCloud | None = None
 
     def refresh(self) -> bool:
         """Take the newest cloud; whether what is shown changes by that."""
         before = self._cloud
-        if self.topic != self._followed:
-            self.rest()
-            self._followed = self.topic
-            if self.topic is not None:
-                self._subscription = self._runtime.subscribe(self.topic)
-        if self._subscription is not None:
-            self._cloud = self._subscription.take(0) or self._cloud
+        if self._feed.follow(self.topic):
+            self._cloud = None
+        self._cloud = self._feed.take() or self._cloud
         return self._cloud is not before
 
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
-        if self._subscription is not None:
-            self._subscription.close()
-        self._subscription = self._followed = self._cloud = None
+        self._feed.follow(None)
+        self._cloud = None
 
     def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
         """A picture of an image with the points over it, if it can be said where they are.
@@ -143,9 +138,7 @@ def _dot(shown: Pixels, places: npt.NDArray[np.intp], colors: Pixels) -> Pixels:
     size = 1 + round(width / _DOT)
     for dy in range(size):
         for dx in range(size):
-            x, y = (
-                np.minimum(places[:, 0] + dx, width - 1),
-                np.minimum(places[:, 1] + dy, height - 1),
-            )
+            x = np.minimum(places[:, 0] + dx, width - 1)
+            y = np.minimum(places[:, 1] + dy, height - 1)
             picture[y, x] = colors
     return picture

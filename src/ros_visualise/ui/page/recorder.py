@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime
-from functools import partial
 from html import escape
-from typing import Any
 
 import viser
 
@@ -20,12 +18,12 @@ class Recorder:
     """A file name, a button, and how far the recording has come, in the present container."""
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
-        self._runtime, self._worker = runtime, worker
+        self._runtime = runtime
         self._recording: Recording | None = None
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
         self._button = gui.add_button(_START)
         self._note = gui.add_html("", visible=False)
-        self._button.on_click(self._clicked)
+        self._button.on_click(worker.listener("record", self._press))
 
     def refresh(self) -> None:
         """Show how far it has come.
@@ -41,15 +39,11 @@ class Recorder:
             self._stop(recording)
             raise recording.error
 
-    async def _clicked(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._worker.post("record", partial(self._toggle, self._name.value))
-
-    def _toggle(self, name: str) -> None:
+    def _press(self, _: bool) -> None:
         if self._recording is not None:
             self._stop(self._recording)
             return
-        self._recording = self._runtime.start_recording(name)
+        self._recording = self._runtime.start_recording(self._name.value)
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
 

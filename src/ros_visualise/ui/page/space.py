@@ -11,7 +11,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.page.worker import Listener, Worker
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.scene import Scene
 
@@ -30,7 +30,7 @@ class Space:
             self._frame = gui.add_dropdown(
                 "fixed frame", (_AUTO,), hint="the frame that stays where it is"
             )
-            self._frame.on_update(self._frame_chosen)
+            self._frame.on_update(self._listener("fixed", self._set_fixed))
             self._add_view()
             self._note = gui.add_html("", visible=False)
             self._topics = gui.add_folder("topics drawn", expand_by_default=False)
@@ -47,6 +47,7 @@ class Space:
         for topic in self._switches.keys() - drawn.keys():
             for element in self._switches.pop(topic):
                 element.remove()
+        self._topics.visible = bool(drawn)
         with self._topics:
             for topic, kind in drawn.items():
                 if topic not in self._switches:
@@ -63,13 +64,9 @@ class Space:
 
     def _add_view(self) -> None:
         follow = self._gui.add_checkbox("follow the robot", True, hint="the robot stays in view")
-        follow.on_update(self._posted("follow", self._set_follow))
+        follow.on_update(self._listener("follow", self._set_follow))
         button = self._gui.add_button("reset view")
-
-        @button.on_click
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            if event.client_id is not None:
-                self._worker.post("view", self._scene.reset_view)
+        button.on_click(self._listener("view", lambda _: self._scene.reset_view()))
 
     def _add_looks(self) -> None:
         gui, look = self._gui, self._scene.look
@@ -89,31 +86,25 @@ class Space:
             ),
         }
         for name, element in elements.items():
-            element.on_update(self._posted(name, partial(self._set_look, name)))
+            element.on_update(self._listener(name, partial(self._set_look, name)))
 
     def _add_switches(self, topic: str, kind: type) -> list[viser.GuiInputHandle[Any]]:
         switch = self._gui.add_checkbox(topic, True, hint=kind.__name__)
-        switch.on_update(self._posted(topic, partial(self._scene.set_visible, topic)))
+        switch.on_update(self._listener(topic, partial(self._scene.set_visible, topic)))
         colorings = DRAWINGS[kind].colorings
         if colorings is None:
             return [switch]
         choices = [coloring.value for coloring in colorings]
         color = self._gui.add_dropdown("colour by", choices, hint=topic)
         choose = partial(self._set_coloring, topic, colorings)
-        color.on_update(self._posted(("color", topic), choose))
+        color.on_update(self._listener(("color", topic), choose))
         return [switch, color]
 
-    def _posted(
-        self, key: object, action: Callable[[Any], object]
-    ) -> Callable[[viser.GuiEvent[Any]], Any]:
-        async def moved(event: viser.GuiEvent[Any]) -> None:
-            self._worker.post(("3D", key), partial(action, event.target.value))
+    def _listener(self, key: object, action: Callable[[Any], object]) -> Listener:
+        return self._worker.listener(("3D", key), action)
 
-        return moved
-
-    async def _frame_chosen(self, event: viser.GuiEvent[Any]) -> None:
-        name = event.target.value
-        self._worker.post("fixed", partial(self._scene.set_fixed, None if name == _AUTO else name))
+    def _set_fixed(self, name: str) -> None:
+        self._scene.set_fixed(None if name == _AUTO else name)
 
     def _set_follow(self, follows: bool) -> None:
         self._scene.view.follows = follows

@@ -12,7 +12,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 {_ROOM}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
 [data-dock-region] img[src^="blob:"] {{
-  max-height: max(100px, calc(100cqh - 16px - 29px * var(--rv-rows, 2))); }}
+  max-height: max(100px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Scrolled down to the other parameters, it stays in view at half its size. */
 @supports (animation-timeline: scroll()) {{
   [data-dock-region] div:has(> div > img[src^="blob:"]) {{
@@ -33,7 +33,8 @@ table.rv-topics th {{ font-weight: 500; opacity: .65; }}
 table.rv-topics :is(th, td) {{ text-align: right; padding: .15em 0 .15em .6em;
   white-space: nowrap; vertical-align: top; }}
 table.rv-topics td {{ border-top: 1px solid #8883; }}
-table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0; }}
+table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0;
+  white-space: normal; overflow-wrap: anywhere; }}
 table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
 .rv-frames {{ overflow-x: auto; padding: 0 .8em .5em; }}
 svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;

@@ -18,6 +18,7 @@ from ros_visualise.ui.page.worker import Worker
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
 _MIN_RATE = 0.1  # lower by steps, it would be 0: as fast as it goes
 _ANY = "any message"
+_SEEK = "seek"
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
 
@@ -34,7 +35,7 @@ class Transport:
         self._moved_s = -_HANDS_OFF_S
         self._state = playback.state
         self._buttons = gui.add_button_group("playback", self._options())
-        self._buttons.on_click(self._clicked)
+        self._buttons.on_click(worker.listener(None, self._press))
         if not live:
             self._add_elements(gui)
         self._add_keys(gui)
@@ -49,7 +50,8 @@ class Transport:
         self._time.max = max(self._time.max, _end_s(self._state))
         set_value(self._rate, _shown_rate(self._state.rate))
         set_value(self._loop, self._state.loop)
-        if time.monotonic() - self._moved_s > _HANDS_OFF_S:
+        is_moved = self._worker.is_posted(_SEEK)
+        if not is_moved and time.monotonic() - self._moved_s > _HANDS_OFF_S:
             set_value(self._time, round(self._state.position_s, 2))
 
     def _options(self) -> tuple[str, ...]:
@@ -59,7 +61,7 @@ class Transport:
     def _add_elements(self, gui: viser.GuiApi) -> None:
         state = self._state
         self._time = gui.add_slider("time", 0.0, _end_s(state), 0.01, state.position_s)
-        self._time.on_update(self._time_moved)
+        self._time.on_update(self._worker.listener(_SEEK, self._seek))
         self._note = gui.add_html(_describe(state))
         self._rate = gui.add_number(
             "rate",
@@ -69,9 +71,9 @@ class Transport:
             step=0.1,
             hint="speed of playing",
         )
-        self._rate.on_update(self._rate_moved)
+        self._rate.on_update(self._worker.listener("rate", self._playback.set_rate))
         self._loop = gui.add_checkbox("loop", state.loop, hint="start over at the end")
-        self._loop.on_update(self._loop_moved)
+        self._loop.on_update(self._worker.listener("loop", self._playback.set_loop))
         if len(self._playback.step_topics) > 1:
             self._add_step_topic(gui)
 
@@ -82,57 +84,41 @@ class Transport:
         chosen = gui.add_dropdown(
             "step by", options, initial_value=playback.step_topic or _ANY, hint=hint
         )
-
-        @chosen.on_update
-        async def _(event: viser.GuiEvent[Any]) -> None:
-            topic = event.target.value
-            playback.step_topic = "" if topic == _ANY else topic
+        chosen.on_update(self._worker.listener("step by", self._step_by))
 
     def _add_keys(self, gui: viser.GuiApi) -> None:
+        playback = self._playback
         keys: list[tuple[str, Any, Callable[[], object]]] = [
-            ("Play or pause", "space", self._playback.toggle),
-            ("One image on", "arrowright", self._playback.step),
+            ("Play or pause", "space", playback.toggle),
+            ("One image on", "arrowright", playback.step),
         ]
         if not self._live:
-            keys.append(("One image back", "arrowleft", partial(self._playback.step, -1)))
-            keys.append(("To the start", "home", partial(self._playback.seek, 0.0)))
+            keys.append(("One image back", "arrowleft", partial(playback.step, -1)))
+            keys.append(("To the start", "home", partial(playback.seek, 0.0)))
         for label, key, action in keys:
-            self._add_key(gui, label, key, action)
+            self._worker.add_key(gui, label, key, partial(self._do, action))
 
-    def _add_key(
-        self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
-    ) -> None:
-        @gui.add_command(label, hotkey=key).on_trigger
-        async def _(_: Any) -> None:
-            self._each(action)
-
-    async def _clicked(self, event: viser.GuiEvent[Any]) -> None:
+    def _press(self, label: str) -> None:
+        playback = self._playback
         actions: dict[str, Callable[[], object]] = {
-            _BACK: partial(self._playback.step, -1),
-            _PAUSE: self._playback.pause,
-            _PLAY: self._playback.play,
-            _STEP: self._playback.step,
+            _BACK: partial(playback.step, -1),
+            _PAUSE: playback.pause,
+            _PLAY: playback.play,
+            _STEP: playback.step,
         }
-        if event.client_id is not None:
-            self._each(actions[event.target.value])
+        self._do(actions[label])
 
-    def _each(self, action: Callable[[], object]) -> None:
-        """Have it done, however often it is asked for, and show at once what came of it."""
-        self._worker.post(object(), action)
-        self._worker.post("playback", self.refresh)
+    def _do(self, action: Callable[[], object]) -> None:
+        """Do it, and show at once what came of it."""
+        action()
+        self.refresh()
 
-    async def _time_moved(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._moved_s = time.monotonic()
-            self._worker.post("seek", partial(self._playback.seek, event.target.value))
+    def _seek(self, time_s: float) -> None:
+        self._moved_s = time.monotonic()
+        self._playback.seek(time_s)
 
-    async def _rate_moved(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._worker.post("rate", partial(self._playback.set_rate, event.target.value))
-
-    async def _loop_moved(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._worker.post("loop", partial(self._playback.set_loop, event.target.value))
+    def _step_by(self, topic: str) -> None:
+        self._playback.step_topic = "" if topic == _ANY else topic
 
 
 def _shown_rate(rate: float) -> float:

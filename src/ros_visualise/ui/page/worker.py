@@ -5,11 +5,17 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Coroutine, Hashable
+from functools import partial
+from typing import Any
+
+import viser
 
 from ros_visualise.errors import RosVisualiseError
 
 log = logging.getLogger(__name__)
+
+Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 
 
 class Worker:
@@ -42,6 +48,30 @@ class Worker:
         with self._changed:
             self._posted[key] = action
             self._changed.notify_all()
+
+    def listener(self, key: Hashable | None, action: Callable[[Any], object]) -> Listener:
+        """What an element calls: has this done with its value when a person moved it.
+
+        Args:
+            key: only the newest is done; None: each is, however many come.
+            action: what to do.
+        """
+
+        async def moved(event: viser.GuiEvent[Any]) -> None:
+            if event.client_id is not None:  # not by the program
+                own = object() if key is None else key
+                self.post(own, partial(action, event.target.value))
+
+        return moved
+
+    def add_key(
+        self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
+    ) -> None:
+        """Have this done whenever a key is pressed, or the command of this name is chosen."""
+
+        @gui.add_command(label, hotkey=key).on_trigger
+        async def _(_: Any) -> None:
+            self.post(object(), action)
 
     def is_posted(self, key: Hashable) -> bool:
         """Whether something waits under this key."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import CameraInfo, Image, Pixels
-from ros_visualise.ui.preview import preview
+from ros_visualise.data import CameraInfo, Image
+from ros_visualise.ui.preview import rgb_preview
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look
 
 _IMAGE_SIZE = 320
@@ -51,7 +50,7 @@ class Camera(Drawing):
         self._frustum.fov, self._frustum.aspect = fov, aspect
         self._frustum.scale = _LENGTH * look.axes_size
         if isinstance(message, Image):
-            self._frustum.image = _to_rgb(preview(message, _IMAGE_SIZE))
+            self._frustum.image = rgb_preview(message, _IMAGE_SIZE)
 
     def extent(self) -> npt.NDArray[np.floating]:
         return np.zeros((0, 3))
@@ -64,7 +63,3 @@ def view_of(info: CameraInfo) -> tuple[float, float] | None:
         return None
     fov = 2 * math.atan(info.height / 2 / fy)
     return fov, (info.width / fx) / (info.height / fy)
-
-
-def _to_rgb(pixels: Pixels) -> Pixels:
-    return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)

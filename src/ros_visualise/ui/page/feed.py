@@ -1,0 +1,35 @@
+"""The messages of a topic that a person may change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ros_visualise.runtime.base import Runtime, Subscription
+
+
+class Feed:
+    """Takes messages of the topic that it follows, or none.
+
+    Args:
+        runtime: what runs.
+        depth: how many messages may wait to be taken; 1 is always the newest.
+    """
+
+    def __init__(self, runtime: Runtime, depth: int = 1) -> None:
+        self._runtime, self._depth = runtime, depth
+        self._topic: str | None = None
+        self._subscription: Subscription | None = None
+
+    def follow(self, topic: str | None) -> bool:
+        """Ask for this topic from now on, None for nothing; whether that is another than before."""
+        if topic == self._topic:
+            return False
+        if self._subscription is not None:
+            self._subscription.close()
+        self._subscription = None if topic is None else self._runtime.subscribe(topic, self._depth)
+        self._topic = topic
+        return True
+
+    def take(self) -> Any:
+        """The oldest message that waits; None if there is none."""
+        return None if self._subscription is None else self._subscription.take(0)

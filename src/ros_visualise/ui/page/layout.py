@@ -1,0 +1,111 @@
+"""Where the windows of the page stand, and which of them are there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import viser
+
+from ros_visualise.ui.page.windows import Window
+from ros_visualise.ui.page.worker import Worker
+
+MAIN_WIDTH = 510
+WINDOWS_WIDTH = 1700
+"""Pixels on a very wide screen; narrower ones share what they have in this proportion."""
+_MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE = 330, 310
+_COLUMN_WIDTH = 300
+_TAKEN_AWAY_S = 0.2
+
+
+def rearrange(
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+) -> None:
+    """Show these windows alone.
+
+    All are taken away first: browsers place a window that comes back as they do on loading.
+    """
+    for window in windows:
+        window.visible = False
+    time.sleep(_TAKEN_AWAY_S)
+    arrange(gui, windows, chosen, scene)
+
+
+def arrange(
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+) -> None:
+    """Place the windows beside the main panel, however wide the browser is.
+
+    Docked windows share the browser's width and height; a person may drag them anywhere.
+
+    Args:
+        gui: the page.
+        windows: all.
+        chosen: those that are shown.
+        scene: the middle belongs to the scene, and they make two columns; else they fill the page
+            in two rows.
+    """
+    gui.main_panel.dock_left()
+    panels = [window.panel for window in chosen]
+    if scene:
+        gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
+        columns = min(len(panels), 2)
+        _place(panels, columns, columns * _WINDOW_BESIDE_SCENE)
+    else:
+        gui.main_panel.set_width(MAIN_WIDTH)
+        _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
+    for window in windows:
+        window.visible = window in chosen
+
+
+def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> None:
+    for number, panel in enumerate(panels):
+        if number < columns:
+            panel.dock_right()
+        else:
+            panel.dock_below(panels[number - columns])
+    if panels:
+        panels[0].set_width(_COLUMN_WIDTH)  # what every other column begins with
+        panels[-1].set_width(width)  # of all columns together, when they are placed
+
+
+class Choice:
+    """A switch for each window, in a folder.
+
+    Those added are on; beside a scene, where there is less room, those with images are, if any.
+    """
+
+    def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
+        self._gui, self._folder, self._worker = gui, folder, worker
+        self._windows: Sequence[Window] = ()
+        self._scene = False
+        self._switches: dict[str, viser.GuiCheckboxHandle] = {}
+
+    def follow(self, windows: Sequence[Window], scene: bool) -> None:
+        """These are the windows from now on.
+
+        Args:
+            windows: all.
+            scene: whether the middle of the page belongs to the scene.
+        """
+        self._windows, self._scene = windows, scene
+        names = [window.name for window in windows]
+        for name in self._switches.keys() - set(names):
+            self._switches.pop(name).remove()
+        pictures = any(window.picture is not None for window in windows)
+        with self._folder:
+            for window in windows:
+                if window.name not in self._switches:
+                    is_on = window.picture is not None or not (scene and pictures)
+                    switch = self._gui.add_checkbox(window.name, is_on)
+                    switch.on_update(self._worker.listener("windows", lambda _: self.show()))
+                    self._switches[window.name] = switch
+
+    @property
+    def chosen(self) -> list[Window]:
+        """The windows that are shown."""
+        return [window for window in self._windows if self._switches[window.name].value]
+
+    def show(self) -> None:
+        """Show the chosen windows alone."""
+        rearrange(self._gui, self._windows, self.chosen, self._scene)
