@@ -35,7 +35,7 @@ class LocalRuntime:
     Args:
         graph: what to run.
         playback: how its source is played; None for a graph without a source, whose inputs
-            somebody feeds (see `topic`). At rate 0, and while it is recorded, no node drops what
+            somebody feeds (see `publish`). At rate 0, and while it is recorded, no node drops what
             it has no time for: the source waits instead, unless it is live.
 
     Raises:
@@ -54,9 +54,9 @@ class LocalRuntime:
         self._recordings: list[RecorderThread] = []
         self._fed = 0
         self._source = self._open_source()
-        self._nodes = [self._join(n) for n in graph.nodes if isinstance(n.type, NodeType)]
+        self._nodes = {n.name: self._join(n) for n in graph.nodes if isinstance(n.type, NodeType)}
         works = [self._source.run] if self._source else []
-        works += [node.run for node in self._nodes]
+        works += [node.run for node in self._nodes.values()]
         self._running = 0
         self._ended = threading.Condition()  # joining a thread does not outlive a Ctrl-C
         self._threads = [
@@ -80,7 +80,7 @@ class LocalRuntime:
         """End now and close all recordings; what is still on its way to a node is let go."""
         if self.playback is not None:
             self.playback.close()
-        for node in self._nodes:
+        for node in self._nodes.values():
             node.inbox.close(discard=True)
         for recording in self._recordings:
             self.stop_recording(recording)
@@ -93,7 +93,7 @@ class LocalRuntime:
         """Something was lost: the source broke, a node raised, a recording could not go on."""
         return (
             (self._source is not None and self._source.failed)
-            or any(node.runner.failed for node in self._nodes)
+            or any(node.runner.failed for node in self._nodes.values())
             or any(recording.error for recording in self._recordings)
         )
 
@@ -103,8 +103,8 @@ class LocalRuntime:
 
     def wait_until_taken(self, topic: str, timeout_s: float) -> None:
         """Wait until the nodes that listen to a topic have begun with its last message."""
-        for node in self._nodes:
-            if topic in node.runner.node.inputs.values():
+        for node in self._nodes.values():
+            if topic in node.inputs:
                 node.inbox.wait_until_taken(timeout_s)
 
     def subscribe(self, topic: str, depth: int = 1) -> Subscription:
@@ -122,9 +122,8 @@ class LocalRuntime:
         """Run an action of a node."""
         if self._source is not None and node == self._source.name:
             self._source.act(action)
-        for thread in self._nodes:
-            if thread.runner.node.name == node:
-                thread.act(action)
+        else:
+            self._nodes[node].act(action)
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
         """The run report; see `ros_visualise.runtime.base.Runtime`."""
@@ -134,7 +133,7 @@ class LocalRuntime:
             if self._topics[name].wanted
         }
         nodes = {self._source.name: self._source.report()} if self._source else {}
-        nodes |= {thread.runner.node.name: thread.report() for thread in self._nodes}
+        nodes |= {name: node.report() for name, node in self._nodes.items()}
         for node in self.graph.nodes:
             for topic in tuple(node.outputs.values())[:1]:
                 nodes[node.name]["achieved_hz"] = self._topics[topic].report(window_s)["hz"]
@@ -202,7 +201,7 @@ class LocalRuntime:
         lossless = wanted and not self.graph.live
         if lossless != self._lossless:
             self._lossless = lossless
-            for node in self._nodes:
+            for node in self._nodes.values():
                 node.inbox.lossless = lossless
 
     def _parameters_changed(self, name: str, current: Any, changed: Mapping[str, Value]) -> None:
@@ -213,9 +212,7 @@ class LocalRuntime:
                 assert self.playback is not None
                 self.playback.restart()
         elif self._is_idle():
-            for node in self._nodes:
-                if node.runner.node.name == name:
-                    node.repeat_last()
+            self._nodes[name].repeat_last()
 
     def _in_haste(self) -> bool:
         return self.playback is not None and self.playback.state.rate == 0

@@ -42,8 +42,11 @@ class RecorderThread:
     Messages are written in the order and under the times of `Ordering`, so that the same input
     makes the same file however the threads run.
 
-    ``lossless``: whoever publishes waits while too much waits to be written; otherwise the message
-    is dropped and counted.
+    Args:
+        recorder: writes the file, and is closed at the end.
+        graph: what runs.
+        lossless: whoever publishes waits while too much waits to be written; otherwise the message
+            is dropped and counted.
 
     Attributes:
         error: what ended it early, if anything did.
@@ -57,10 +60,10 @@ class RecorderThread:
     def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
         self.error: RecordingError | None = None
         self.dropped = 0
-        self.lossless = lossless
         self.path = recorder.path
         self.written = 0
         self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
+        self._lossless = lossless
         self._order = Ordering(graph, self.topics)
         self.inboxes = {topic: TopicInbox(self, topic) for topic in self._order.inputs}
         self._recorder = recorder
@@ -80,7 +83,7 @@ class RecorderThread:
     def put(self, topic: str, packet: Packet) -> None:
         """Take what came on a topic, or the word that nothing comes for a number."""
         with self._changed:
-            while self.lossless and self._is_full(topic, packet) and not self._stopped:
+            while self._lossless and self._is_full(topic, packet) and not self._stopped:
                 self._changed.wait()
             if self._stopped:
                 return
