@@ -175,6 +175,34 @@ def test_topics_are_chosen(drive: Path, tmp_path: Path) -> None:
     assert read(one_by_one) == found
 
 
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--topics", "/imu", "--start", "4.001", "--duration", "0.001"], "from 4.001 s on"),
+        (["--topics", "/imu", "--duration", "0.5"], "on /imu within 0.5 s"),
+    ],
+)
+def test_a_part_without_messages_is_said_and_nothing_of_it_is_lost(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], says: str
+) -> None:
+    assert read(convert(drive, tmp_path / "r.bag", *options)) == []
+    said, report = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"ros-visualise: {drive}: there are no messages ")
+    assert says in said
+    assert "0 messages" in report
+
+
+def test_a_recording_without_messages_is_said_and_copied(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    open_recorder(f"{tmp_path}/empty.bag", TYPES).close()
+    report = convert(tmp_path / "empty.bag", tmp_path / "r.mcap", "--json")
+    out, err = capsys.readouterr()
+    assert err.splitlines()[0] == f"ros-visualise: {tmp_path}/empty.bag: there are no messages"
+    assert json.loads(out)["lost"] == {"messages": 0, "bytes": 0, "notes": []}
+    assert report.exists()
+
+
 def test_the_report(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     target = convert(drive, tmp_path / "r.bag", "--json")
     report = json.loads(capsys.readouterr().out)

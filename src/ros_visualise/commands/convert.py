@@ -162,6 +162,8 @@ def _finish(
         notes.append(str(error))
     for note in notes:
         print(f"ros-visualise: {note}", file=sys.stderr)
+    if not (conversion.messages or notes or interrupted):
+        print(f"ros-visualise: {args.input}: {_describe_empty(args)}", file=sys.stderr)
     report = _report(conversion, unwritable, notes)
     print(
         f"{report['path']}: {counted(report['messages'], 'message')}"
@@ -171,6 +173,14 @@ def _finish(
     if args.json:
         print(json.dumps(report))
     return 130 if interrupted else int(bool(notes))
+
+
+def _describe_empty(args: Namespace) -> str:
+    """What to say of a part without messages; nothing of it is lost."""
+    time = [f"from {args.start:g} s on"] if args.start else []
+    time += [f"within {args.duration:g} s"] if args.duration is not None else []
+    topics = [f"on {', '.join(args.topics)}"] if args.topics else []
+    return " ".join(["there are no messages", *topics, *time])
 
 
 def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:

@@ -63,4 +63,4 @@ def _neither(path: str | os.PathLike[str]) -> OpenError:
     from ros_visualise.sources.recordings import KINDS, unknown_file
 
     what = f"neither a recording ({KINDS}) nor a video that FFmpeg can read"
-    return unknown_file(Path(path), what)
+    return unknown_file(Path(path), what, "check the path, or copy it again")

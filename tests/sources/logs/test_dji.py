@@ -141,3 +141,42 @@ def test_an_empty_file_is_refused(tmp_path):
     (tmp_path / "a.SRT").touch()
     with pytest.raises(OpenError, match="no places"):
         open_srt(tmp_path / "a.SRT")
+
+
+def test_a_clock_that_goes_back_is_said_and_the_film_goes_on(opened):
+    seconds = ["10.000", "11.000", "06.000", "07.000", "08.000"]
+    texts = [
+        f"2023-08-28 17:26:{second}\n[latitude: {number}.5] [longitude: 2.5]"
+        for number, second in enumerate(seconds)
+    ]
+    recording = opened(*texts)
+    fixes = read(recording)
+    assert [fix.latitude for fix in fixes] == [0.5, 1.5, 2.5, 3.5, 4.5]
+    begin = datetime.datetime(2023, 8, 28, 17, 26, 10, tzinfo=datetime.timezone.utc).timestamp()
+    assert [fix.header.stamp_ns - int(begin) * S for fix in fixes] == [n * S for n in range(5)]
+    assert recording.format == "DJI SRT (camera's clock)"
+    assert recording.notes[0] == (
+        "the camera's clock goes back once: stamps go by the time in the film"
+    )
+
+
+def test_subtitles_out_of_order_are_said(tmp_path):
+    blocks = [
+        f"{number}\n00:00:0{second},000 --> 00:00:09,000\nGPS(2.5,1.5,16)\n"
+        for number, second in enumerate([3, 5, 1], 1)
+    ]
+    (tmp_path / "a.SRT").write_text("\n".join(blocks))
+    recording = open_recording(tmp_path / "a.SRT")
+    assert [fix.header.stamp_ns for fix in read(recording)] == [S, 3 * S, 5 * S]
+    assert "the time in the film goes back once: fixes are sorted by it" in recording.notes
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+def test_a_file_with_a_byte_order_mark_is_read(recordings, tmp_path, encoding):
+    original = recordings / "trajectory" / "dji_srt" / "mavic_pro.SRT"
+    mark = "" if encoding in ("utf-16", "utf-8-sig") else "\ufeff"
+    copy = tmp_path / "a.SRT"
+    copy.write_bytes((mark + original.read_text()).encode(encoding))
+    fixes, expected = read(open_recording(copy)), read(open_recording(original))
+    assert [fix.latitude for fix in fixes] == [fix.latitude for fix in expected]
+    assert [fix.header for fix in fixes] == [fix.header for fix in expected]

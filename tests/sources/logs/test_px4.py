@@ -13,6 +13,7 @@ from ros_visualise.data import Imu, NavSatFix, Odometry, Path, Transforms
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.px4 import open_ulog
+from ros_visualise.sources.logs.strays import find_strays
 from ros_visualise.sources.recordings import open_recording
 
 
@@ -205,3 +206,38 @@ def test_what_is_no_log_is_said(real, tmp_path):
         (tmp_path / name).write_bytes(data)
         with pytest.raises(OpenError, match=name):
             open_ulog(tmp_path / name)
+
+
+@pytest.mark.parametrize("bit", [40, 33, 27, 63])
+@pytest.mark.parametrize("number", [0, 1, 300, 635])
+def test_a_sample_with_a_wrong_time_is_left_out_and_counted(flight, bit, number):
+    _, local, write = flight
+    local["timestamp"][number] ^= np.uint64(1 << bit)
+    recording = write()
+    assert len(read(recording, "/odom")) == 635
+    assert (recording.end_ns - recording.start_ns) / 1e9 == pytest.approx(6.5, abs=0.1)
+    assert recording.loss.messages == 1
+    assert recording.loss.notes == ["1 sample left out, with a time that cannot be its own"]
+
+
+def test_a_wrong_time_within_the_flight_is_found_by_those_before_and_after_it():
+    times_us = {"a": np.arange(0, 600_000_000, 100_000, np.uint64)}
+    times_us["a"][1000] += np.uint64(200_000_000)
+    times_us["a"][5000] -= np.uint64(100_000_000)
+    assert np.flatnonzero(find_strays(times_us)["a"]).tolist() == [1000, 5000]
+
+
+@pytest.mark.parametrize("gap_s", [3, 5000])
+def test_a_gap_in_a_log_and_a_little_disorder_are_no_wrong_times(gap_s):
+    times_us = np.arange(0, 60_000_000, 5000, np.uint64)
+    times_us[6000:] += np.uint64(gap_s * 1_000_000)
+    times_us[[100, 101]] = times_us[[101, 100]]
+    slow_us = times_us[::4000]
+    found = find_strays({"fast": times_us, "slow": slow_us, "none": times_us[:0]})
+    assert not any(mask.any() for mask in found.values())
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_of_few_samples_none_is_wrong(count):
+    times_us = np.arange(count, dtype=np.uint64) * np.uint64(3_600_000_000)
+    assert not find_strays({"a": times_us})["a"].any()

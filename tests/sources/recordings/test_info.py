@@ -132,7 +132,7 @@ def test_what_can_be_given_is_said(tmp_path, capsys, command):
     assert cli.main([command, str(path), *[str(tmp_path / "r.mcap")] * (command == "convert")]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"ros-visualise: {path}: neither a recording (.bag, .mcap, ")
-    assert said.endswith(" nor a video that FFmpeg can read\n")
+    assert said.endswith(" nor a video that FFmpeg can read; check the path, or copy it again\n")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import made_bags
 import pytest
 
 from ros_visualise.errors import OpenError
+from ros_visualise.sources import open_source
 from ros_visualise.sources.recordings import is_recording, open_recording
 
 START = {
@@ -44,6 +45,25 @@ def test_what_is_none_is_refused(tmp_path, kind):
     path.write_bytes(OTHER[kind])
     assert not is_recording(path)
     assert_refused(path, "record it again" if kind == "empty" else f"ros-visualise video {path}")
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("log.ulg", "no PX4 flight log"),
+        ("DJI.SRT", "no file of a DJI camera's subtitles"),
+        ("r.db3", "no ROS 2 bag's SQLite file"),
+        ("r.mcap", "no MCAP file"),
+        ("r.bag", "no ROS 1 bag"),
+    ],
+)
+@pytest.mark.parametrize("open_it", [open_recording, open_source])
+def test_what_is_not_what_its_name_says_is_told_so(tmp_path, name, says, open_it):
+    path = tmp_path / name
+    path.write_bytes(b"ULoG\x01\x12\x35\x01" + bytes(100))
+    with pytest.raises(OpenError) as refused:
+        open_it(path)
+    assert str(refused.value).startswith(f"{path}: {says}")
 
 
 @pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, lzma.compress])

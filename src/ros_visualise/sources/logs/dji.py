@@ -1,9 +1,9 @@
 """The subtitles (``.SRT``) beside the films of DJI's drones as recordings: ``/gps/fix``.
 
 Stamps are by the camera's clock, which shows its local time and is taken for UTC, where the
-subtitles have dates; else they are the time in the film. Altitudes are those above the sea where
-the subtitles say them, else above where the drone took off. What they say of the camera is left
-out.
+subtitles have dates; else they are the time in the film. Where that clock goes back, the film began
+at its first date. Altitudes are those above the sea where the subtitles say them, else above where
+the drone took off. What they say of the camera is left out.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from ros_visualise.data import Header, NavSatFix
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.logs.srt import Subtitle, parse_srt
+from ros_visualise.sources.logs.srt import Subtitle, decode_srt, parse_srt
+from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series
 
@@ -34,12 +35,11 @@ def open_srt(path: str | Path) -> SeriesRecording:
     """
     path = Path(path)
     data = path.read_bytes()
-    text = data.decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
-    subtitles = list(parse_srt(text))
+    subtitles = list(parse_srt(decode_srt(data)))
     if not any(one.has_fix for one in subtitles):
         raise OpenError(f"{path}: no places in these subtitles; DJI's have them if GPS was on")
-    stamps_ns, clock = _stamps_ns(subtitles)
-    altitudes, notes = _altitudes(subtitles)
+    stamps_ns, clock, notes = _stamps_ns(subtitles)
+    altitudes, more_notes = _altitudes(subtitles)
 
     def fix(index: int) -> NavSatFix:
         one, header = subtitles[index], Header(int(stamps_ns[index]), _FRAME)
@@ -49,20 +49,38 @@ def open_srt(path: str | Path) -> SeriesRecording:
         )
 
     series = [Series("/gps/fix", NavSatFix, stamps_ns, fix)]
-    recording = SeriesRecording(path, f"DJI SRT ({clock})", len(data), series, notes)
-    recording.loss.notes += _lost(subtitles, recording)
-    return recording
+    notes += more_notes
+    loss = _loss(subtitles)
+    return SeriesRecording(path, f"DJI SRT ({clock})", len(data), series, notes, loss=loss)
 
 
-def _stamps_ns(subtitles: Sequence[Subtitle]) -> tuple[npt.NDArray[np.int64], str]:
-    """Their times, and by which clock. Dates of whole seconds say when the film began alone."""
+def _stamps_ns(subtitles: Sequence[Subtitle]) -> tuple[npt.NDArray[np.int64], str, list[str]]:
+    """Their times, by which clock, and what is to be said of it.
+
+    Dates of whole seconds, and those that go back, only say when the film began.
+    """
     dates_ns = [one.date_ns for one in subtitles if one.date_ns is not None]
+    notes: list[str] = []
     if len(dates_ns) == len(subtitles) and all(one.date_is_fine for one in subtitles):
-        return np.array(dates_ns, np.int64), "camera's clock"
-    dated = next((one for one in subtitles if one.date_ns is not None), None)
-    began_ns = 0 if dated is None or dated.date_ns is None else dated.date_ns - dated.begin_ns
-    stamps_ns = np.array([began_ns + one.begin_ns for one in subtitles], np.int64)
-    return stamps_ns, "time in the film" if dated is None else "camera's clock"
+        if not (back := _count_back(dates_ns)):
+            return np.array(dates_ns, np.int64), "camera's clock", notes
+        notes.append(
+            f"the camera's clock goes back {_times(back)}: stamps go by the time in the film"
+        )
+    began_ns = next((one.date_ns - one.begin_ns for one in subtitles if one.date_ns is not None), 0)
+    stamps_ns = [began_ns + one.begin_ns for one in subtitles]
+    if back := _count_back(stamps_ns):
+        notes.append(f"the time in the film goes back {_times(back)}: fixes are sorted by it")
+    clock = "camera's clock" if dates_ns else "time in the film"
+    return np.array(stamps_ns, np.int64), clock, notes
+
+
+def _count_back(times_ns: Sequence[int]) -> int:
+    return sum(b < a for a, b in pairwise(times_ns))
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def _altitudes(subtitles: Sequence[Subtitle]) -> tuple[list[float], list[str]]:
@@ -75,11 +93,11 @@ def _altitudes(subtitles: Sequence[Subtitle]) -> tuple[list[float], list[str]]:
     return heights, ["it says no altitudes"]
 
 
-def _lost(subtitles: Sequence[Subtitle], recording: SeriesRecording) -> list[str]:
+def _loss(subtitles: Sequence[Subtitle]) -> Loss:
     numbers = [one.number for one in subtitles]
-    missing = sum(max(0, b - a - 1) for a, b in pairwise(numbers))
-    recording.loss.messages += missing
-    notes = [f"{missing} subtitles are missing or damaged"] if missing else []
+    loss = Loss(sum(max(0, b - a - 1) for a, b in pairwise(numbers)))
+    if loss.messages:
+        loss.notes.append(f"{loss.messages} subtitles are missing or damaged")
     if not subtitles[-1].has_fix and all(one.has_fix for one in subtitles[:-1]):
-        notes.append("cut off within the last subtitle")
-    return notes
+        loss.notes.append("cut off within the last subtitle")
+    return loss

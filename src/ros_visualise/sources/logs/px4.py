@@ -59,7 +59,7 @@ def open_ulog(path: str | Path) -> SeriesRecording:
         OpenError: it is no such file, or holds nothing of where the vehicle was.
     """
     path = Path(path)
-    tables, lost = read_ulog(path, _TOPICS)
+    tables, loss = read_ulog(path, _TOPICS)
     gps = tables.get("vehicle_gps_position") or tables.get("sensor_gps")
     utc_us = _utc_offset_us(gps)
     clock = "time since start" if utc_us is None else "UTC"
@@ -67,9 +67,7 @@ def open_ulog(path: str | Path) -> SeriesRecording:
     if not made.series:
         raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
     size = path.stat().st_size
-    recording = SeriesRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes)
-    recording.loss.notes += lost
-    return recording
+    return SeriesRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes, loss=loss)
 
 
 def _utc_offset_us(gps: Table | None) -> int | None:

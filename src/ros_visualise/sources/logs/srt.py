@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import datetime
 import math
 import re
@@ -11,6 +12,7 @@ from itertools import zip_longest
 
 _NS = 1_000_000_000
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
+_START = re.compile(r"\s*\d+\s*\n[\d:,. ]+-->")
 _SUBTITLE = re.compile(
     r"^\s*(\d+)\s*\n\s*(\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*-->[^\n]*\n?", re.MULTILINE
 )
@@ -49,6 +51,18 @@ class Subtitle:
         """Whether it says a place; where there was no fix, cameras write zeros."""
         place = abs(self.latitude) <= 90 and abs(self.longitude) <= 180
         return place and (self.latitude, self.longitude) != (0, 0)
+
+
+def decode_srt(data: bytes) -> str:
+    """A file's text: UTF-16 where it begins with that mark, else UTF-8."""
+    is_utf16 = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+    text = data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
+    return text.replace("\r\n", "\n")
+
+
+def begins_srt(head: bytes) -> bool:
+    """Whether a file that begins so holds subtitles."""
+    return bool(_START.match(decode_srt(head)))
 
 
 def parse_srt(text: str) -> Iterator[Subtitle]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,8 @@ from pyulog.exceptions import ULogException
 
 from ros_visualise.data import Floats
 from ros_visualise.errors import OpenError
+from ros_visualise.sources.logs.strays import find_strays
+from ros_visualise.sources.recordings import Loss
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +33,7 @@ class Table:
         times_us: (N,) int64, ascending, microseconds since the controller was started.
     """
 
-    def __init__(self, name: str, columns: dict[str, npt.NDArray[Any]]) -> None:
+    def __init__(self, name: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:
         order = np.argsort(columns["timestamp"], kind="stable")
         self.name = name
         self._columns = {field: values[order] for field, values in columns.items()}
@@ -63,16 +65,33 @@ class Table:
         return Table(self.name, {name: values[mask] for name, values in self._columns.items()})
 
 
-def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], list[str]]:
+def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], Loss]:
     """The first instances of these topics, as far as they can be read, and what was lost.
 
     Raises:
         OpenError: it is no ULog file.
     """
+    found = _parse(path, names)
+    columns = {
+        one.name: one.data
+        for one in found.data_list
+        if one.multi_id == 0 and len(one.data["timestamp"])
+    }
+    loss = Loss()
+    if found.file_corruption:
+        loss.notes.append("parts are damaged and were left out")
+    elif cut := _cut_bytes(path):
+        loss.notes.append(f"cut off within its last message, of which {cut} bytes are there")
+    for drop in found.dropouts:
+        log.info("%s: the vehicle itself recorded nothing for %d ms", path, drop.duration)
+    return _without_strays(columns, loss), loss
+
+
+def _parse(path: Path, names: Collection[str]) -> ULog:
     said = io.StringIO()  # the library prints what it finds damaged
     try:
         with contextlib.redirect_stdout(said), path.open("rb") as file:
-            found = ULog(file, list(names))
+            return ULog(file, list(names))
     except OSError:
         raise
     except ULogException as error:
@@ -83,18 +102,20 @@ def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], lis
         raise OpenError(
             f"{path}: too damaged to be read; copy it again from the vehicle"
         ) from error
-    tables = {
-        one.name: Table(one.name, one.data)
-        for one in found.data_list
-        if one.multi_id == 0 and len(one.data["timestamp"])
+
+
+def _without_strays(columns: Mapping[str, Mapping[str, Any]], loss: Loss) -> dict[str, Table]:
+    strays = find_strays({name: values["timestamp"] for name, values in columns.items()})
+    count = sum(int(mask.sum()) for mask in strays.values())
+    if count:
+        loss.messages += count
+        times = "a time that cannot be its own" if count == 1 else "times that cannot be their own"
+        loss.notes.append(f"{count} {'sample' if count == 1 else 'samples'} left out, with {times}")
+    kept = {
+        name: {field: column[~strays[name]] for field, column in values.items()}
+        for name, values in columns.items()
     }
-    lost = ["parts are damaged and were left out"] if found.file_corruption else []
-    cut = 0 if lost else _cut_bytes(path)
-    if cut:
-        lost.append(f"cut off within its last message, of which {cut} bytes are there")
-    for drop in found.dropouts:
-        log.info("%s: the vehicle itself recorded nothing for %d ms", path, drop.duration)
-    return tables, lost
+    return {name: Table(name, values) for name, values in kept.items() if len(values["timestamp"])}
 
 
 def _cut_bytes(path: Path) -> int:

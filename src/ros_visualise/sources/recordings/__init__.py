@@ -16,15 +16,23 @@ from numpy.typing import NDArray
 
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.logs.srt import begins_srt
 
 _ROSBAG1 = b"#ROSBAG V"
 _MCAP = b"\x89MCAP0\r\n"
 _SQLITE = b"SQLite format 3\0"
 _ULOG = b"ULog\x01\x12\x35"
-_SRT = re.compile(rb"(\xef\xbb\xbf)?\s*\d+\s*\r?\n[\d:,. ]+-->")
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
 """How zip, gzip, bzip2, xz, zstd and 7z begin."""
 _HEAD_SIZE = 4096
+_NAMED = {
+    ".bag": "ROS 1 bag",
+    ".mcap": "MCAP file",
+    ".db3": "ROS 2 bag's SQLite file",
+    ".ulg": "PX4 flight log (ULog)",
+    ".srt": "file of a DJI camera's subtitles",
+}
+"""How a name ends -> what a file of that name is."""
 KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
 """The recordings that there are, for people."""
 
@@ -154,11 +162,19 @@ def is_recording(path: str | Path) -> bool:
         return False
 
 
-def unknown_file(path: Path, what: str) -> OpenError:
-    """What to say of a file that nobody here can read; ``what`` it is, unless it is an archive."""
+def unknown_file(path: Path, what: str, hint: str) -> OpenError:
+    """What to say of a file that nobody here can read.
+
+    Args:
+        what: it is, where neither its beginning nor its name tells more.
+        hint: what to do, unless it is packed.
+    """
     if _head(path).startswith(_ARCHIVES):
-        what = "a packed file; unpack it and give what is in it"
-    return OpenError(f"{path}: {what}")
+        return OpenError(f"{path}: a packed file; unpack it and give what is in it")
+    named = _NAMED.get(path.suffix.lower())
+    if named:
+        what = f"no {named}, though its name ends so"
+    return OpenError(f"{path}: {what}; {hint}")
 
 
 def _open_file(path: Path) -> Recording:
@@ -191,7 +207,7 @@ def _open_file(path: Path) -> Recording:
 
             return open_srt(path)
     raise unknown_file(
-        path, f"not a recording ({KINDS}); if it is a video: ros-visualise video {path}"
+        path, f"not a recording ({KINDS})", f"if it is a video: ros-visualise video {path}"
     )
 
 
@@ -248,4 +264,4 @@ def _kind(head: bytes) -> str:
     for magic, kind in magics.items():
         if head.startswith(magic):
             return kind
-    return "srt" if _SRT.match(head) else ""
+    return "srt" if begins_srt(head) else ""

@@ -48,11 +48,12 @@ class SeriesRecording:
         series: Sequence[Series],
         notes: Sequence[str] = (),
         damaged: Sequence[tuple[DamagedFile, int]] = (),
+        loss: Loss | None = None,
     ) -> None:
         self.path, self.format, self.size = path, format, size
         series = [one for one in series if len(one.stamps_ns)]
         self.notes = list(notes)
-        self.loss = Loss()
+        self.loss = loss or Loss()
         self.topics: Mapping[str, TopicInfo] = {
             one.topic: TopicInfo(
                 TopicType(type_name(one.kind), latched=one.latched), len(one.stamps_ns)
