@@ -177,10 +177,15 @@ def _finish(
 
 def _describe_empty(args: Namespace) -> str:
     """What to say of a part without messages; nothing of it is lost."""
-    time = [f"from {args.start:g} s on"] if args.start else []
-    time += [f"within {args.duration:g} s"] if args.duration is not None else []
-    topics = [f"on {', '.join(args.topics)}"] if args.topics else []
-    return " ".join(["there are no messages", *topics, *time])
+    words = ["there are no messages"]
+    if args.topics:
+        words.append(f"on {', '.join(args.topics)}")
+    start_s = args.start or 0.0
+    if args.duration is not None:
+        words.append(f"from {start_s:g} s to {start_s + args.duration:g} s")
+    elif start_s:
+        words.append(f"from {start_s:g} s on")
+    return " ".join(words)
 
 
 def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:
