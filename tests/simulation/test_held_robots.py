@@ -1,12 +1,15 @@
 """What robots do that something holds."""
 
-import logging
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
+from ros_visualise.data import PoseStamped
+from ros_visualise.errors import UsageError
 from ros_visualise.simulation import Mission, Simulation
 
 LASTING = replace(BLIND_QUADROTOR, command_timeout=30.0)
@@ -44,17 +47,79 @@ def test_flown_at_a_fence_it_comes_back_at_once():
     assert back[1] < place[-1, 1] - 1.0
 
 
-def test_a_mission_through_a_fence_is_not_finished(caplog):
-    way = ((0.0, 1.5, 0.5), (12.0, 1.5, 0.5), (0.0, 1.5, 0.5))
-    mission = Mission(waypoints=way)
-    simulation = Simulation("quadrotor", "playpen", mission=mission, settings=BLIND_QUADROTOR)
-    with caplog.at_level(logging.WARNING, "ros_visualise"):
-        place = np.array([m.position_xyz for m in collect(simulation, 60.0)["truth"]])
-    assert 9 < place[-1, 0] < 10
+def test_a_mission_without_progress_is_given_up_and_can_be_begun_anew():
+    mission = Mission(waypoints=((3.0, 0.0, 1.0),))
+    settings = replace(BLIND_QUADROTOR, mission_timeout=4.0)
+    simulation = Simulation("quadrotor", "plane", mission=mission, settings=settings)
+    weights = simulation._model.body_mass.copy()
+    simulation._model.body_mass[:] *= 4
+    collect(simulation, 3.5)
     assert not simulation.finished
-    assert len(caplog.messages) == 1
-    assert caplog.messages[0].startswith("quadrotor makes no way at (")
-    assert caplog.messages[0].endswith("): something is in its way")
+    collect(simulation, 6.0)
+    assert simulation.finished
+    assert simulation.failure == "quadrotor gave up its mission at (0.0, 0.0): no progress for 4 s"
+    simulation._model.body_mass[:] = weights
+    simulation.act("start_mission")
+    collect(simulation, 1.0)
+    assert not simulation.finished
+    assert not simulation.failure
+    collect(simulation, 14.0)
+    assert simulation.finished
+    assert not simulation.failure
+
+
+def test_a_mission_that_turns_and_creeps_gets_on():
+    settings = replace(BLIND_HUSKY, mission_timeout=6.0)
+    mission = Mission(waypoints=((-0.6, 0.0, 0.0), (0.0, 0.0, 0.0)), speed=0.05)
+    simulation = Simulation("husky", "plane", mission=mission, settings=settings)
+    collect(simulation, 70.0)
+    assert simulation.finished
+    assert not simulation.failure
+
+
+def test_a_mission_that_a_person_ends_does_not_fail():
+    way = ((0.0, 0.0, 0.0), (12.0, 0.0, 0.0))
+    settings = replace(BLIND_HUSKY, mission_timeout=2.0)
+    simulation = Simulation("husky", "plane", mission=Mission(waypoints=way), settings=settings)
+    collect(simulation, 1.0)
+    simulation.act("stop")
+    collect(simulation, 5.0)
+    assert not simulation.finished
+    assert not simulation.failure
+
+
+def test_flown_fast_into_a_fence_its_motors_go_off_and_it_flies_again_if_it_stands():
+    simulation = Simulation("quadrotor", "playpen", settings=LASTING)
+    simulation._data.qpos[:2] = 2.0, 8.5
+    simulation.command(twist(z=0.5))
+    collect(simulation, 1.3)
+    simulation.command(twist(y=2.0))
+    collect(simulation, 12.0)
+    assert re.fullmatch(r"quadrotor tipped over at \(2\.0, 9\.\d\): motors off", simulation.failure)
+    assert simulation._data.ctrl.max() == 0
+    assert simulation._data.act.max() < 0.01
+    simulation.act("take_off")
+    assert collect(simulation, 4.0)["truth"][-1].position_xyz[2] > 1.8
+
+
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_tipped_over_its_mission_fails_and_it_does_nothing_more(robot: str):
+    settings = {"husky": BLIND_HUSKY, "quadrotor": LASTING}[robot]
+    simulation = Simulation(robot, "plane", mission="square", settings=settings)
+    collect(simulation, 1.0)
+    simulation._data.qpos[2:7] = 0.4, 0, 1, 0, 0
+    collect(simulation, 3.0)
+    assert simulation.finished
+    assert "(" in simulation.failure
+    simulation.command(twist(x=1, z=1))
+    for order in ("stop", "start_mission"):
+        with pytest.raises(UsageError, match=f"the {robot} has tipped over: reset it"):
+            simulation.act(order)
+    with pytest.raises(UsageError, match="reset it"):
+        simulation.goto(PoseStamped(np.ones(3), np.array([0, 0, 0, 1.0])))
+    place = np.array([m.position_xyz for m in collect(simulation, 3.0)["truth"]])
+    assert place[-1] == pytest.approx(place[-25], abs=0.01)
+    assert np.abs(simulation._data.qvel[6:]).max(initial=0) < 0.1, "its wheels stand"
 
 
 def test_a_rover_that_makes_no_way_says_so_once_where_it_is(caplog):

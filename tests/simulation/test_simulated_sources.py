@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
+from ros_visualise.errors import RosVisualiseError
 from ros_visualise.nodes import find
 from ros_visualise.sources.playback import Playback
 
@@ -21,6 +22,11 @@ def make(robot, playback, **params):
 
 def take(source, count):
     return list(itertools.islice(source.messages(), count))
+
+
+def take_last(messages):
+    *_, last = messages
+    return last
 
 
 @pytest.mark.parametrize("robot", ["husky", "quadrotor"])
@@ -51,6 +57,30 @@ def test_it_ends_with_its_mission_when_nobody_looks_on(tmp_path):
     truth = [m for n, m in make("husky", playback, mission=str(mission)).messages() if n == "truth"]
     assert 2 < truth[-1].header.stamp_ns / S < 20
     np.testing.assert_allclose(truth[-1].position_xyz[:2], [2, 0], atol=0.3)
+
+
+@pytest.fixture
+def blocked(tmp_path):
+    """A mission's file, into the playpen's fence."""
+    mission = tmp_path / "blocked.yaml"
+    mission.write_text("waypoints: [[0, 1.5, 0], [0, 20, 0]]\n")
+    return {"world": "playpen", "mission": str(mission), "mission_timeout": 4.0}
+
+
+def test_it_fails_with_its_mission_when_nobody_looks_on(blocked):
+    playback = Playback(rate=0, duration_s=90)
+    messages = make("husky", playback, **blocked).messages()
+    with pytest.raises(RosVisualiseError, match=r"husky gave up its mission at \(.*for 4 s"):
+        take_last(messages)
+    assert 10 < playback.state.position_s < 60
+
+
+def test_a_mission_that_fails_while_somebody_looks_on_is_told_once(blocked, caplog):
+    playback = Playback(rate=0, duration_s=40, hold=True)
+    _, last = take_last(make("husky", playback, **blocked).messages())
+    assert last.header.stamp_ns > 39 * S
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].startswith("husky gave up its mission at (")
 
 
 def test_a_velocity_moves_it():
@@ -86,15 +116,18 @@ def test_a_seek_goes_there_and_back():
 
 def test_set_down_anew_it_goes_on_in_time():
     playback = Playback(rate=0, duration_s=30)
-    for _, message in make("husky", playback, mission="square").messages():
-        if message.header.stamp_ns > 2 * S:
-            break
-    playback.restart()
+    source = make("husky", playback, mission="square")
+    for name, message in source.messages():
+        if message.header.stamp_ns == 4 * S and name == "truth":
+            assert np.linalg.norm(message.position_xyz[:2]) > 0.5
+            source.reset()
     assert playback.take_restart()
     again = take(make("husky", playback), 200)
     truth = [message for name, message in again if name == "truth"]
-    assert truth[0].header.stamp_ns >= 2 * S
-    assert again[-1][1].header.stamp_ns < 4 * S
+    odom = next(message for name, message in again if name == "odom")
+    np.testing.assert_allclose(odom.position_xyz, 0, atol=1e-3)
+    assert truth[0].header.stamp_ns >= 4 * S
+    assert again[-1][1].header.stamp_ns < 6 * S
     assert abs(truth[0].position_xyz[0] - START_X) < 0.05
 
 

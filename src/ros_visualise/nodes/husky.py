@@ -34,6 +34,11 @@ class Husky(SimulatedRobot):
         """Stop, and give up what it was doing."""
         self.act("stop")
 
+    @action("set it down at its start; all begins anew but time")
+    def reset(self) -> None:
+        """Set it down at its start, where all begins anew but time."""
+        super().reset()
+
     @action("begin its mission anew")
     def start_mission(self) -> None:
         """Begin its mission anew."""

@@ -123,6 +123,10 @@ class Carrot:
             self.point = self.route.at(self.way_m)
         return self.point
 
+    def reached_m(self, follower: Vector) -> float:
+        """How far along the way the follower is, or a little less in a curve."""
+        return self.way_m - math.dist(self.point, follower)
+
     def _find_stops(self) -> Iterator[float]:
         """How far along the way it waits, lap after lap, and at last its end."""
         route = self.route

@@ -25,6 +25,9 @@ class RobotParams:
     command_timeout: float = setting(
         0.5, "seconds after which a velocity command is forgotten", min=0.05, max=60
     )
+    mission_timeout: float = setting(
+        30.0, "seconds without progress after which a mission is given up", min=1, max=3600
+    )
     truth_rate: float = setting(50.0, "ground truth, messages a second", min=0.1, max=200)
 
     camera: bool = setting(True, "the camera is on", group="camera")

@@ -90,7 +90,12 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """The mission is over."""
-        return self._robot.finished
+        return self._robot.errand.finished
+
+    @property
+    def failure(self) -> str:
+        """What ended the mission, or all that the robot does, too early, in one line; or empty."""
+        return self._robot.errand.failure
 
     @property
     def actions(self) -> tuple[str, ...]:
@@ -116,7 +121,7 @@ class Simulation:
         try:
             while True:
                 while orders:
-                    orders.popleft()()
+                    self._obey(orders.popleft())
                 stamp_ns = self._steps * self._step_ns
                 control(stamp_ns / 1e9)
                 step(model, data)
@@ -141,8 +146,9 @@ class Simulation:
         To one on the ground plane, as rviz's tool sends it, a quadrotor flies as high as it is.
 
         Raises:
-            UsageError: the pose is in another frame, or not finite.
+            UsageError: the pose is in another frame, or not finite, or the robot has tipped over.
         """
+        self._check_upright()
         _check_finite("a way point", goal.position_xyz, goal.quat_xyzw)
         if goal.header.frame_id not in ("", frames.MAP):
             raise UsageError(f"a way point is in the frame map, not {goal.header.frame_id}")
@@ -162,8 +168,9 @@ class Simulation:
         """Do one of `actions`.
 
         Raises:
-            UsageError: there is none of that name.
+            UsageError: there is none of that name, or the robot has tipped over.
         """
+        self._check_upright()
         if action not in self.actions:
             raise UsageError(f"no action {action!r}; there are {', '.join(self.actions)}")
         mission = self._mission
@@ -175,6 +182,14 @@ class Simulation:
     def close(self) -> None:
         """Free what the renderer holds; by the thread that ran `run`."""
         self._suite.close()
+
+    def _obey(self, order: Callable[[], None]) -> None:
+        if not self._robot.balance.lost:
+            order()
+
+    def _check_upright(self) -> None:
+        if self._robot.balance.lost:
+            raise UsageError(f"the {self._name} has tipped over: reset it")
 
     def _set_down(self) -> Any:
         """Put the robot at its start, motors at rest, and let its weight come to rest there."""

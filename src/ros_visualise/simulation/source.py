@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from typing import Any
@@ -18,10 +19,13 @@ from ros_visualise.data import (
     Transforms,
     Twist,
 )
+from ros_visualise.errors import RosVisualiseError
 from ros_visualise.simulation.settings import PlaceParams, RobotParams
 from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.streams import Output
 from ros_visualise.sources.playback import Playback
+
+log = logging.getLogger(__name__)
 
 INPUTS = {"cmd_vel": Twist, "goal": PoseStamped}
 OUTPUTS = {
@@ -80,6 +84,7 @@ class SimulatedRobot:
         self._timeout_ns = round(settings.command_timeout * 1e9)
         self._told: tuple[float, ...] | None = None
         self._told_ns = 0
+        self._failure = ""
         self._ended: tuple[float, ...] | None = None
         self._sought_ns = 0
         self._simulation = self._make()
@@ -95,6 +100,9 @@ class SimulatedRobot:
         """(Time since the start, messages), from those shown at that time on.
 
         The first batch holds the last message of each output until then, the image at its end.
+
+        Raises:
+            RosVisualiseError: a mission that it was to end with has failed.
         """
         start_ns -= self._origin_ns
         simulation = self._begin(start_ns)
@@ -105,9 +113,23 @@ class SimulatedRobot:
             else:
                 yield from self._show(shown)
                 yield output.stamp_ns + self._origin_ns, (output,)
-            if self._playback.closed or (simulation.finished and not self._playback.holds):
+            self._tell(simulation.failure)
+            if self._playback.closed or self._is_over():
                 break
         yield from self._show(shown)
+        if simulation.failure and self._is_over():
+            raise RosVisualiseError(simulation.failure)
+
+    def _is_over(self) -> bool:
+        """Nobody looks on, and the mission is over."""
+        return self._simulation.finished and not self._playback.holds
+
+    def _tell(self, failure: str) -> None:
+        """Say once what failed; the end of everything says it by itself."""
+        if failure != self._failure and not self._is_over():
+            self._failure = failure
+            if failure:
+                log.warning("%s", failure)
 
     def _show(self, shown: dict[str, Output]) -> Iterator[tuple[int, Batch]]:
         """Let go of what is held."""
@@ -138,6 +160,10 @@ class SimulatedRobot:
         """Do what `Simulation.act` knows."""
         self._ended = self._told
         self._simulation.act(action)
+
+    def reset(self) -> None:
+        """Set it down at its start, where all begins anew but time."""
+        self._playback.restart()
 
     def _has_ended(self, twist: Twist) -> bool:
         told, time_ns = (*twist.linear_xyz, *twist.angular_xyz), self._simulation.time_ns

@@ -12,6 +12,8 @@ from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BASE
+from ros_visualise.simulation.robots.balance import Balance
+from ros_visualise.simulation.robots.errand import Errand
 
 
 class Body:
@@ -69,12 +71,14 @@ class Robot(Protocol):
     Attributes:
         body: its base in the physics.
         actions: what it can be told to do by name.
-        finished: a mission was given and is over.
+        balance: where it is lost the robot does nothing.
+        errand: its mission.
     """
 
     actions: Mapping[str, Callable[[], None]]
-    finished: bool
+    balance: Balance
     body: Body
+    errand: Errand
 
     def control(self, time_s: float) -> None:
         """Set the actuators for the next step."""

@@ -9,7 +9,9 @@ from typing import Any
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
 from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.robots.errand import Errand
 from ros_visualise.simulation.robots.progress import Progress
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
@@ -56,16 +58,18 @@ class Husky:
         self._cruise = MAX_SPEED
         self._final_yaw: float | None = None
         self._progress = Progress("husky")
-        self.finished = False
+        self.balance = Balance()
+        self.errand = Errand("husky", params.mission_timeout)
         self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
 
     def stop(self) -> None:
         """Stand still, and give up what it was doing."""
         self._carrot, self._wanted = None, (0.0, 0.0)
+        self.errand.drop()
 
     def command(self, twist: Twist, time_s: float) -> None:
         """Go with linear x and angular z."""
-        self._carrot = None
+        self.stop()
         self._wanted = float(twist.linear_xyz[0]), float(twist.angular_xyz[2])
         self._commanded_s = time_s
 
@@ -75,13 +79,14 @@ class Husky:
         place = (float(goal.position_xyz[0]), float(goal.position_xyz[1]), 0.0)
         self._follow(Route([self._place(), place]), 1, MAX_SPEED)
         self._final_yaw = yaw_of((w, x, y, z))
+        self.errand.drop()
 
     def start(self, mission: Mission) -> None:
         """Go to the mission's way and along it."""
         route = mission.route()
-        self.finished = False
         self._follow(route, mission.laps, min(mission.speed, MAX_SPEED))
         self._final_yaw = None if route.closed else route.yaws[-1]
+        self.errand.begin()
 
     def control(self, time_s: float) -> None:
         """Wheel speeds for the next step."""
@@ -97,6 +102,7 @@ class Husky:
 
     def _navigate(self, time_s: float) -> None:
         """Choose speed and turn rate, and see whether it gets on."""
+        self._give_up_in_vain()
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
         elif time_s - self._commanded_s > self._params.command_timeout:
@@ -135,6 +141,17 @@ class Husky:
         wanted, actual = (self._speed, TRACK * self._turn), (ahead, TRACK * turn)
         self._progress.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
+    def _give_up_in_vain(self) -> None:
+        """Stop where it lies on its side, or its mission makes no progress."""
+        dt_s, (x, y, z) = self._dt_s * _NAVIGATION_STEPS, self._place()
+        w, qx, qy, qz = self._data.qpos[3:7].tolist()
+        if self.balance.is_lost((w, qx, qy, qz), dt_s):
+            self.errand.end(f"husky lies on its side at ({x:.1f}, {y:.1f})")
+            self.stop()
+        gone_m = self._carrot.reached_m((x, y, z)) if self._carrot is not None else 0.0
+        if self.errand.is_held(gone_m, (x, y, z), dt_s):
+            self.stop()
+
     def _place(self) -> Vector:
         x, y = self._data.qpos[:2].tolist()
         return x, y, 0.0
@@ -170,7 +187,8 @@ class Husky:
             off = wrap(self._final_yaw - self._yaw())
             if abs(off) > 0.02:
                 return 0.0, max(-1.0, min(1.0, 2.5 * off))
-        self._carrot, self.finished = None, True
+        self._carrot = None
+        self.errand.end()
         return 0.0, 0.0
 
 

@@ -11,7 +11,9 @@ from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
 from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
 from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.robots.errand import Errand
 from ros_visualise.simulation.robots.progress import Progress
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
@@ -65,7 +67,8 @@ class Quadrotor:
         self._commanded_s = -math.inf
         self._touched_s = 0.0
         self._progress = Progress("quadrotor")
-        self.finished = False
+        self.balance = Balance()
+        self.errand = Errand("quadrotor", params.mission_timeout)
         self.actions: Mapping[str, Callable[[], None]] = {
             "take_off": self.take_off,
             "land": self.land,
@@ -74,19 +77,23 @@ class Quadrotor:
 
     def take_off(self) -> None:
         """Rise and stay there."""
-        self._next = []
+        self._forget()
         self._rise(TAKE_OFF_M)
 
     def land(self) -> None:
         """Come down where it is."""
-        self._next = []
+        self._forget()
         self._descend()
 
     def stop(self) -> None:
         """Stand in the air, and give up what it was doing."""
-        self._next, self._carrot = [], None
+        self._forget()
+        self._carrot = None
         if self._mode is not Mode.LANDED:
             self._mode = Mode.FLYING
+            place = self._state().position
+            if math.dist(self._point, place) > _HELD_M:
+                self._point, self._velocity = place, (0.0, 0.0, 0.0)
             self._fly([self._point], _CLIMB)
 
     def command(self, twist: Twist, time_s: float) -> None:
@@ -99,7 +106,8 @@ class Quadrotor:
             return
         if self._mode is Mode.LANDED:
             self._wake()
-        self._next, self._carrot, self._mode = [], None, Mode.COMMANDED
+        self._forget()
+        self._carrot, self._mode = None, Mode.COMMANDED
         self._twist, self._commanded_s = ((x, y, z), float(twist.angular_xyz[2])), time_s
 
     def go_to(self, goal: PoseStamped) -> None:
@@ -112,11 +120,13 @@ class Quadrotor:
         if pz <= 0:
             pz = TAKE_OFF_M if self._mode is Mode.LANDED else max(self._point[2], _LOWEST_M)
         yaw = yaw_of((w, x, y, z))
+        self._forget()
         self._after_take_off(pz, lambda: self._fly([self._point, (px, py, pz)], 2.0, yaw=yaw))
 
     def start(self, mission: Mission) -> None:
         """Take off, fly to the mission's way and along it, return and land."""
-        self.finished = False
+        self._forget()
+        self.errand.begin()
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
         first = route.points[0]
         self._after_take_off(first[2], lambda: self._fly([self._point, first], speed))
@@ -127,14 +137,15 @@ class Quadrotor:
             x, y, _ = self._home
             self._next.append(lambda: self._fly([self._point, (x, y, self._point[2])], speed))
             self._next.append(self._descend)
-        self._next.append(self._finish)
+        self._next.append(self.errand.end)
 
     def control(self, time_s: float) -> None:
         """Thrusts for the next step."""
+        state = self._state()
+        self._give_up_in_vain(state)
         if self._mode is Mode.LANDED:
             self._data.ctrl[:] = 0.0
             return
-        state = self._state()
         acceleration = self._move(time_s, state.position)
         self._keep_near(state)
         target = SetPoint(self._point, self._velocity, acceleration, self._yaw, self._yaw_rate)
@@ -170,7 +181,6 @@ class Quadrotor:
         self._fly([self._point, (x, y, max(z, height_m))], _CLIMB)
 
     def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
-        self._next = []
         if self._mode is Mode.LANDED:
             self._rise(max(height_m, _LOWEST_M))
             self._next.append(then)
@@ -183,13 +193,28 @@ class Quadrotor:
 
     def _go_along(self, carrot: Carrot, speed: float) -> None:
         self._carrot, self._cruise = carrot, speed
+        self.errand.begin_leg()
 
     def _descend(self) -> None:
         if self._mode is not Mode.LANDED:
             self._mode, self._carrot, self._touched_s = Mode.LANDING, None, 0.0
+            self.errand.begin_leg()
 
-    def _finish(self) -> None:
-        self.finished = True
+    def _forget(self) -> None:
+        """Give up what was to come next, and a mission."""
+        self._next = []
+        self.errand.drop()
+
+    def _give_up_in_vain(self, state: State) -> None:
+        """Turn the motors off where it has tipped over; stand where a mission makes no progress."""
+        x, y, z = state.position
+        if self.balance.is_lost(state.attitude, self._dt_s):
+            self.errand.end(f"quadrotor tipped over at ({x:.1f}, {y:.1f}): motors off")
+            self._forget()
+            self._carrot, self._mode = None, Mode.LANDED
+        gone_m = self._carrot.reached_m(state.position) if self._carrot else -z
+        if self.errand.is_held(gone_m, state.position, self._dt_s):
+            self.stop()
 
     def _move(self, time_s: float, place: Vector) -> Vector:
         """Move the point by one step; returns its acceleration."""
