@@ -70,6 +70,20 @@ def test_a_damaged_page_costs_its_own_messages(tmp_path: Path) -> None:
     recording.close()
 
 
+@pytest.mark.parametrize("at", [3, 5, 40, 700, 1500, 3000, 3900, 4093, 4095])
+def test_a_damaged_index_costs_no_message(tmp_path: Path, at: int) -> None:
+    """One wrong byte of each of its pages, which may also hide what follows in it."""
+    messages, file = made(tmp_path / "bag")
+    content = bytearray(file.read_bytes())
+    for start in range(PAGE_BYTES, len(content), PAGE_BYTES):
+        if content[start] == 10:  # a leaf of an index
+            content[start + at] ^= 0x5A
+    file.write_bytes(content)
+    recording = open_rosbag2(tmp_path / "bag")
+    assert written(recording.read()) == messages
+    recording.close()
+
+
 def test_any_bytes_of_a_database_may_be_wrong(tmp_path: Path) -> None:
     _, file = made(tmp_path / "bag")
     content = file.read_bytes()

@@ -34,6 +34,11 @@ from ros_visualise.sources.recordings.storage import (
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
 _MOST_AT_ONCE, _BYTES_AT_ONCE = 256, 1 << 18  # rows that are fetched while holding the lock
+_TOTALS = "count(*)" + "".join(
+    f", coalesce(sum({part} & 0xFFFFFFFF), 0)" for part in ("id", "timestamp", "(timestamp >> 32)")
+)
+"""Which differ where an index has other rows or stamps than the table, or is not in order."""
+
 _ROW = np.dtype([("id", "<i8"), ("stamp_ns", "<i8"), ("topic", "<i8")])
 
 _Rows = npt.NDArray[np.void]
@@ -141,16 +146,20 @@ class SqliteFile:
             sqlite3.DatabaseError: the file is damaged.
         """
         found = self._database.execute(
-            "SELECT topic_id, count(*), min(timestamp), max(timestamp)"
+            f"SELECT topic_id, {_TOTALS}, min(timestamp), max(timestamp)"
             " FROM messages NOT INDEXED GROUP BY topic_id"
         ).fetchall()
         if not all(isinstance(value, int) for row in found for value in row):
             raise sqlite3.DatabaseError("its rows are damaged")
-        counts = {topic: count for topic, count, _, _ in found}
-        [(indexed,)] = self._database.execute("SELECT count(*) FROM messages")
-        if indexed != sum(counts.values()):
-            raise sqlite3.DatabaseError("its index lacks messages")
-        return counts, [(min(r[2] for r in found), max(r[3] for r in found))] if found else []
+        counts = {row[0]: row[1] for row in found}
+        totals = tuple(sum(row[column] for row in found) for column in (1, 2, 3, 4))
+        [indexed] = self._database.execute(
+            f"SELECT {_TOTALS} FROM messages WHERE timestamp >= ? AND timestamp < ?",
+            (_EARLIEST_NS, _LATEST_NS),
+        )
+        if indexed != totals:
+            raise sqlite3.DatabaseError("its index is not that of its messages")
+        return counts, [(min(r[-2] for r in found), max(r[-1] for r in found))] if found else []
 
     def _ordered(self, query: Query) -> Iterator[Any]:
         """What is asked for, by SQLite's index; nothing where that does not serve."""
