@@ -18,20 +18,24 @@ _COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3
 
 
 class Plots:
-    """Two plots in the present container, one line for each topic."""
+    """Two plots in the present container, one line for each topic.
+
+    What comes from outside has no latency.
+    """
 
     def __init__(self, gui: viser.GuiApi, graph: Graph) -> None:
         self._publishers = {name: topic.publisher for name, topic in graph.topics.items()}
         self._start_s = time.monotonic()
         self._rates = _Plot(gui, "messages per second", list(self._publishers))
-        self._latencies = _Plot(gui, "ms since the source", list(self._publishers))
+        self._made = [name for name, node in self._publishers.items() if graph.node(node).inputs]
+        self._latencies = _Plot(gui, "ms since the source", self._made)
 
     def add(self, report: dict[str, Any]) -> None:
         """Go on with the rates and latencies of a run report."""
         now_s = time.monotonic() - self._start_s
         topics, nodes = report["topics"], report["nodes"]
-        self._rates.add(now_s, [topics.get(t, {}).get("wall_hz") for t in self._publishers])
-        self._latencies.add(now_s, [nodes[node]["p50_ms"] for node in self._publishers.values()])
+        self._rates.add(now_s, [topics.get(t, {}).get("wall_hz") or 0.0 for t in self._publishers])
+        self._latencies.add(now_s, [nodes[self._publishers[t]]["p50_ms"] for t in self._made])
 
     def remove(self) -> None:
         """Take them off the page."""
@@ -45,7 +49,7 @@ class _Plot:
         self._element = add_plot(gui, title, topics) if topics else None
 
     def add(self, time_s: float, values: Sequence[float | None]) -> None:
-        self._rows.append([time_s, *(value or 0.0 for value in values)])
+        self._rows.append([time_s, *(float("nan") if value is None else value for value in values)])
         if self._element is not None and len(self._rows) > 1:
             self._element.data = tuple(np.array(self._rows, np.float64).T.copy())
 

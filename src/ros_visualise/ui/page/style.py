@@ -10,6 +10,8 @@ STYLE = f"""<style>
 /* An image fills its window's width; in a docked window it stays in view below the parameters. */
 img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 {_ROOM}
+/* Scroll bars lie over what they scroll: thin ones beside it. */
+.mantine-ScrollArea-root {{ --scrollarea-scrollbar-size: 8px !important; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
 [data-dock-region] img[src^="blob:"] {{
   max-height: max(100px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
