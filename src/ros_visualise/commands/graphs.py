@@ -82,7 +82,9 @@ def _demo(args: Namespace) -> Graph:
 def _sim(args: Namespace) -> Graph:
     mission = args.mission or _NONE
     if mission == _NONE and args.view == "none" and args.duration is None and args.frames is None:
-        raise UsageError("the robot would stand for ever: add --mission square or --duration 60")
+        raise UsageError(
+            "the robot would stand for ever: add --mission lawn_mower or --duration 60"
+        )
     place = {"world": args.world, "mission": mission, "seed": args.seed}
     return simulation_pipeline(args.robot, **place, **_camera_size(args))
 

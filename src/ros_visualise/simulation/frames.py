@@ -83,14 +83,14 @@ def fixed_frames(
         _transform(0, BASE, "base_footprint", np.array([0.0, 0.0, -floor_m]), _LEVEL),
         *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
         _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
-        *wheel_frames(model),
+        *_wheel_frames(model),
     ]
     if not mounting.gimbal:
         frames.append(mounting.camera_in_body(0, _LEVEL))
     return Transforms(tuple(frames))
 
 
-def wheel_frames(model: Any) -> list[TransformStamped]:
+def _wheel_frames(model: Any) -> list[TransformStamped]:
     """Frames of the bodies that hang on the base; their own turning is not told."""
     frames = []
     for number in range(2, model.nbody):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ros_visualise.data import Floats, PoseStamped, Transforms, Twist
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.simulation import frames
+from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
@@ -27,7 +27,7 @@ from ros_visualise.simulation.worlds.rooms import ROOMS
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
 
-_FLOORS = {"husky": husky.WHEEL_RADIUS - 0.03282, "quadrotor": quadrotor.STANDING_M}
+_STANDING_M = {"husky": husky.STANDING_M, "quadrotor": quadrotor.STANDING_M}
 _SETTLING_S = 1.0  # before the start, so that the first measurements are of a robot at rest
 
 
@@ -75,7 +75,7 @@ class Simulation:
         self._suite = Suite(self._robot, self._model, self._data, self.settings, mounting, seed)
         self._timetable = Timetable(self._suite.streams, wants)
         self._fixed: Transforms = frames.fixed_frames(
-            self._model, mounting, self.start_pose, _FLOORS[robot]
+            self._model, mounting, self.start_pose, _STANDING_M[robot]
         )
         self._description = describe(self._model, self._fixed)
         self._mission = self._find(mission)
@@ -191,12 +191,11 @@ class Simulation:
         if self._robot.balance.lost:
             raise UsageError(f"the {self._name} has tipped over: reset it")
 
-    def _set_down(self) -> Any:
+    def _set_down(self) -> tuple[Vector, Quat]:
         """Put the robot at its start, motors at rest, and let its weight come to rest there."""
         mujoco = load_mujoco()
         x, y, yaw = self.world.starts[self._name]
-        start = {"husky": husky.start_pose, "quadrotor": quadrotor.start_pose}[self._name]
-        position, attitude = start(x, y, yaw)
+        position, attitude = (x, y, _STANDING_M[self._name]), from_yaw(yaw)
         self._data.qpos[:7] = (*position, *attitude)
         mujoco.mj_step(self._model, self._data, round(_SETTLING_S / self._model.opt.timestep))
         self._data.time = 0.0

@@ -24,7 +24,7 @@ class Balance:
         """It has tipped over, and lies so."""
         return self._tipped_s > _PATIENCE_S
 
-    def is_lost(self, attitude: Quat, dt_s: float) -> bool:
+    def watch(self, attitude: Quat, dt_s: float) -> bool:
         """Take in one step; whether it is what tipped it over."""
         _, x, y, _ = attitude
         was_lost, upright = self.lost, 1 - 2 * (x * x + y * y) > _LIMIT

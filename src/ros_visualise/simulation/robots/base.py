@@ -66,7 +66,7 @@ class Body:
 
 
 class Robot(Protocol):
-    """A robot in its world. All of it is called by the thread that steps the physics.
+    """A robot in its world. No thread calls its methods but the one that steps the physics.
 
     Attributes:
         body: its base in the physics.

@@ -45,7 +45,7 @@ class Errand:
         self.finished = self.finished or self._under_way
         self.failure, self._under_way = failure, False
 
-    def is_held(self, gone_m: float, place: Vector, dt_s: float) -> bool:
+    def watch(self, gone_m: float, place: Vector, dt_s: float) -> bool:
         """Take in one step; whether the mission was given up in it.
 
         Args:

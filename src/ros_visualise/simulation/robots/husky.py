@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
-from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
+from ros_visualise.simulation.attitude import Quat, Vector, wrap, yaw_of
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
@@ -18,6 +18,7 @@ from ros_visualise.simulation.sensors.odometry import WheelOdometry
 from ros_visualise.simulation.settings import HuskyParams
 
 WHEEL_RADIUS = 0.1651  # m
+STANDING_M = WHEEL_RADIUS - 0.03282  # of base_link over the ground
 WHEELBASE = 0.512  # m
 TRACK = 0.5708  # m
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
@@ -102,7 +103,7 @@ class Husky:
 
     def _navigate(self, time_s: float) -> None:
         """Choose speed and turn rate, and see whether it gets on."""
-        self._give_up_in_vain()
+        self._give_up_if_lost()
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
         elif time_s - self._commanded_s > self._params.command_timeout:
@@ -141,24 +142,26 @@ class Husky:
         wanted, actual = (self._speed, TRACK * self._turn), (ahead, TRACK * turn)
         self._progress.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
-    def _give_up_in_vain(self) -> None:
+    def _give_up_if_lost(self) -> None:
         """Stop where it lies on its side, or its mission makes no progress."""
-        dt_s, (x, y, z) = self._dt_s * _NAVIGATION_STEPS, self._place()
-        w, qx, qy, qz = self._data.qpos[3:7].tolist()
-        if self.balance.is_lost((w, qx, qy, qz), dt_s):
-            self.errand.end(f"husky lies on its side at ({x:.1f}, {y:.1f})")
+        dt_s, place = self._dt_s * _NAVIGATION_STEPS, self._place()
+        if self.balance.watch(self._attitude(), dt_s):
+            self.errand.end(f"husky lies on its side at ({place[0]:.1f}, {place[1]:.1f})")
             self.stop()
-        gone_m = self._carrot.reached_m((x, y, z)) if self._carrot is not None else 0.0
-        if self.errand.is_held(gone_m, (x, y, z), dt_s):
+        gone_m = 0.0 if self._carrot is None else self._carrot.reached_m(place)
+        if self.errand.watch(gone_m, place, dt_s):
             self.stop()
 
     def _place(self) -> Vector:
         x, y = self._data.qpos[:2].tolist()
         return x, y, 0.0
 
-    def _yaw(self) -> float:
+    def _attitude(self) -> Quat:
         w, x, y, z = self._data.qpos[3:7].tolist()
-        return yaw_of((w, x, y, z))
+        return w, x, y, z
+
+    def _yaw(self) -> float:
+        return yaw_of(self._attitude())
 
     def _follow(self, route: Route, laps: int, speed: float) -> None:
         flat = [(x, y, 0.0) for x, y, _ in route.points]
@@ -190,11 +193,6 @@ class Husky:
         self._carrot = None
         self.errand.end()
         return 0.0, 0.0
-
-
-def start_pose(x: float, y: float, yaw: float) -> tuple[Vector, Quat]:
-    """Where base_link is, set down there."""
-    return (x, y, WHEEL_RADIUS - 0.03282), from_yaw(yaw)
 
 
 def _approach(now: float, wanted: float, limit: float, step: float) -> float:

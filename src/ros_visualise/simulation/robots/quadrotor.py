@@ -8,7 +8,7 @@ from enum import Enum
 from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
-from ros_visualise.simulation.attitude import Quat, Vector, from_yaw, wrap, yaw_of
+from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
 from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.balance import Balance
@@ -142,7 +142,7 @@ class Quadrotor:
     def control(self, time_s: float) -> None:
         """Thrusts for the next step."""
         state = self._state()
-        self._give_up_in_vain(state)
+        self._give_up_if_lost(state)
         if self._mode is Mode.LANDED:
             self._data.ctrl[:] = 0.0
             return
@@ -205,15 +205,15 @@ class Quadrotor:
         self._next = []
         self.errand.drop()
 
-    def _give_up_in_vain(self, state: State) -> None:
+    def _give_up_if_lost(self, state: State) -> None:
         """Turn the motors off where it has tipped over; stand where a mission makes no progress."""
         x, y, z = state.position
-        if self.balance.is_lost(state.attitude, self._dt_s):
+        if self.balance.watch(state.attitude, self._dt_s):
             self.errand.end(f"quadrotor tipped over at ({x:.1f}, {y:.1f}): motors off")
             self._forget()
             self._carrot, self._mode = None, Mode.LANDED
         gone_m = self._carrot.reached_m(state.position) if self._carrot else -z
-        if self.errand.is_held(gone_m, state.position, self._dt_s):
+        if self.errand.watch(gone_m, state.position, self._dt_s):
             self.stop()
 
     def _move(self, time_s: float, place: Vector) -> Vector:
@@ -290,8 +290,3 @@ class Quadrotor:
             self._mode = Mode.LANDED
             if self._next:
                 self._next.pop(0)()
-
-
-def start_pose(x: float, y: float, yaw: float) -> tuple[Vector, Quat]:
-    """Where base_link is, set down there."""
-    return (x, y, STANDING_M), from_yaw(yaw)
