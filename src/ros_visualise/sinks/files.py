@@ -33,7 +33,7 @@ class TargetFile:
         try:
             self._file = path.open("wb" if overwrite else "xb", buffering=0)
         except FileExistsError:
-            raise OpenError(f"{path} exists; add --overwrite or choose another name") from None
+            raise already_there(path) from None
         except FileNotFoundError:
             raise OpenError(f"{path}: there is no folder {path.parent}; create it first") from None
         except OSError as error:
@@ -60,9 +60,6 @@ class TargetFile:
     def tell(self) -> int:
         """As of any file."""
         return self._file.tell()
-
-    def flush(self) -> None:
-        """Nothing waits: each write goes to the system at once."""
 
     @property
     def size(self) -> int:
@@ -97,6 +94,11 @@ class TargetFile:
         """Close it and delete it."""
         self._file.close()
         self.path.unlink(missing_ok=True)
+
+
+def already_there(path: Path) -> OpenError:
+    """What to tell where something exists that is not to be replaced."""
+    return OpenError(f"{path} exists; add --overwrite or choose another name")
 
 
 def recording_failed(path: Path, error: Exception, kept: int) -> RecordingError:

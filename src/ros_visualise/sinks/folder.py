@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
-from ros_visualise.sinks.files import recording_failed
+from ros_visualise.sinks.files import already_there, recording_failed
 from ros_visualise.sinks.mcap import McapRecorder
 
 _METADATA = "metadata.yaml"
@@ -112,7 +112,7 @@ class FolderRecorder:
 
 def _make_folder(path: Path, overwrite: bool) -> None:
     if path.exists() and not overwrite:
-        raise OpenError(f"{path} exists; add --overwrite or choose another name")
+        raise already_there(path)
     if path.exists() and not path.is_dir():
         raise OpenError(f"{path}: is a file; choose another name for a ROS 2 bag's folder")
     try:

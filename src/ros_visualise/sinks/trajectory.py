@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path as File
 
 from ros_visualise.data import Path
-from ros_visualise.errors import OpenError, RecordingError
+from ros_visualise.errors import RecordingError
 from ros_visualise.geometry.transforms import from_pose
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.files import TargetFile, already_there
 
 _NS = 1_000_000_000
 
@@ -20,7 +20,7 @@ def refuse_existing(file: File, overwrite: bool) -> None:
         OpenError: it exists and is not to be replaced.
     """
     if file.exists() and not overwrite:
-        raise OpenError(f"{file} exists; add --overwrite or choose another name")
+        raise already_there(file)
 
 
 def save(file: File, data: bytes, overwrite: bool) -> None:

@@ -43,6 +43,13 @@ def parse_size(text: str) -> Size | None:
     return width, height
 
 
+class _Local(threading.local):
+    """A reformatter serves one thread at a time."""
+
+    def __init__(self) -> None:
+        self.reformatter = VideoReformatter()
+
+
 class Converter:
     """Makes images of frames.
 
@@ -53,7 +60,7 @@ class Converter:
 
     def __init__(self, size: Size | None = None) -> None:
         self._size = size
-        self._local = threading.local()  # a reformatter serves one thread at a time
+        self._local = _Local()
 
     def image(self, frame: VideoFrame) -> Image:
         """The image of a frame, upright."""
@@ -69,8 +76,6 @@ class Converter:
         width, height = self._size or upright_size(frame)
         if turns % 2:
             width, height = height, width
-        if not hasattr(self._local, "reformatter"):
-            self._local.reformatter = VideoReformatter()
         how = "BICUBIC" if self._size is None else "BILINEAR"  # FFmpeg's own choice for colours
         scaled = self._local.reformatter.reformat(
             frame, width, height, _PIXEL_FORMATS[encoding], interpolation=how

@@ -55,9 +55,9 @@ class Entry(NamedTuple):
 class TopicInfo:
     """What a recording says of a topic; ``messages`` counts those that are there.
 
-    ``digest`` is the MD5 or hash of its type as the recording has it. ``readable`` is empty, or
-    says why its messages can not be read. ``other_types``: name -> digest of those whose messages
-    are left out, as the topic is of ``type``.
+    ``digest`` is the MD5 or hash of its type as the recording has it. ``unreadable`` is empty,
+    or says why its messages can not be read. ``other_types``: name -> digest of those whose
+    messages are left out, as the topic is of ``type``.
     """
 
     type: TopicType
