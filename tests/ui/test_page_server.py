@@ -1,17 +1,20 @@
 """The page's server: its address, its silence, and clients that misbehave."""
 
+import asyncio
 import logging
 import re
 import socket
 import subprocess
 import sys
 import time
+from collections import deque
 
 import pytest
 from page_client import Client
 
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.server import close_server, open_server
 
 PROBES = [b"", b"\x16\x03\x01\x02garbage\xff\xfe\r\n\r\n", b"HEAD / HTTP/1.1\r\n\r\n"]
 PROBES += [
@@ -173,3 +176,32 @@ def test_latencies_are_plotted_of_what_nodes_made_alone(client, runtime):
     client.read_until(
         lambda: any(len(plot) == topics and plot[1][-1] > 0 for plot in client.plots.values())
     )
+
+
+class Changing(deque):
+    """Who waits for the loop: as if it changed whenever another thread looks at it."""
+
+    def __iter__(self):
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            raise RuntimeError("deque mutated during iteration") from None
+        return super().__iter__()
+
+
+def test_any_thread_changes_the_page_however_the_waiting_browsers_change(port):
+    server = open_server("127.0.0.1", port, "page")
+    server.gui.add_html("before")
+    client = Client(port)
+    client.read_until(lambda: "before" in client.html)
+    buffer = server._websock_server.get_message_buffer()
+
+    async def change_who_waits():
+        buffer.message_event._waiters = Changing(buffer.message_event._waiters)
+
+    asyncio.run_coroutine_threadsafe(change_who_waits(), buffer.event_loop).result(60)
+    for text in ("first", "second", "third"):
+        server.gui.add_html(text)
+        client.read_until(lambda text=text: text in client.html)
+    client.socket.close()
+    close_server(server)

@@ -2,39 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import logging
 import socket
 import threading
-from typing import Any
 
 import rich
 import viser
-from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 from ros_visualise.errors import OpenError
+from ros_visualise.ui.page.wakeups import mend_wakeups
 
 _CLOSE_S = 0.8
-
-
-class _LoopEvent(asyncio.Event):
-    """An event that only the loop's own thread sets.
-
-    viser sets one from whatever thread changes the page, and once more from the loop. Events are
-    not made for the first: now and then it fails, as the loop's waiters change meanwhile.
-    """
-
-    def set(self) -> None:
-        if asyncio._get_running_loop() is not None:
-            super().set()
-
-
-class _Messages(AsyncMessageBuffer):  # type: ignore[misc]
-    """viser's messages to a browser, to which any thread can add."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, message_event=_LoopEvent(), **kwargs)
 
 
 def open_server(host: str, port: int, title: str) -> viser.ViserServer:
@@ -45,6 +24,7 @@ def open_server(host: str, port: int, title: str) -> viser.ViserServer:
     """
     _check_address(host, port)
     _silence()
+    mend_wakeups()
     server = viser.ViserServer(host, port, label=title, verbose=False)
     if server.get_port() != port:  # somebody took it since; viser went on to the next
         close_server(server)
