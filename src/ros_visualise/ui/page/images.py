@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
-import time
 from collections.abc import Callable, Sequence
 from html import escape
 
@@ -16,14 +14,13 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.preview import rgb_preview
+from ros_visualise.ui.rounds import Rounds
 
 log = logging.getLogger(__name__)
 
 SIZE = 720
 """Pixels of an image's longer side on the page, to start with."""
 _PERIOD_S = 1 / 30
-_REST = 2.0
-_REST_IN_HASTE = 8.0
 _JPEG_QUALITY = 85
 
 
@@ -107,19 +104,17 @@ class ImageThread:
         in_haste: Callable[[], bool],
     ) -> None:
         self.size = SIZE
-        self._pictures, self._is_watched, self._in_haste = pictures, is_watched, in_haste
+        self._pictures, self._is_watched = pictures, is_watched
         self._said: set[str] = set()  # topics of which it was said what is wrong
-        self._at_work = threading.Lock()
-        self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="images", daemon=True)
+        self._rounds = Rounds("images", self._do_round, self._rest, _PERIOD_S, in_haste)
 
     def start(self) -> None:
         """Begin."""
-        self._thread.start()
+        self._rounds.start()
 
     def show(self, pictures: Sequence[Picture]) -> None:
         """Keep these pictures fresh from now on; the others ask for nothing any more."""
-        with self._at_work:
+        with self._rounds.at_work:
             for picture in self._pictures:
                 if picture not in pictures:
                     picture.rest()
@@ -127,30 +122,15 @@ class ImageThread:
 
     def close(self, timeout_s: float) -> None:
         """End after the round that is under way."""
-        self._closed.set()
-        if self._thread.ident is not None:
-            self._thread.join(timeout_s)
+        self._rounds.close(timeout_s)
 
-    def _run(self) -> None:
-        pause_s = 0.0
-        while not self._closed.wait(pause_s):
-            start_s, cpu_s = time.perf_counter(), time.thread_time()
-            with self._at_work:
-                self._refresh()
-            spent_s = time.perf_counter() - start_s
-            pause_s = max(_PERIOD_S - spent_s, self._rest * (time.thread_time() - cpu_s))
+    def _rest(self) -> None:
         for picture in self._pictures:
             picture.rest()
 
-    @property
-    def _rest(self) -> float:
-        """How long to pause for each second of computing: the nodes come first."""
-        return _REST_IN_HASTE if self._in_haste() else _REST
-
-    def _refresh(self) -> None:
+    def _do_round(self) -> None:
         if not self._is_watched():
-            for picture in self._pictures:
-                picture.rest()
+            self._rest()
             return
         previews: dict[int, Pixels] = {}
         for picture in self._pictures:

@@ -159,8 +159,7 @@ class Scene:
             log.warning("%s", error)
 
     def _take(self, topic: str, message: Any) -> None:
-        entry = self._topics.get(topic, type(message))
-        assert entry is not None
+        entry = self._topics.provide(topic, type(message))
         info = message if isinstance(message, CameraInfo) else None
         if isinstance(message, Image):
             info = message.camera_info

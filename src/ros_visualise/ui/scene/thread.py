@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import logging
-import threading
 import time
 from collections.abc import Callable, Container, Mapping
 
 from ros_visualise.data import Image, Text, Transforms
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime, Subscription
+from ros_visualise.ui.rounds import Rounds
 from ros_visualise.ui.scene.kinds import is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene
 
-log = logging.getLogger(__name__)
-
 _PERIOD_S = 1 / 15
 _IMAGE_PERIOD_S = 1 / 5
-_REST, _REST_IN_HASTE = 2.0, 8.0
 _HELD = (Transforms, Text)  # what holds until the next comes, whoever looked on when it came
 _TRANSFORMS = 1000  # that wait at most: none must be lost in between
 
@@ -54,23 +50,21 @@ class SceneThread:
         in_haste: Callable[[], bool],
     ) -> None:
         self._runtime, self._scene = runtime, scene
-        self._is_watched, self._in_haste = is_watched, in_haste
+        self._is_watched = is_watched
         self._transforms: dict[str, Subscription] = {}
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
         self._jumps = 0
-        self._at_work = threading.Lock()
-        self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="scene", daemon=True)
+        self._rounds = Rounds("scene", self._do_round, self._finish, _PERIOD_S, in_haste)
 
     def start(self) -> None:
         """Begin."""
-        self._thread.start()
+        self._rounds.start()
 
     def follow(self, graph: Graph) -> None:
         """Draw the topics of this graph from now on."""
-        with self._at_work:
+        with self._rounds.at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
             wanted = {topic for topic, kind in self._kinds.items() if kind in _HELD}
@@ -82,22 +76,9 @@ class SceneThread:
 
     def close(self, timeout_s: float) -> None:
         """End after the round that is under way."""
-        self._closed.set()
-        if self._thread.ident is not None:
-            self._thread.join(timeout_s)
+        self._rounds.close(timeout_s)
 
-    def _run(self) -> None:
-        pause_s = 0.0
-        while not self._closed.wait(pause_s):
-            start_s, cpu_s = time.perf_counter(), time.thread_time()
-            try:
-                with self._at_work:
-                    self._do_round()
-            except Exception:
-                log.exception("the scene failed")
-            spent_s = time.perf_counter() - start_s
-            rest = _REST_IN_HASTE if self._in_haste() else _REST
-            pause_s = max(_PERIOD_S - spent_s, rest * (time.thread_time() - cpu_s))
+    def _finish(self) -> None:
         self._rest_but(())
         for subscription in self._transforms.values():
             subscription.close()

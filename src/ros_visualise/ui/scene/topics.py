@@ -104,11 +104,18 @@ class Topics:
     def __iter__(self) -> Iterator[tuple[str, Entry]]:
         return iter(self._entries.items())
 
-    def get(self, topic: str, kind: type | None = None) -> Entry | None:
-        """That of a topic; where the kind of its messages is told, it is made if need be."""
-        if kind is not None:
-            return self._entries.setdefault(topic, Entry(kind))
+    def get(self, topic: str) -> Entry | None:
+        """That of a topic; None of one that is not drawn."""
         return self._entries.get(topic)
+
+    def provide(self, topic: str, kind: type) -> Entry:
+        """That of a topic; it is made if need be.
+
+        Args:
+            topic: its name.
+            kind: the class of its messages.
+        """
+        return self._entries.setdefault(topic, Entry(kind))
 
     def follow(self, kinds: Mapping[str, type]) -> None:
         """These are the topics from now on, and the classes of their messages."""

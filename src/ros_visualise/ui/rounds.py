@@ -1,0 +1,66 @@
+"""Work done again and again on a thread of its own, which leaves the nodes their time."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+log = logging.getLogger(__name__)
+
+_REST, _REST_IN_HASTE = 2.0, 8.0
+"""Seconds of pause for each second of computing: the nodes come first."""
+
+
+class Rounds:
+    """Does rounds until it is closed.
+
+    Args:
+        name: of the thread.
+        do_round: one round.
+        finish: done once, after the last.
+        period_s: how long a round and its pause take at least.
+        in_haste: whether the graph runs as fast as it goes, and time taken here slows it.
+
+    Attributes:
+        at_work: held during a round; who holds it may change what the rounds work on.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        do_round: Callable[[], None],
+        finish: Callable[[], None],
+        period_s: float,
+        in_haste: Callable[[], bool],
+    ) -> None:
+        self.at_work = threading.Lock()
+        self._do_round, self._finish = do_round, finish
+        self._period_s, self._in_haste = period_s, in_haste
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self, timeout_s: float) -> None:
+        """End after the round that is under way."""
+        self._closed.set()
+        if self._thread.ident is not None:
+            self._thread.join(timeout_s)
+
+    def _run(self) -> None:
+        pause_s = 0.0
+        while not self._closed.wait(pause_s):
+            start_s, cpu_s = time.perf_counter(), time.thread_time()
+            try:
+                with self.at_work:
+                    self._do_round()
+            except Exception:
+                log.exception("the %s failed", self._thread.name)
+            rest = _REST_IN_HASTE if self._in_haste() else _REST
+            spent_s = time.perf_counter() - start_s
+            pause_s = max(self._period_s - spent_s, rest * (time.thread_time() - cpu_s))
+        self._finish()
