@@ -55,7 +55,8 @@ class Driving:
             self._speed = gui.add_slider("speed", 0.1, 3.0, 0.1, 0.8, hint="m/s")
             self._turn = gui.add_slider("turn", 0.1, 2.0, 0.1, 0.6, hint="rad/s")
             labels = (*moves, f"{_STOP} stop")
-            buttons = gui.add_button_group("drive", labels, hint="keys I, M, J, L, K; T and B")
+            keys = ", ".join(key.upper() for key, _ in moves.values())
+            buttons = gui.add_button_group("drive", labels, hint=f"keys {keys}; stop: K")
         shares = {label: share for label, (_, share) in moves.items()}
         buttons.on_click(worker.listener("drive", partial(self._press, shares)))
         for label, (key, share) in moves.items():
