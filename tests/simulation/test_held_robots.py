@@ -116,6 +116,8 @@ def test_tipped_over_its_mission_fails_and_it_does_nothing_more(robot: str):
         with pytest.raises(UsageError, match=f"the {robot} has tipped over: reset it"):
             simulation.act(order)
     with pytest.raises(UsageError, match="reset it"):
+        simulation.add_mission("square")
+    with pytest.raises(UsageError, match="reset it"):
         simulation.goto(PoseStamped(np.ones(3), np.array([0, 0, 0, 1.0])))
     place = np.array([m.position_xyz for m in collect(simulation, 3.0)["truth"]])
     assert place[-1] == pytest.approx(place[-25], abs=0.01)

@@ -159,7 +159,9 @@ class Simulation:
 
         Raises:
             OpenError: there is none of that name.
+            UsageError: the robot has tipped over.
         """
+        self._check_upright()
         found = self._mission = self._find(mission)
         if found is not None:
             self._orders.append(lambda: self._robot.start(found))

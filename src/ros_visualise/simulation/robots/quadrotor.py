@@ -56,9 +56,9 @@ class Quadrotor:
         self._controller = FlightController(AIRFRAME)
         state = self._state()
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
-        self._home = state.position
         self._mode = Mode.LANDED
-        self._point, self._velocity = state.position, (0.0, 0.0, 0.0)
+        self._home = self._point = state.position
+        self._velocity = (0.0, 0.0, 0.0)
         self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
         self._carrot: Carrot | None = None
         self._cruise = _CLIMB
@@ -124,7 +124,7 @@ class Quadrotor:
         self._after_take_off(pz, lambda: self._fly([self._point, (px, py, pz)], 2.0, yaw=yaw))
 
     def start(self, mission: Mission) -> None:
-        """Take off, fly to the mission's way and along it, return and land."""
+        """Take off, fly to the mission's way and along it, return to where it took off and land."""
         self._forget()
         self.errand.begin()
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
@@ -170,7 +170,8 @@ class Quadrotor:
         state = self._state()
         self._controller.reset()
         self._mode = Mode.FLYING
-        self._point, self._velocity = state.position, (0.0, 0.0, 0.0)
+        self._home = self._point = state.position
+        self._velocity = (0.0, 0.0, 0.0)
         self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
 
     def _rise(self, height_m: float) -> None:
