@@ -10,19 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import ParameterEvent
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
-from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.node_thread import NodeThread
-from ros_visualise.runtime.ordering import recordable
 from ros_visualise.runtime.queues import Inbox, Packet
-from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
-from ros_visualise.sinks import open_recorder, parse_target
 from ros_visualise.sources.playback import Playback
 
 _STOP_TIMEOUT_S = 1.0
@@ -137,7 +133,7 @@ class LocalRuntime:
         for node in self.graph.nodes:
             for topic in tuple(node.outputs.values())[:1]:
                 nodes[node.name]["achieved_hz"] = self._topics[topic].report(window_s)["hz"]
-        return {"topics": topics, "nodes": nodes, "recordings": self._recording_report()}
+        return {"topics": topics, "nodes": nodes, "recordings": report_recordings(self._recordings)}
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
         """Record to a file from now on; a source that can wait then waits for the disk.
@@ -146,17 +142,10 @@ class LocalRuntime:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        on_demand = [name for name, topic in self.graph.topics.items() if topic.on_demand]
-        path = parse_target(str(target))[0].resolve()
-        if any(one.is_open and one.path.resolve() == path for one in self._recordings):
-            raise UsageError(f"{path}: is being recorded already; choose another name")
-        beside = calibration_topics(self.graph)
-        recorder = open_recorder(
-            str(target), recordable(self.graph), overwrite, on_demand, beside=beside
+        lossless = not self.graph.live
+        recording = record(
+            self.graph, self.parameters, target, overwrite, lossless, self._recordings
         )
-        recording = RecorderThread(recorder, self.graph, not self.graph.live)
-        for name, parameters in self.parameters.items():
-            recording.put_event(ParameterEvent(name, new=vars(parameters.current)))
         self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)
@@ -222,8 +211,3 @@ class LocalRuntime:
         if self.playback is not None:
             return not self.playback.state.playing
         return all(self._topics[name].idle_s > _IDLE_S for name in self.graph.inputs)
-
-    def _recording_report(self) -> dict[str, Any]:
-        return {
-            str(r.path): {"messages": r.written, "dropped": r.dropped} for r in self._recordings
-        }

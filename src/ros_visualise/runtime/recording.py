@@ -5,19 +5,68 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
+from collections.abc import Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from ros_visualise.data import Header, ParameterEvent
-from ros_visualise.errors import DamagedMessage, RecordingError
+from ros_visualise.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.graph import Graph
-from ros_visualise.runtime.calibrations import Calibrations
+from ros_visualise.params import Parameters
+from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import END, Packet
-from ros_visualise.sinks import PARAMETER_EVENTS, Recorder
+from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder, parse_target
 
 log = logging.getLogger(__name__)
 
 _MAX_WAITING_BYTES = 64 * 2**20
+
+
+def record(
+    graph: Graph,
+    parameters: Mapping[str, Parameters[Any]],
+    target: str | Path,
+    overwrite: bool,
+    lossless: bool,
+    others: Collection[RecorderThread],
+) -> RecorderThread:
+    """Begin a recording of a running graph, with the parameters of its nodes as they are now.
+
+    Args:
+        graph: what runs.
+        parameters: node -> its parameters.
+        target: as of `ros_visualise.sinks.open_recorder`.
+        overwrite: whether the file may exist.
+        lossless: see `RecorderThread`.
+        others: the recordings of the same graph.
+
+    Raises:
+        OpenError: it exists or cannot be written.
+        UsageError: it names a topic that there is not, or no known kind of file, or it is being
+            recorded already.
+    """
+    path = parse_target(str(target))[0].resolve()
+    if any(one.is_open and one.path.resolve() == path for one in others):
+        raise UsageError(f"{path}: is being recorded already; choose another name")
+    recorder = open_recorder(
+        str(target),
+        recordable(graph),
+        overwrite,
+        [name for name, topic in graph.topics.items() if topic.on_demand],
+        beside=calibration_topics(graph),
+    )
+    recording = RecorderThread(recorder, graph, lossless)
+    for node in graph.nodes:
+        current = parameters[node.name].current
+        recording.put_event(ParameterEvent(node.name, new=vars(current)))
+    return recording
+
+
+def report_recordings(recordings: Collection[RecorderThread]) -> dict[str, Any]:
+    """File -> how much of it is there."""
+    return {str(r.path): {"messages": r.written, "dropped": r.dropped} for r in recordings}
 
 
 class TopicInbox:

@@ -7,6 +7,8 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
+import rospy
+
 from ros_visualise.data import Image
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
@@ -74,9 +76,10 @@ class Relay:
 
 
 class Arrivals:
-    """Numbers the messages of all recorded topics as they arrive: in this order they are written.
+    """Numbers and times the messages of all recorded topics as they arrive.
 
-    Nobody on a ROS graph tells which message was made from which, nor that none will come.
+    They are written in this order and under the graph's time, as ``rosbag record`` does it. Nobody
+    on a ROS graph tells which message was made from which, nor that none will come.
     """
 
     def __init__(self, recording: RecorderThread) -> None:
@@ -91,9 +94,10 @@ class Arrivals:
         """A message has arrived; none of the other topics has one for its number."""
         with self._lock:
             self._number += 1
+            now_ns = rospy.Time.now().to_nsec() or None  # none yet: /clock has not begun
+            packet = Packet(self._number, None, time.monotonic_ns(), log_ns=now_ns)
             for name, inbox in self._recording.inboxes.items():
-                given = message if name == topic else None
-                inbox.put(Packet(self._number, given, time.monotonic_ns()))
+                inbox.put(packet._replace(message=message) if name == topic else packet)
 
 
 class _Arrival:

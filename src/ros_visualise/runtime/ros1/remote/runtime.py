@@ -15,14 +15,12 @@ from xmlrpc.client import Error as XmlRpcError
 import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.messages import to_message
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
-from ros_visualise.runtime.calibrations import calibration_topics
 from ros_visualise.runtime.queues import Inbox
-from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
 from ros_visualise.runtime.ros1.remote.declaration import our_own
 from ros_visualise.runtime.ros1.remote.discovery import Discovery, Sight
 from ros_visualise.runtime.ros1.remote.figures import Figures
@@ -33,7 +31,6 @@ from ros_visualise.runtime.ros1.services import call
 from ros_visualise.runtime.ros1.transport import Publisher
 from ros_visualise.runtime.ros1.types import TYPES, message_class
 from ros_visualise.runtime.topics import Subscription
-from ros_visualise.sinks import open_recorder, parse_target
 
 log = logging.getLogger(__name__)
 
@@ -104,30 +101,19 @@ class RemoteRuntime:
             name: self._topic_report(name, f"/{topic.publisher}", window_s)
             for name, topic in graph.topics.items()
         }
-        recordings = {
-            str(r.path): {"messages": r.written, "dropped": r.dropped} for r in self._recordings
-        }
+        recordings = report_recordings(tuple(self._recordings))
         return {"topics": topics, "nodes": nodes, "recordings": recordings}
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
-        """Record the topics that there are now, in the order in which their messages arrive.
+        """Record the topics that there are now, in the order and at the times of arrival.
 
         Raises:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        graph = self.graph
-        types = {name: topic.ros for name, topic in graph.topics.items()}
-        on_demand = [name for name, topic in graph.topics.items() if topic.on_demand]
-        path = parse_target(str(target))[0].resolve()
-        if any(one.is_open and one.path.resolve() == path for one in self._recordings):
-            raise UsageError(f"{path}: is being recorded already; choose another name")
-        beside = calibration_topics(graph)
-        recorder = open_recorder(str(target), types, overwrite, on_demand, beside=beside)
-        recording = RecorderThread(recorder, graph, lossless=False)
-        for node in graph.nodes:
-            current = self.parameters[node.name].current
-            recording.put_event(ParameterEvent(node.name, new=vars(current)))
+        recording = record(
+            self.graph, self.parameters, target, overwrite, False, tuple(self._recordings)
+        )
         arrivals = self._recordings[recording] = Arrivals(recording)
         for topic, inbox in arrivals.inboxes.items():
             self._relay(topic).connect(inbox, self._comes_compressed(topic))
