@@ -76,21 +76,22 @@ def texts_of(links):
 
 def test_the_tree_shows_frames_below_their_parents_and_what_is_known_of_each():
     texts = texts_of(TREE)
-    y = {name: float(text.get("y")) for name, text in texts.items()}
-    assert y["map"] < y["odom"] < y["base_link"] < y["camera"] == y["<laser>"]
-    assert {"50.0 Hz", "10.0 Hz", "3.0 s ago", "static"} <= set(texts)
+    x, y = ({n: float(t.get(key)) for n, t in texts.items()} for key in "xy")
+    assert y["map"] < y["odom"] < y["base_link"] < y["camera"] < y["<laser>"]
+    assert x["map"] < x["odom"] < x["base_link"] < x["camera"] == x["<laser>"]
+    assert {"50.0 Hz", "10.0 Hz, 3.0 s ago", "static"} <= set(texts)
 
 
-def test_frames_of_one_row_do_not_overlap():
-    names = [f"a_rather_long_frame_{number}" for number in range(12)]
-    texts = texts_of([Link("base", name, True, 0, None) for name in names])
-    x = sorted(float(texts[name].get("x")) for name in names)
-    assert min(np.diff(x)) > 6.3 * len(names[0])
-
-
-def test_an_only_child_stands_below_the_middle_of_its_parent():
-    texts = texts_of([Link("a_rather_long_frame", "b", True, 0, None)])
-    assert texts["b"].get("x") == texts["a_rather_long_frame"].get("x")
+def test_a_picture_of_many_frames_is_no_wider_than_of_few():
+    many = [Link("base", f"wheel_{number:02}", True, 0, None) for number in range(40)]
+    pictures = [ET.fromstring(tree_picture(links)) for links in (many[:1], many)]
+    (few_width, few_height), (width, height) = (
+        map(float, picture.get("viewBox").split()[2:]) for picture in pictures
+    )
+    assert width == few_width
+    assert height > 20 * few_height / 2
+    rows = [float(text.get("y")) for text in pictures[1].iter("text") if text.text != "static"]
+    assert min(np.diff(sorted(rows))) > 11
 
 
 def test_a_small_tree_is_not_enlarged():
