@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from ros_visualise.simulation.attitude import Vector
+from ros_visualise.simulation.robots.progress import tell_place
 
 _STEP_M = 0.02
 
@@ -58,6 +59,6 @@ class Errand:
             self._still_s += dt_s
         if not self._under_way or self._still_s < self._patience_s:
             return False
-        where, waited = f"({place[0]:.1f}, {place[1]:.1f})", f"{self._patience_s:g} s"
+        where, waited = tell_place(place), f"{self._patience_s:g} s"
         self.end(f"{self._robot} gave up its mission at {where}: no progress for {waited}")
         return True

@@ -12,7 +12,7 @@ from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
 from ros_visualise.simulation.robots.errand import Errand
-from ros_visualise.simulation.robots.progress import Progress
+from ros_visualise.simulation.robots.progress import Progress, tell_place
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
 from ros_visualise.simulation.settings import HuskyParams
@@ -146,7 +146,7 @@ class Husky:
         """Stop where it lies on its side, or its mission makes no progress."""
         dt_s, place = self._dt_s * _NAVIGATION_STEPS, self._place()
         if self.balance.watch(self._attitude(), dt_s):
-            self.errand.end(f"husky lies on its side at ({place[0]:.1f}, {place[1]:.1f})")
+            self.errand.end(f"husky lies on its side at {tell_place(place)}")
             self.stop()
         gone_m = 0.0 if self._carrot is None else self._carrot.reached_m(place)
         if self.errand.watch(gone_m, place, dt_s):

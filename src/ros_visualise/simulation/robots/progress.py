@@ -11,6 +11,12 @@ _PATIENCE_S = 5.0
 _LEAST = 0.2  # of what is asked for
 
 
+def tell_place(place: Sequence[float]) -> str:
+    """Where in ``map`` that is, to a decimetre."""
+    x, y = (round(value, 1) + 0.0 for value in place[:2])  # and nothing is at -0.0
+    return f"({x:.1f}, {y:.1f})"
+
+
 class Progress:
     """Compares how a robot moves with how it shall, and warns once where it is stuck.
 
@@ -47,9 +53,8 @@ class Progress:
         if self._since_s > _PATIENCE_S:
             stuck = self._made < _LEAST * self._asked
             if stuck and not self._warned:
-                x, y = place_xy
-                why = "something is in its way"
-                log.warning("%s makes no way at (%.1f, %.1f): %s", self._robot, x, y, why)
+                where, why = tell_place(place_xy), "something is in its way"
+                log.warning("%s makes no way at %s: %s", self._robot, where, why)
             self._warned = stuck
             self._begin()
 

@@ -14,7 +14,7 @@ from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
 from ros_visualise.simulation.robots.errand import Errand
-from ros_visualise.simulation.robots.progress import Progress
+from ros_visualise.simulation.robots.progress import Progress, tell_place
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
@@ -208,13 +208,13 @@ class Quadrotor:
 
     def _give_up_if_lost(self, state: State) -> None:
         """Turn the motors off where it has tipped over; stand where a mission makes no progress."""
-        x, y, z = state.position
+        place = state.position
         if self.balance.watch(state.attitude, self._dt_s):
-            self.errand.end(f"quadrotor tipped over at ({x:.1f}, {y:.1f}): motors off")
+            self.errand.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
             self._forget()
             self._carrot, self._mode = None, Mode.LANDED
-        gone_m = self._carrot.reached_m(state.position) if self._carrot else -z
-        if self.errand.watch(gone_m, state.position, self._dt_s):
+        gone_m = self._carrot.reached_m(place) if self._carrot else -place[2]
+        if self.errand.watch(gone_m, place, self._dt_s):
             self.stop()
 
     def _move(self, time_s: float, place: Vector) -> Vector:
