@@ -178,7 +178,7 @@ def test_topics_are_chosen(drive: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["--topics", "/imu", "--start", "4.001", "--duration", "0.001"], "from 4.001 s to 4.002 s"),
+        (["--topics", "/imu", "--start", "4.001", "--duration", "0.001"], "from 4.001 s to 4.002"),
         (["--topics", "/imu", "--duration", "0.5"], "on /imu from 0 s to 0.5 s"),
     ],
 )

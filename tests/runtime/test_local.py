@@ -281,6 +281,34 @@ def test_a_stateful_node_is_reset_when_time_jumps_back_and_finishes_at_the_end()
     assert run.runtime.report()["topics"]["/stateful/image"]["messages"] == 1
 
 
+def test_a_stateful_node_is_reset_by_a_jump_ahead_and_by_a_source_that_is_opened_anew():
+    log = []
+
+    @node("stateful", inputs={"image": Image}, outputs={"image": Image})
+    class Stateful:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            log.append(int(image.pixels[0, 0]))
+
+        def reset(self):
+            log.append("reset")
+
+    run = Run(graph_of(Stateful), hold=True)
+    run.playback.pause()
+    run.runtime.start()
+    until(lambda: log == [0])
+    run.playback.seek(20 * PERIOD_NS / 1e9 + 0.001)
+    until(lambda: log[-1:] == [20])
+    run.playback.step()
+    until(lambda: log[-1:] == [21])
+    run.runtime.parameters["counter"].update({"frames": 30})
+    until(lambda: len(log) == 6)
+    assert log == [0, "reset", 20, 21, "reset", 21]
+    run.runtime.stop()
+
+
 def test_stopping_ends_every_thread_even_when_a_queue_is_full():
     hold = threading.Event()
 

@@ -67,7 +67,7 @@ class PathParams:
     timed=True,
 )
 class PathNode:
-    """The path that a robot has gone, begun anew when time jumps back or the frame changes.
+    """The path that a robot has gone, begun anew when time jumps or the frame changes.
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.

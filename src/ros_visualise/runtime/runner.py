@@ -39,6 +39,7 @@ class NodeRunner:
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
         self._newest_ns: dict[str, int] = {}  # input -> stamp
+        self._jumps = 0  # of the source, until the last message
         self._said: set[tuple[type, str, int | None]] = set()
 
     def step(self, packet: Packet) -> Mapping[str, Any]:
@@ -50,7 +51,7 @@ class NodeRunner:
         started_ns = time.monotonic_ns()
         try:
             message = content(packet.message)
-            self._reset_if_time_went_back(packet.port, message.header.stamp_ns)
+            self._reset_if_time_jumped(packet, message.header.stamp_ns)
             outputs = self._by_output(self._ask(packet, message))
         except DamagedMessage as error:
             self.stats.dropped["damaged"] += 1
@@ -117,13 +118,14 @@ class NodeRunner:
                 raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
         return outputs
 
-    def _reset_if_time_went_back(self, port: str, stamp_ns: int) -> None:
-        newest_ns = self._newest_ns.get(port, 0)
-        if stamp_ns < newest_ns - round(self._type.late_s * 1e9):
+    def _reset_if_time_jumped(self, packet: Packet, stamp_ns: int) -> None:
+        newest_ns = self._newest_ns.get(packet.port, stamp_ns)
+        goes_back = stamp_ns < newest_ns - round(self._type.late_s * 1e9)
+        if self._newest_ns and (goes_back or packet.jumps != self._jumps):
             self._state.reset()
             self._newest_ns.clear()
             newest_ns = stamp_ns
-        self._newest_ns[port] = max(stamp_ns, newest_ns)
+        self._newest_ns[packet.port], self._jumps = max(stamp_ns, newest_ns), packet.jumps
 
     def _fail(self, error: Exception) -> None:
         self.failed = True

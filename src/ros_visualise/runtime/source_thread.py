@@ -54,14 +54,20 @@ class SourceThread:
         self._outputs = outputs
         self._on_message = on_message
         self._stats = NodeStats()
+        self._reopened = 0
         self._source = self._open()
 
     def run(self) -> None:
         """Until the source ends or the playback is closed."""
         try:
             for number, (port, message) in enumerate(self._messages()):
-                now_ns = time.monotonic_ns()
-                packet = Packet(number, message, now_ns, log_ns=recorded_ns(message))
+                packet = Packet(
+                    number,
+                    message,
+                    time.monotonic_ns(),
+                    log_ns=recorded_ns(message),
+                    jumps=self._playback.jumps + self._reopened,
+                )
                 self._stats.received = self._stats.processed = number + 1
                 self._on_message()
                 self._outputs[port].publish(packet)
@@ -96,6 +102,7 @@ class SourceThread:
             if not self._playback.take_restart():
                 return
             self._reopen()
+            self._reopened += 1
 
     def _reopen(self) -> None:
         """Open the source with its parameters of now, or return to those that it had."""
