@@ -27,10 +27,11 @@ _LOWEST_M = 1.0  # that it flies to a goal or to a mission
 MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
 MAX_ACCELERATION = 3.0  # m/s^2
 MAX_TURN = math.radians(70)  # per second
+_NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _STIFFNESS = 2.0  # 1/s: how the point follows the carrot
 _LEASH_S = 1.2  # that the carrot is ahead at most; at a steady speed it is 2 / _STIFFNESS
-_REACH_M = 1.0  # that the point is away from the robot at most; in free flight it is 0.25
+_REACH_M = 0.6  # that the point is away from the robot at most; in free flight it is 0.27
 _HELD_M = 0.5  # further behind than that something holds it
 _LANDED_S = 0.4
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the point, of the robot
@@ -53,12 +54,14 @@ class Quadrotor:
         self.body = Body(model, data)
         self._data, self._params = data, params
         self._dt_s = float(model.opt.timestep)
+        self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
+        self._steps = 0
         self._controller = FlightController(AIRFRAME)
         state = self._state()
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
         self._mode = Mode.LANDED
         self._home = self._point = state.position
-        self._velocity = (0.0, 0.0, 0.0)
+        self._velocity = self._acceleration = (0.0, 0.0, 0.0)
         self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
         self._carrot: Carrot | None = None
         self._cruise = _CLIMB
@@ -142,14 +145,25 @@ class Quadrotor:
     def control(self, time_s: float) -> None:
         """Thrusts for the next step."""
         state = self._state()
-        self._give_up_if_lost(state)
+        if self._steps % _NAVIGATION_STEPS == 0:
+            self._navigate(time_s, state)
+        self._steps += 1
         if self._mode is Mode.LANDED:
             self._data.ctrl[:] = 0.0
             return
-        acceleration = self._move(time_s, state.position)
-        self._keep_near(state)
-        target = SetPoint(self._point, self._velocity, acceleration, self._yaw, self._yaw_rate)
+        self._advance()
+        target = SetPoint(
+            self._point, self._velocity, self._acceleration, self._yaw, self._yaw_rate
+        )
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
+
+    def _navigate(self, time_s: float, state: State) -> None:
+        """Choose how the point goes on, and see whether it can."""
+        self._give_up_if_lost(state)
+        if self._mode is Mode.LANDED:
+            return
+        self._acceleration = self._steer(time_s, state.position)
+        self._keep_near(state)
         if self._mode is Mode.LANDING or self._is_sent_down(state):
             self._feel_ground(state)
         else:
@@ -171,7 +185,7 @@ class Quadrotor:
         self._controller.reset()
         self._mode = Mode.FLYING
         self._home = self._point = state.position
-        self._velocity = (0.0, 0.0, 0.0)
+        self._velocity = self._acceleration = (0.0, 0.0, 0.0)
         self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
 
     def _rise(self, height_m: float) -> None:
@@ -199,6 +213,7 @@ class Quadrotor:
     def _descend(self) -> None:
         if self._mode is not Mode.LANDED:
             self._mode, self._carrot, self._touched_s = Mode.LANDING, None, 0.0
+            self._twist = ((0.0, 0.0, -_SINK), 0.0)
             self.errand.begin_leg()
 
     def _forget(self) -> None:
@@ -209,16 +224,16 @@ class Quadrotor:
     def _give_up_if_lost(self, state: State) -> None:
         """Turn the motors off where it has tipped over; stand where a mission makes no progress."""
         place = state.position
-        if self.balance.watch(state.attitude, self._dt_s):
+        if self.balance.watch(state.attitude, self._long_dt_s):
             self.errand.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
             self._forget()
             self._carrot, self._mode = None, Mode.LANDED
         gone_m = self._carrot.reached_m(place) if self._carrot else -place[2]
-        if self.errand.watch(gone_m, place, self._dt_s):
+        if self.errand.watch(gone_m, place, self._long_dt_s):
             self.stop()
 
-    def _move(self, time_s: float, place: Vector) -> Vector:
-        """Move the point by one step; returns its acceleration."""
+    def _steer(self, time_s: float, place: Vector) -> Vector:
+        """The acceleration of the point."""
         if (
             self._mode is Mode.COMMANDED
             and time_s - self._commanded_s > self._params.command_timeout
@@ -227,15 +242,19 @@ class Quadrotor:
         if self._mode is Mode.FLYING and self._carrot is not None:
             pull = self._pull(self._carrot, place)
         else:
-            wanted = (0.0, 0.0, -_SINK) if self._mode is Mode.LANDING else self._commanded()
-            pull = [3.0 * (w - v) for w, v in zip(wanted, self._velocity, strict=True)]
+            pull = [3.0 * (w - v) for w, v in zip(self._commanded(), self._velocity, strict=True)]
         size = math.hypot(*pull)
         share = min(1.0, MAX_ACCELERATION / size) if size else 1.0
         ax, ay, az = (share * a for a in pull)
+        return ax, ay, az
+
+    def _advance(self) -> None:
+        """Move the point, and what it heads to, by one step."""
+        ax, ay, az = self._acceleration
         (x, y, z), (vx, vy, vz), dt = self._point, self._velocity, self._dt_s
         vx, vy, vz = vx + ax * dt, vy + ay * dt, vz + az * dt
         self._point, self._velocity = (x + vx * dt, y + vy * dt, z + vz * dt), (vx, vy, vz)
-        return ax, ay, az
+        self._yaw = wrap(self._yaw + self._yaw_rate * dt)
 
     def _keep_near(self, state: State) -> None:
         """Begin anew from where it is held, lest the point goes on without it."""
@@ -246,11 +265,11 @@ class Quadrotor:
             self._point, self._velocity = (x, y, z), state.velocity
             self._controller.reset()
         wanted = off if away > _HELD_M else (0.0, 0.0, 0.0)
-        self._progress.watch(wanted, state.velocity, state.position[:2], self._dt_s)
+        self._progress.watch(wanted, state.velocity, state.position[:2], self._long_dt_s)
 
     def _pull(self, carrot: Carrot, place: Vector) -> list[float]:
         """Acceleration of a critically damped spring to the carrot."""
-        lead = carrot.lead(self._point, self._cruise * self._dt_s)
+        lead = carrot.lead(self._point, self._cruise * self._long_dt_s)
         off = [c - p for c, p in zip(lead, self._point, strict=True)]
         is_there = math.hypot(*off) < _ARRIVED_M and math.dist(lead, place) < _THERE_M
         if carrot.at_end and is_there and self._next:
@@ -265,14 +284,12 @@ class Quadrotor:
         course = math.atan2(vy, vx) if math.hypot(vx, vy) > _COURSE_M_S else self._yaw
         off = wrap((course if wanted is None else wanted) - self._yaw)
         self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, 2.0 * off))
-        self._yaw = wrap(self._yaw + self._yaw_rate * self._dt_s)
 
     def _commanded(self) -> Vector:
         """The velocity in the world that was commanded, within limits."""
         (forward, left, up), turn = self._twist
         share = min(1.0, MAX_SPEED / max(math.hypot(forward, left), 1e-9))
         self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, turn))
-        self._yaw = wrap(self._yaw + self._yaw_rate * self._dt_s)
         c, s = share * math.cos(self._yaw), share * math.sin(self._yaw)
         return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
 
@@ -286,7 +303,7 @@ class Quadrotor:
         below = state.position[2] - _UNDERSIDE_M
         rests = any(self._data.contact[i].pos[2] < below for i in range(self._data.ncon))
         stands = rests and abs(state.velocity[2]) < 0.15
-        self._touched_s = self._touched_s + self._dt_s if stands else 0.0
+        self._touched_s = self._touched_s + self._long_dt_s if stands else 0.0
         if self._touched_s > _LANDED_S:
             self._mode = Mode.LANDED
             if self._next:
