@@ -28,7 +28,8 @@ def test_every_ray_meets_what_mujoco_has_it_meet(world: str):
         ranges, _ = lidar.cast(place, R)
         whole = cast_all(model, data, place, (R @ lidar._rays).T)
         near = np.minimum(ranges, whole) < 40  # where even the smallest ground has not ended
-        assert ranges[near] == pytest.approx(whole[near], abs=1e-6)
+        assert ranges[near] == pytest.approx(whole[near], abs=SIGHTED.lidar_noise / 20)
+        assert np.median(abs(ranges[near] - whole[near])) < 1e-6
 
 
 def test_rays_along_the_axes_of_things_meet_them_as_mujoco_has_it():
@@ -46,10 +47,11 @@ def test_rays_along_the_axes_of_things_meet_them_as_mujoco_has_it():
     rays = np.array([[s if j == i else 0.0 for j in range(3)] for i in range(3) for s in (-1, 1)])
     for place in np.zeros(3), np.array([0.2, -0.1, 0.3]):
         geoms, each = np.repeat(np.arange(6), 6), np.tile(rays, (6, 1))
-        found = Things(model, data, np.arange(6)).meet(place, np.eye(3), each.T, geoms)
+        things, counts = Things(model, data, np.arange(6)), np.full(6, 6)
+        found, met = things.meet(place, np.eye(3), each.T.astype(np.float32), counts)
         expected = [cast_at(model, data, place, ray, g) for g, ray in zip(geoms, each, strict=True)]
-        assert found == pytest.approx(np.array(expected), abs=1e-9)
-        assert np.isfinite(found).sum() >= 11
+        assert np.where(met, found, np.inf) == pytest.approx(np.array(expected), abs=1e-5)
+        assert met.sum() >= 11
 
 
 def cast_at(model, data, place: np.ndarray, ray: np.ndarray, geom: int) -> float:

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.sensors.rays import PLANE, Things
+from ros_visualise.simulation.sensors.rays import PLANE, Ranges, Things
 from ros_visualise.simulation.sensors.silhouettes import Silhouettes
 from ros_visualise.simulation.settings import RobotParams
 
@@ -47,7 +47,7 @@ class Lidar:
         azimuth = -np.pi + 2 * np.pi * np.arange(columns) / columns
         level = np.cos(elevation)[:, None]
         ray = level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)[:, None]
-        self._rays = np.stack(np.broadcast_arrays(*ray)).reshape(3, -1)
+        self._rays = np.stack(np.broadcast_arrays(*ray)).reshape(3, -1).astype(np.float32)
         rays = rings * columns
         self._period = 1 << max(_NOISE_BITS, rays.bit_length())  # no number twice in a scan
         noise = random_of(seed, "lidar").standard_normal(self._period, np.float32)
@@ -75,26 +75,28 @@ class Lidar:
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
         start = index * _NOISE_STEP % self._period
-        measured = self._noise[start : start + len(met)] + ranges.take(met).astype(np.float32)
-        points = self._points.take(met, axis=0)
+        measured = self._noise[start : start + len(met)] + ranges.take(met)
+        points = self._points.take(met, axis=0, mode="clip")
         for axis in range(3):
             points[:, axis] *= measured
         points[:, 3] = self._brightness.take(surface.take(met))
         return PointCloud(points.view(POINT)[:, 0], True, Header(stamp_ns, self.frame_id))
 
-    def cast(self, position_xyz: Floats, R: Floats) -> tuple[Floats, Indices]:
+    def cast(self, position_xyz: Floats, R: Floats) -> tuple[Ranges, Indices]:
         """True ranges (N,) in metres, infinite where nothing is, and what each ray met.
 
         That is the place of a thing among those that stand in the world, -1 for the ground.
         """
-        down = R[2] @ self._rays
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ranges = -position_xyz[2] / down
-        ranges[down >= 0] = np.inf
-        surface = np.full(len(down), _GROUND, np.intp)
-        things, rays = self._silhouettes.pairs(position_xyz, R)
-        found = self._things.meet(position_xyz, R, self._rays.take(rays, axis=1), things)
-        nearer = np.flatnonzero(found < ranges.take(rays))
+        sinking = abs(np.maximum(-R[2].astype(np.float32) @ self._rays, 0))
+        with np.errstate(divide="ignore"):
+            ranges = np.float32(position_xyz[2]) / sinking
+        surface = np.full(len(ranges), _GROUND, np.intp)
+        counts, rays = self._silhouettes.pairs(position_xyz, R)
+        tried = self._rays.take(rays, axis=1, mode="clip")  # looking for wrong ones takes longer
+        found, met = self._things.meet(position_xyz, R, tried, counts)
+        met &= found < ranges.take(rays)
+        nearer = np.flatnonzero(met)
+        things = np.repeat(np.arange(len(counts)), counts)
         found, rays, things = found.take(nearer), rays.take(nearer), things.take(nearer)
         while len(rays):  # where things are one behind another, any may be written first
             ranges[rays], surface[rays] = found, things

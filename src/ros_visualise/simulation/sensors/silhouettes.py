@@ -43,25 +43,26 @@ class Silhouettes:
         self._around = np.concatenate([rays, rays], axis=1).ravel()  # rows go around twice
 
     def pairs(self, position_xyz: Floats, R: Floats) -> tuple[Indices, Indices]:
-        """(N,) things, rising, and (N,) rays, counted row by row: which can meet which.
+        """Which rays can meet which things, seen from a place in the world, R being R_map_lidar.
 
-        Seen from a place in the world, R being R_map_lidar.
+        (G,) how many of them can meet each thing, and (N,) their numbers, counted row by row, those
+        of one thing side by side.
         """
         columns = self._columns
         around = self._corners - position_xyz[:, None, None]
         corners = (R.T @ around.reshape(3, -1)).reshape(around.shape)
         near, left, right, low, high = _extent(corners)
-        first = np.floor((left + np.pi) * columns / (2 * np.pi)).astype(np.intp)
-        last = np.ceil((right + np.pi) * columns / (2 * np.pi)).astype(np.intp) + 1
-        width = np.minimum(last - first, columns)
+        per_rad = columns / (2 * np.pi)
+        first = np.ceil((left - _SLACK_RAD + np.pi) * per_rad).astype(np.intp)
+        last = np.floor((right + _SLACK_RAD + np.pi) * per_rad).astype(np.intp)
+        width = np.minimum(last - first + 1, columns)
         bottom = np.searchsorted(self._elevations, low - _SLACK_RAD)
         top = np.searchsorted(self._elevations, high + _SLACK_RAD)
         height = np.where(near < self._far_m, top - bottom, 0)
         things = np.repeat(np.arange(len(height)), height)
         row = _runs(bottom, height)
         start = 2 * columns * row + (first % columns)[things]
-        spans = width[things]
-        return np.repeat(things, spans), self._around.take(_runs(start, spans))
+        return height * width, self._around.take(_runs(start, width[things]), mode="clip")
 
 
 def _runs(starts: Indices, lengths: Indices) -> Indices:
