@@ -127,9 +127,11 @@ def test_wrong_names_are_told_with_the_right_ones():
     with pytest.raises(OpenError, match="plane, playpen, field"):
         Simulation("husky", "moon", settings=BLIND_HUSKY)
     simulation = Simulation("quadrotor", "plane", settings=BLIND_QUADROTOR)
-    assert simulation.actions == ("take_off", "land", "stop")
-    with pytest.raises(UsageError, match="take_off, land, stop"):
+    assert simulation.actions == ("take_off", "land", "stop", "start_mission")
+    with pytest.raises(UsageError, match="take_off, land, stop, start_mission"):
         simulation.act("loop")
+    with pytest.raises(UsageError, match="the quadrotor has no mission: give it one"):
+        simulation.act("start_mission")
 
 
 @pytest.mark.parametrize("params", list(PARAMS.values()))

@@ -100,7 +100,7 @@ class Simulation:
     @property
     def actions(self) -> tuple[str, ...]:
         """What `act` knows."""
-        return (*self._robot.actions, "start_mission") if self._mission else (*self._robot.actions,)
+        return (*self._robot.actions, "start_mission")
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -170,16 +170,19 @@ class Simulation:
         """Do one of `actions`.
 
         Raises:
-            UsageError: there is none of that name, or the robot has tipped over.
+            UsageError: there is none of that name, there is no mission to start, or the robot has
+                tipped over.
         """
         self._check_upright()
-        if action not in self.actions:
-            raise UsageError(f"no action {action!r}; there are {', '.join(self.actions)}")
         mission = self._mission
-        if action == "start_mission" and mission is not None:
-            self._orders.append(lambda: self._robot.start(mission))
-        else:
+        if action in self._robot.actions:
             self._orders.append(self._robot.actions[action])
+        elif action != "start_mission":
+            raise UsageError(f"no action {action!r}; there are {', '.join(self.actions)}")
+        elif mission is None:
+            raise UsageError(f"the {self._name} has no mission: give it one, such as lawn_mower")
+        else:
+            self._orders.append(lambda: self._robot.start(mission))
 
     def close(self) -> None:
         """Free what the renderer holds; by the thread that ran `run`."""
