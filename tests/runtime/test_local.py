@@ -15,7 +15,7 @@ from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings import open_recording
+from ros_visualise.sources.recordings.opening import open_recording
 
 PERIOD_NS = round(1e9 / 30)
 FRAMES = 40

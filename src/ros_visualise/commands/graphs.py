@@ -23,7 +23,7 @@ from ros_visualise.pipelines import (
     simulation_pipeline,
 )
 from ros_visualise.sources.convert import parse_size
-from ros_visualise.sources.recordings import open_recording
+from ros_visualise.sources.recordings.opening import open_recording
 
 log = logging.getLogger(__name__)
 

@@ -17,7 +17,8 @@ from ros_visualise.geometry.travel import Travel
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.trajectory import FORMATS, refuse_existing, save
 from ros_visualise.sinks.trajectory_plot import plot_trajectory
-from ros_visualise.sources.recordings import Loss, open_recording
+from ros_visualise.sources.recordings import Loss
+from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.sources.trajectories import Trajectory, read_trajectory
 
 

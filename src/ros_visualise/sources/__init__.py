@@ -19,7 +19,7 @@ def open_source(path: str | os.PathLike[str]) -> Recording:
     Raises:
         OpenError: it cannot be opened; the message says what to do.
     """
-    from ros_visualise.sources.recordings import open_recording
+    from ros_visualise.sources.recordings.opening import open_recording
 
     if not _may_be_video(Path(path)):
         return open_recording(Path(path))
@@ -46,7 +46,7 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             return describe(path)
         except NoVideo:
             raise _neither(path) from None
-    from ros_visualise.sources.recordings import open_recording
+    from ros_visualise.sources.recordings.opening import open_recording
     from ros_visualise.sources.recordings.summary import summarize
 
     with closing(open_recording(Path(path))) as recording:
@@ -54,13 +54,13 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _may_be_video(path: Path) -> bool:
-    from ros_visualise.sources.recordings import is_recording
+    from ros_visualise.sources.recordings.opening import is_recording
 
     return path.is_file() and not is_recording(path)
 
 
 def _neither(path: str | os.PathLike[str]) -> OpenError:
-    from ros_visualise.sources.recordings import KINDS, unknown_file
+    from ros_visualise.sources.recordings.opening import KINDS, unknown_file
 
     what = f"neither a recording ({KINDS}) nor a video that FFmpeg can read"
     return unknown_file(Path(path), what, "check the path, or copy it again")
