@@ -163,6 +163,16 @@ def test_rows_close_to_each_other_are_mown_to_their_ends(robot: str, off_m: floa
         assert np.linalg.norm(off, axis=1).min() < off_m
 
 
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_an_eight_no_longer_than_three_metres_is_followed(robot: str):
+    settings = {"husky": BLIND_HUSKY, "quadrotor": BLIND_QUADROTOR}[robot]
+    mission = Mission("figure_of_eight", size=(3.0, 1.0), speed=0.5)
+    simulation = Simulation(robot, "plane", mission=mission, settings=settings)
+    place = np.array([m.position_xyz for m in collect(simulation, 40.0)["truth"]])
+    for point in mission.route().points:
+        assert np.linalg.norm((place - point)[:, :2], axis=1).min() < 0.15
+
+
 def test_the_rover_does_not_slow_down_in_the_curves_of_an_eight():
     mission = Mission("figure_of_eight", size=(8.0, 4.0), laps=0, speed=0.8)
     simulation = Simulation("husky", "plane", mission=mission, settings=BLIND_HUSKY)

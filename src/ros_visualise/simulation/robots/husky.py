@@ -33,7 +33,7 @@ husky_control has 1.875.
 """
 
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
-_LEASH_M = 0.9  # that it looks ahead
+_LEASH_M = 0.5  # that it looks ahead
 _THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
 _INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
