@@ -351,6 +351,20 @@ def test_a_restart_ends_what_is_played_and_goes_on_where_it_was(clock: FakeClock
     assert [stamp - WALL for stamp, _ in after] == [S // 10, S // 5]
 
 
+@pytest.mark.parametrize("paused", [False, True])
+def test_time_does_not_go_back_for_a_restart_between_messages(
+    clock: FakeClock, paused: bool
+) -> None:
+    playback = Playback(clock=clock)
+    if paused:
+        clock.at(0.15, playback.pause)
+    clock.at(0.16, playback.restart)
+    list(playback.run(Frames([0, 0.1, 0.2])))
+    reached_ns = (15 if paused else 16) * S // 100
+    assert playback.time_ns() == reached_ns
+    assert playback.stamp_ns() == WALL + reached_ns
+
+
 def test_steps_back_count_from_where_one_goes(clock: FakeClock) -> None:
     playback = Playback(hold=True, clock=clock)
     shown = []

@@ -37,6 +37,7 @@ class Timeline:
         self._due_at_ns = 0  # when the last message was due, in the clock's time
         self._cycle_ns = 0  # the place where the present loop starts
         self._awaited_ns: int | None = None  # the place of the next message, while it is awaited
+        self._left_ns = 0  # the place that was reached when one was last awaited
         self._origin_ns: int | None = None  # the stamp of the line's start, once it has begun
         self._anchor = (0, 0)  # (monotonic time, place) that go together
 
@@ -54,9 +55,10 @@ class Timeline:
     @property
     def reached_ns(self) -> int:
         """The place that is reached now; it waits for the next message."""
+        if self._awaited_ns is None:
+            return self._left_ns
         reached_ns = self._paced_ns(self._clock.monotonic_ns()) if self.rate else self.last_ns
-        limit_ns = self.last_ns if self._awaited_ns is None else self._awaited_ns
-        return max(self.last_ns, min(reached_ns, limit_ns))
+        return max(self.last_ns, min(reached_ns, self._awaited_ns))
 
     def change(self, *, rate: float | None = None, running: bool | None = None) -> None:
         """Go on from the place reached by now, otherwise."""
@@ -84,7 +86,7 @@ class Timeline:
         try:
             yield
         finally:
-            self._awaited_ns = None
+            self._left_ns, self._awaited_ns = self.reached_ns, None
 
     def due_ns(self, place_ns: int, now_ns: int) -> int | None:
         """The monotonic time at which the message of a place is due; None while paused."""
@@ -100,7 +102,8 @@ class Timeline:
         if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
             self._anchor, due_ns = (now_ns, place_ns), now_ns
         self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)
-        self.last_ns, self.is_fresh = place_ns, False
+        self.last_ns = self._left_ns = place_ns
+        self.is_fresh = False
 
     def _paced_ns(self, now_ns: int) -> int:
         then_ns, place_ns = self._anchor
