@@ -231,6 +231,11 @@ class TestRefusals:
         assert "both" in refused(tmp_path / "a.bag", same, "--plot", same)
         assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
 
+    def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
+        source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"
+        assert "no folder" in refused(source, out, "--plot", tmp_path / "nowhere" / "way.svg")
+        assert not out.exists()
+
 
 def test_as_a_process(recordings, tmp_path):
     source = recordings / "bags" / "evo_tf_example"  # a folder of ROS 2

@@ -15,7 +15,7 @@ from ros_visualise.commands.wording import counted
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.sinks.figure import FIGURE_FORMATS
-from ros_visualise.sinks.trajectory import FORMATS, refuse_existing, save
+from ros_visualise.sinks.trajectory import FORMATS, check_target, save
 from ros_visualise.sinks.trajectory_plot import plot_trajectory
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.opening import open_recording
@@ -43,7 +43,7 @@ def _check(target: Path, args: Namespace) -> None:
     if target is args.plot and target.suffix.lower() not in FIGURE_FORMATS:
         kinds = ", ".join(FIGURE_FORMATS)
         raise UsageError(f"{target}: the name of a picture ends in one of {kinds}")
-    refuse_existing(target, args.overwrite)
+    check_target(target, args.overwrite)
     if target.exists() and Path(args.input).exists() and target.samefile(args.input):
         raise UsageError(f"{target} is what is read; choose another name to write to")
     if args.plot is not None and args.plot.absolute() == args.output.absolute():

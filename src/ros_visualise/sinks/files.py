@@ -35,7 +35,7 @@ class TargetFile:
         except FileExistsError:
             raise already_there(path) from None
         except FileNotFoundError:
-            raise OpenError(f"{path}: there is no folder {path.parent}; create it first") from None
+            raise no_folder(path) from None
         except OSError as error:
             raise OpenError(f"{path}: cannot be written: {error.strerror}") from None
         self.path = path
@@ -99,6 +99,11 @@ class TargetFile:
 def already_there(path: Path) -> OpenError:
     """What to tell where something exists that is not to be replaced."""
     return OpenError(f"{path} exists; add --overwrite or choose another name")
+
+
+def no_folder(path: Path) -> OpenError:
+    """What to tell where the folder lacks that something is to be written to."""
+    return OpenError(f"{path}: there is no folder {path.parent}; create it first")
 
 
 def recording_failed(path: Path, error: Exception, kept: int) -> RecordingError:

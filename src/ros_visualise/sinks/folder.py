@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
-from ros_visualise.sinks.files import already_there, recording_failed
+from ros_visualise.sinks.files import already_there, no_folder, recording_failed
 from ros_visualise.sinks.mcap import McapRecorder
 
 _METADATA = "metadata.yaml"
@@ -123,6 +123,6 @@ def _make_folder(path: Path, overwrite: bool) -> None:
         for one in there:
             one.unlink()
     except FileNotFoundError:
-        raise OpenError(f"{path}: there is no folder {path.parent}; create it first") from None
+        raise no_folder(path) from None
     except OSError as error:
         raise OpenError(f"{path}: cannot be written: {error.strerror}") from None

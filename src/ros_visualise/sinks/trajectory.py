@@ -8,19 +8,21 @@ from pathlib import Path as File
 from ros_visualise.data import Path
 from ros_visualise.errors import RecordingError
 from ros_visualise.geometry.transforms import from_pose
-from ros_visualise.sinks.files import TargetFile, already_there
+from ros_visualise.sinks.files import TargetFile, already_there, no_folder
 
 _NS = 1_000_000_000
 
 
-def refuse_existing(file: File, overwrite: bool) -> None:
-    """Say early that a file will not be written.
+def check_target(file: File, overwrite: bool) -> None:
+    """Say early that a file will not be written, before another is.
 
     Raises:
-        OpenError: it exists and is not to be replaced.
+        OpenError: it exists and is not to be replaced, or there is no folder for it.
     """
     if file.exists() and not overwrite:
         raise already_there(file)
+    if not file.parent.exists():
+        raise no_folder(file)
 
 
 def save(file: File, data: bytes, overwrite: bool) -> None:
