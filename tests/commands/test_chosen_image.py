@@ -49,6 +49,13 @@ def test_where_there_is_depth_alone_it_is_shown(tmp_path):
     assert taken(bag) == "/a"
 
 
+def test_topics_without_messages_are_no_images(tmp_path):
+    assert taken(write_bag(tmp_path / "r.bag", a=images(count=0), b=images())) == "/b"
+    bag = write_bag(tmp_path / "empty.bag", a=images(count=0), depth=images(count=0))
+    with closing(open_recording(bag)) as recording:
+        assert [node.name for node in recording_pipeline(recording).nodes] == ["player"]
+
+
 def test_a_node_that_nobody_listens_to_shows_its_first_images(bag):
     with closing(open_recording(bag)) as recording:
         graph = recording_pipeline(recording, image="")

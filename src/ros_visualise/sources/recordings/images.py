@@ -14,13 +14,15 @@ from ros_visualise.sources.recordings import Recording
 def first_image(recording: Recording, topics: Sequence[str]) -> str | None:
     """The first of some topics of images whose first one is gray or colours, else the first.
 
-    Depth and the like are told from these only by what the messages say.
+    Depth and the like are told from these only by what the messages say. Topics without messages
+    are none.
     """
-    if len(topics) > 1:
-        for topic in topics:
+    filled = [topic for topic in topics if recording.topics[topic].messages]
+    if len(filled) > 1:
+        for topic in filled:
             if _is_picture(recording, topic):
                 return topic
-    return next(iter(topics), None)
+    return next(iter(filled), None)
 
 
 def _is_picture(recording: Recording, topic: str) -> bool:
