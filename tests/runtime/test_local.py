@@ -309,6 +309,29 @@ def test_a_stateful_node_is_reset_by_a_jump_ahead_and_by_a_source_that_is_opened
     run.runtime.stop()
 
 
+def test_a_loop_goes_on_in_time_so_that_nothing_is_reset():
+    seen = []
+
+    @node("stateful", inputs={"image": Image}, outputs={"image": Image})
+    class Stateful:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            seen.append((int(image.pixels[0, 0]), image.header.stamp_ns))
+
+        def reset(self):
+            seen.append("reset")
+
+    run = Run(graph_of(Stateful), loop=True)
+    run.runtime.start()
+    until(lambda: len(seen) > 2 * FRAMES + 5)
+    run.runtime.stop()
+    assert [value for value, _ in seen[: 2 * FRAMES]] == [*range(FRAMES)] * 2
+    stamps = [stamp for _, stamp in seen[: 2 * FRAMES]]
+    assert stamps == sorted(set(stamps))
+
+
 def test_stopping_ends_every_thread_even_when_a_queue_is_full():
     hold = threading.Event()
 

@@ -17,8 +17,8 @@ class Packet(NamedTuple):
     ``number`` counts what the source published, ``arrival_ns`` is the monotonic time at which it
     did, and ``log_ns`` the time under which it is recorded, where the source tells it. What nodes
     make of it keeps all three, so that a recorder can put all topics in order, at the times at
-    which they came about. ``port`` is the input of the node that it waits for; ``jumps`` how often
-    the source had gone elsewhere or been opened anew.
+    which they came about. ``port`` is the input of the node that it waits for; ``turns`` how often
+    the source had been sent elsewhere or opened anew.
     """
 
     number: int
@@ -26,7 +26,7 @@ class Packet(NamedTuple):
     arrival_ns: int
     port: str = ""
     log_ns: int | None = None
-    jumps: int = 0
+    turns: int = 0
 
 
 class Inbox:

@@ -39,7 +39,7 @@ class NodeRunner:
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
         self._newest_ns: dict[str, int] = {}  # input -> stamp
-        self._jumps = 0  # of the source, until the last message
+        self._turns = 0  # of the source, until the last message
         self._said: set[tuple[type, str, int | None]] = set()
 
     def step(self, packet: Packet) -> Mapping[str, Any]:
@@ -121,11 +121,11 @@ class NodeRunner:
     def _reset_if_time_jumped(self, packet: Packet, stamp_ns: int) -> None:
         newest_ns = self._newest_ns.get(packet.port, stamp_ns)
         goes_back = stamp_ns < newest_ns - round(self._type.late_s * 1e9)
-        if self._newest_ns and (goes_back or packet.jumps != self._jumps):
+        if self._newest_ns and (goes_back or packet.turns != self._turns):
             self._state.reset()
             self._newest_ns.clear()
             newest_ns = stamp_ns
-        self._newest_ns[packet.port], self._jumps = max(stamp_ns, newest_ns), packet.jumps
+        self._newest_ns[packet.port], self._turns = max(stamp_ns, newest_ns), packet.turns
 
     def _fail(self, error: Exception) -> None:
         self.failed = True

@@ -66,7 +66,7 @@ class SourceThread:
                     message,
                     time.monotonic_ns(),
                     log_ns=recorded_ns(message),
-                    jumps=self._playback.jumps + self._reopened,
+                    turns=self._playback.turns + self._reopened,
                 )
                 self._stats.received = self._stats.processed = number + 1
                 self._on_message()

@@ -67,7 +67,7 @@ class Playback:
         self._asked = Requests()
         self._quota = Quota(duration_s, frames)
         self._loop, self._hold = loop, hold
-        self._jumps = 0
+        self._jumps = self._turns = 0
         self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._done = False  # all that was asked for is played
@@ -101,6 +101,11 @@ class Playback:
         It counts before the first message from there passes.
         """
         return self._jumps
+
+    @property
+    def turns(self) -> int:
+        """How many of the jumps a person asked for; the start of a loop goes on in time."""
+        return self._turns
 
     @property
     def state(self) -> PlaybackState:
@@ -291,6 +296,7 @@ class Playback:
             if not self._asked.lead_away:
                 return self._begin_loop()
             self._line.is_fresh = True
+            self._turns += 1
             position_ns, frames_back = self._asked.take_place(self._position_ns)
         return time_before(recording, position_ns, frames_back)
 
@@ -311,5 +317,6 @@ class Playback:
 
     def _begin_loop(self) -> int:
         self._line.begin_loop(self._duration_ns or 0)
+        self._turns += self._asked.start_over
         self._line.is_fresh, self._asked.start_over = self._asked.start_over, False
         return 0
