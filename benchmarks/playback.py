@@ -19,7 +19,7 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings.opening import open_recording
-from ros_visualise.ui import open_view
+from ros_visualise.ui import ViewOptions, open_view
 
 _SPIN_S = 0.05
 
@@ -45,7 +45,7 @@ def play(path: Path, duration_s: float, looks: str) -> np.ndarray:
     due_ns = recording.stamps_ns()
     graph = recording_pipeline(recording)
     runtime = LocalRuntime(graph, Playback(duration_s=duration_s))
-    view = open_view("none" if looks == "nobody" else "web", "127.0.0.1", page.PORT)
+    view = open_view("none" if looks == "nobody" else "web", ViewOptions(port=page.PORT))
     arrivals: dict[str, Arrivals] = defaultdict(Arrivals)
     for port, topic in graph.source.outputs.items():
         runtime.topic(topic).connect(arrivals[port])

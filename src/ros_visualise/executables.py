@@ -29,13 +29,23 @@ from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
 from ros_visualise.sources.recordings.images import first_image
 from ros_visualise.sources.recordings.opening import open_recording
-from ros_visualise.ui import View, open_view
+from ros_visualise.ui import View, ViewOptions, open_view
 from ros_visualise.ui.watching import watch
 
 log = logging.getLogger(__name__)
 
 _SPIN_S = 0.1
-_OPTIONS = ("view", "host", "port", "window", "image_transport", "start", "duration", "clock")
+_OPTIONS = (
+    "view",
+    "host",
+    "port",
+    "allow_origin",
+    "window",
+    "image_transport",
+    "start",
+    "duration",
+    "clock",
+)
 """Private parameters that every executable reads once, beside those that its node declares."""
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 _PATIENCE_S = 20.0
@@ -101,12 +111,12 @@ def _run_pipeline() -> int:
 
 
 def _run_viewer() -> int:
-    name, host, port, place = _view_options("web")
+    name, options = _view_options("web")
     runtime = RemoteRuntime(_wants_compressed())
     try:
         watch(
             runtime,
-            lambda: open_view(name, host, port, place),
+            lambda: open_view(name, options),
             session.is_over,
             reopens=name == "windows",
         )
@@ -120,7 +130,7 @@ def _run_player() -> int:
     if not path:
         raise OpenError("give the recording, _path:=FILE")
     recording = open_recording(path)
-    topics = _named_topics("topics", "all")
+    topics = _named_in("topics", "all")
     declared = player(recording, topics, without=_NOT_PLAYED)
     outputs = {topic: topic for topic in declared.outputs}
     if image := _chosen_image(recording, declared):
@@ -131,8 +141,8 @@ def _run_player() -> int:
     return _run_graph(graph, {"player": ""}, options, conduct)
 
 
-def _named_topics(option: str, default: str) -> list[str]:
-    """Topics that are named in an option, separated by spaces; nothing where it has its default."""
+def _named_in(option: str, default: str) -> list[str]:
+    """What an option names, separated by spaces; nothing where it has its default."""
     named = str(session.option(option, default))
     return [] if named == default else named.split()
 
@@ -153,7 +163,7 @@ def _chosen_image(recording: Recording, declared: SourceType) -> str | None:
 def _conduct(played: PlayedTime, process: Process) -> Iterator[None]:
     """Publish the recording's time, and begin when those who are to see it all are there."""
     with _publish_time(process, lambda playback: played.stamp_ns(playback.time_ns())):
-        _wait_for_subscribers(process, _named_topics("wait_for", "none"))
+        _wait_for_subscribers(process, _named_in("wait_for", "none"))
         yield
 
 
@@ -257,22 +267,23 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
 
 def _open_view() -> View:
     """What ``~view`` asks for; without a screen for it the node runs all the same."""
-    name, host, port, place = _view_options("none")
+    name, options = _view_options("none")
     try:
-        return open_view(name, host, port, place)
+        return open_view(name, options)
     except OpenError as error:
         log.warning("no %s here, running without: %s", name, error)
-        return open_view("none", host, port)
+        return open_view("none", options)
 
 
-def _view_options(default: str) -> tuple[str, str, int, str]:
-    """Which view, where its page is served, and the place of its windows on the screen."""
-    return (
-        str(session.option("view", default)),
-        str(session.option("host", "127.0.0.1")),
-        int(session.option("port", 8080)),
-        str(session.option("window", "")),
+def _view_options(default: str) -> tuple[str, ViewOptions]:
+    """Which view, and how it is opened."""
+    options = ViewOptions(
+        host=str(session.option("host", "127.0.0.1")),
+        port=int(session.option("port", 8080)),
+        origins=_named_in("allow_origin", "none"),
+        place=str(session.option("window", "")),
     )
+    return str(session.option("view", default)), options
 
 
 def _wants_compressed() -> bool:

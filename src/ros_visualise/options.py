@@ -51,6 +51,13 @@ def _add_viewing(parser: ArgumentParser) -> None:
     )
     group.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
     group.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
+    group.add_argument(
+        "--allow-origin",
+        action="append",
+        default=[],
+        metavar="SITE",
+        help="let pages of this site in too, as https://robot.example.org of a proxy; repeatable",
+    )
 
 
 def _add_pace(parser: ArgumentParser) -> None:

@@ -14,6 +14,7 @@ from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.door import open_door
 from ros_visualise.ui.page.server import close_server, open_server
 from ros_visualise.ui.scene.scene import Scene
 
@@ -26,6 +27,7 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--no-first-run",
+    "--host-resolver-rules=MAP evil.example 127.0.0.1",
 ]
 
 
@@ -109,7 +111,7 @@ def clock() -> Clock:
 @pytest.fixture
 def server(port: int) -> Iterator[viser.ViserServer]:
     """An empty page."""
-    server = open_server("127.0.0.1", port, "test")
+    server = open_server("127.0.0.1", port, "test", open_door("127.0.0.1"))
     yield server
     close_server(server)
 

@@ -34,10 +34,13 @@ class Client:
     """Connects as a browser does and knows what it was told of: elements by their
     labels, nodes of the scene by their names."""
 
-    def __init__(self, port: int) -> None:
-        protocol = f"viser-v{viser.__version__}"
-        address = f"ws://127.0.0.1:{port}"
-        self.socket = connect(address, subprotocols=[protocol], max_size=None)
+    def __init__(self, port: int, path: str = "", origin: str | None = None) -> None:
+        self.socket = connect(
+            f"ws://127.0.0.1:{port}{path}",
+            subprotocols=[f"viser-v{viser.__version__}"],
+            origin=origin,
+            max_size=None,
+        )
         self.values: dict[str, Any] = {}
         self.html: list[str] = []
         self.images = 0
@@ -49,6 +52,11 @@ class Client:
     def send(self, message: dict[str, Any]) -> None:
         """Send one message."""
         self.socket.send(msgspec.msgpack.encode(message))
+
+    @property
+    def elements(self) -> list[str]:
+        """What the protocol calls all elements."""
+        return list(self._labels)
 
     def uuid(self, label: str) -> str:
         """What the protocol calls an element."""

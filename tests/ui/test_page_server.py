@@ -14,6 +14,7 @@ from page_client import Client
 
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page import Page
+from ros_visualise.ui.page.door import open_door
 from ros_visualise.ui.page.server import close_server, open_server
 
 PROBES = [b"", b"\x16\x03\x01\x02garbage\xff\xfe\r\n\r\n", b"HEAD / HTTP/1.1\r\n\r\n"]
@@ -92,7 +93,7 @@ def test_probes_and_broken_connections_leave_no_line(port):
 
 def test_refused_value_snaps_back_and_says_why(client, runtime):
     client.set("threshold", 999)
-    client.read_until(lambda: any("threshold=999" in html for html in client.html))
+    client.read_until(lambda: any("999 is not from 0 to 255" in html for html in client.html))
     client.read_until(lambda: client.values["threshold"] == 128)
     assert runtime.parameters["filters"].current.threshold == 128
 
@@ -190,7 +191,7 @@ class Changing(deque):
 
 
 def test_any_thread_changes_the_page_however_the_waiting_browsers_change(port):
-    server = open_server("127.0.0.1", port, "page")
+    server = open_server("127.0.0.1", port, "page", open_door("127.0.0.1"))
     server.gui.add_html("before")
     client = Client(port)
     client.read_until(lambda: "before" in client.html)

@@ -20,7 +20,7 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.sinks import parse_target
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui import View, open_view
+from ros_visualise.ui import View, ViewOptions, open_view
 
 _SPIN_S = 0.05
 
@@ -31,7 +31,7 @@ def run(args: Namespace) -> int:
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     graph = interruptible(lambda: graph_of(args))
-    view = open_view(args.view, args.host, args.port)
+    view = open_view(args.view, ViewOptions(args.host, args.port, args.allow_origin))
     try:
         return _run(args, graph, view)
     finally:

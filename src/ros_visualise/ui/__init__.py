@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Protocol
 
 from ros_visualise.errors import UsageError
@@ -28,26 +30,37 @@ class View(Protocol):
         """Take it away."""
 
 
-def open_view(name: str, host: str, port: int, place: str = "") -> View:
-    """The view called ``web``, ``windows`` or ``none``.
+@dataclass(frozen=True)
+class ViewOptions:
+    """How a view is opened.
 
-    Args:
-        name: which.
+    Attributes:
         host, port: where the page is served.
+        origins: other sites whose pages may come in to the page.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8080
+    origins: Collection[str] = ()
+    place: str = ""
+
+
+def open_view(name: str, options: ViewOptions) -> View:
+    """The view called ``web``, ``windows`` or ``none``.
 
     Raises:
         OpenError: the port is in use, or there is no screen for windows.
-        UsageError: there is no such view or place.
+        UsageError: there is no such view, place or origin.
     """
     if name == "web":
         from ros_visualise.ui.page import Page
 
-        return Page(host, port)
+        return Page(options.host, options.port, origins=options.origins)
     if name == "windows":
         from ros_visualise.ui.windows import Windows
 
-        return Windows(place)
+        return Windows(options.place)
     if name == "none":
         from ros_visualise.ui.progress import Progress
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import socket
 import threading
+from collections.abc import Collection
 
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.desk import Desk
+from ros_visualise.ui.page.door import open_door
 from ros_visualise.ui.page.server import close_server, open_server, url
 
 log = logging.getLogger(__name__)
@@ -17,15 +20,32 @@ _TITLE = "ros_visualise"
 class Page:
     """Serves the page; the address is bound at once.
 
+    Args:
+        host, port: where it listens. Beyond this machine its address has a token.
+        title: of the page.
+        origins: other sites whose pages may come in, as ``https://robot.example.org``.
+
+    Attributes:
+        url: what to type into a browser on this machine.
+
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
+        UsageError: an origin is none, or the token that was chosen is too short.
     """
 
     stays = True
 
-    def __init__(self, host: str = "127.0.0.1", port: int = 8080, title: str = _TITLE) -> None:
-        self.url = url(host, port)
-        self._server = open_server(host, port, title)
+    def __init__(
+        self,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        title: str = _TITLE,
+        origins: Collection[str] = (),
+    ) -> None:
+        door = open_door(host, origins)
+        self.url = url(host, port, door.token)
+        self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
+        self._server = open_server(host, port, title, door)
         self._desk: Desk | None = None
         self._ended = threading.Event()
 
@@ -37,7 +57,8 @@ class Page:
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
         self._desk = Desk(self._server, runtime)
-        log.info("look at %s; Ctrl-C ends it", self.url)
+        elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
+        log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
 
     def spin(self, timeout_s: float) -> None:
         """Nothing has to be done on the main thread: wait."""

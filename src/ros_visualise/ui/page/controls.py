@@ -11,6 +11,7 @@ import viser
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value
+from ros_visualise.ui.page.elements import widen
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.steps import round_step
 
@@ -37,6 +38,7 @@ class Controls:
         for spec in specs:
             value = shown(getattr(self._parameters.current, spec.name))
             element = add_element(self._gui, spec, value)
+            widen(element, spec.min, spec.max)
             apply = partial(self._apply, spec.name)
             element.on_update(self._worker.listener((self._node, spec.name), apply))
             self._elements[spec.name] = element

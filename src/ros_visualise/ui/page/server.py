@@ -1,4 +1,4 @@
-"""The web server of the page: bound to one address, silent."""
+"""The web server of the page: bound to one address, guarded, silent."""
 
 from __future__ import annotations
 
@@ -11,13 +11,15 @@ import rich
 import viser
 
 from ros_visualise.errors import OpenError
+from ros_visualise.ui.page.door import Door
+from ros_visualise.ui.page.gate import Gate
 from ros_visualise.ui.page.wakeups import mend_wakeups
 
 _CLOSE_S = 0.8
 
 
-def open_server(host: str, port: int, title: str) -> viser.ViserServer:
-    """Bind a server to this address and to no other.
+def open_server(host: str, port: int, title: str, door: Door) -> viser.ViserServer:
+    """Bind a server to this address and to no other; whoever comes passes the door.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -25,7 +27,13 @@ def open_server(host: str, port: int, title: str) -> viser.ViserServer:
     _check_address(host, port)
     _silence()
     mend_wakeups()
-    server = viser.ViserServer(host, port, label=title, verbose=False)
+    gate = Gate(door)
+    with gate.guard():
+        server = viser.ViserServer(host, port, label=title, verbose=False)
+    gate.gui = server.gui
+    if not gate.is_used:
+        close_server(server)
+        raise RuntimeError("this viser makes its server in another way: nobody would guard it")
     if server.get_port() != port:  # somebody took it since; viser went on to the next
         close_server(server)
         raise OpenError(_in_use(host, port))
@@ -40,10 +48,11 @@ def close_server(server: viser.ViserServer) -> None:
     stopping.join(_CLOSE_S)
 
 
-def url(host: str, port: int) -> str:
+def url(host: str, port: int, token: str = "") -> str:
     """What to type into a browser on this machine."""
     name = {"0.0.0.0": "127.0.0.1", "": "127.0.0.1", "::": "::1"}.get(host, host)
-    return f"http://[{name}]:{port}" if ":" in name else f"http://{name}:{port}"
+    name = f"[{name}]" if ":" in name else name
+    return f"http://{name}:{port}" + (f"/{token}" if token else "")
 
 
 def _check_address(host: str, port: int) -> None:

@@ -15,6 +15,9 @@ from ros_visualise.errors import RosVisualiseError
 
 log = logging.getLogger(__name__)
 
+_MOST_ASKED = 200
+"""So many things that people ask for wait at most; what comes then is let go."""
+
 Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 
 
@@ -60,7 +63,7 @@ class Worker:
         async def moved(event: viser.GuiEvent[Any]) -> None:
             if event.client_id is not None:  # not by the program
                 own = object() if key is None else key
-                self.post(own, partial(action, event.target.value))
+                self._ask(own, partial(action, event.target.value))
 
         return moved
 
@@ -71,7 +74,7 @@ class Worker:
 
         @gui.add_command(label, hotkey=key).on_trigger
         async def _(_: Any) -> None:
-            self.post(object(), action)
+            self._ask(object(), action)
 
     def is_posted(self, key: Hashable) -> bool:
         """Whether something waits under this key."""
@@ -84,6 +87,10 @@ class Worker:
             self._changed.notify_all()
         if self._thread.ident is not None:
             self._thread.join(timeout_s)
+
+    def _ask(self, key: Hashable, action: Callable[[], object]) -> None:
+        if self.is_posted(key) or len(self._posted) < _MOST_ASKED:
+            self.post(key, action)
 
     def _run(self) -> None:
         next_tick_s = time.monotonic()

@@ -1,0 +1,141 @@
+"""Who may come in to the page: the door that every request passes.
+
+A web site that somebody visits can send requests to programs on their machine. Browsers say with
+each which name they asked for (``Host``) and which site asks (``Origin``), and no site can forge
+these; a site whose name points to this machine all of a sudden (DNS rebinding) shows in both.
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import re
+import secrets
+import socket
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from ipaddress import ip_address
+from urllib.parse import SplitResult, urlsplit
+
+from ros_visualise.errors import UsageError
+
+LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
+_PORTS = {"http": 80, "https": 443}
+_SHOWN = 100  # characters of what a stranger sent
+_TOKEN_VARIABLE = "ROS_VISUALISE_TOKEN"
+_TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+
+
+@dataclass(frozen=True)
+class Door:
+    """Which requests come in.
+
+    Attributes:
+        names: what this server may be called in a request.
+        addresses: whether it may be called by any address too, as where it listens on all.
+        origins: sites of others whose pages may come in, as ``https://example.org``.
+        token: what the path of a request has to begin with; empty: anything will do.
+    """
+
+    names: frozenset[str]
+    addresses: bool = False
+    origins: frozenset[str] = frozenset()
+    token: str = ""
+
+    def refusal(self, path: str, host: str, origin: str | None) -> str:
+        """Why a request is refused, for people; empty where it may come in.
+
+        Args:
+            path: what is asked for.
+            host: its ``Host``, the name or address and the port that this server was called by.
+            origin: its ``Origin``, the site whose page asks, if it is a page that asks.
+        """
+        if not self._is_called(_split(f"//{host}").hostname):
+            return (
+                f"{host[:_SHOWN]!r} is no name of this server; --allow-origin http://NAME adds one"
+            )
+        if origin is not None and origin not in self.origins and not self._is_own(origin, host):
+            return f"a page of {origin[:_SHOWN]!r} asked to come in; --allow-origin lets one in"
+        if self.token and not hmac.compare_digest(_first_part(path).encode(), self.token.encode()):
+            return "open the whole address that was printed when this page was started"
+        return ""
+
+    def inside(self, path: str) -> str:
+        """The path that a visitor who may come in asks for, without the token."""
+        return path.removeprefix(f"/{self.token}") if self.token else path
+
+    def _is_own(self, origin: str, host: str) -> bool:
+        """Whether a page is one that this server gave out."""
+        site = _split(origin)
+        called = _split(f"//{host}", site.scheme)
+        return self._is_called(site.hostname) and _port(site) == _port(called)
+
+    def _is_called(self, name: str | None) -> bool:
+        return name is not None and (name in self.names or (self.addresses and _is_address(name)))
+
+
+def open_door(host: str, origins: Collection[str] = ()) -> Door:
+    """The door of a server that listens at an address.
+
+    Beyond this machine whoever comes needs a token: one of this run, or the one in the variable
+    ``ROS_VISUALISE_TOKEN``.
+
+    Raises:
+        UsageError: no origin, or a token that is easily guessed.
+    """
+    names = LOOPBACK_NAMES | {_split(_origin(origin)).hostname or "" for origin in origins}
+    allowed = frozenset(map(_origin, origins))
+    if is_loopback(host):
+        return Door(names | {host.lower()}, origins=allowed)
+    own = socket.gethostname().lower()
+    names |= {host.lower(), own, f"{own}.local", socket.getfqdn().lower()}
+    return Door(names, addresses=True, origins=allowed, token=_choose_token(os.environ))
+
+
+def is_loopback(host: str) -> bool:
+    """Whether nobody but this machine reaches an address or a name."""
+    try:
+        found = socket.getaddrinfo(host or "0.0.0.0", None)
+    except OSError:
+        return False
+    return all(ip_address(str(address[0]).partition("%")[0]).is_loopback for *_, address in found)
+
+
+def _choose_token(environment: Mapping[str, str]) -> str:
+    token = environment.get(_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
+    if not _TOKEN.fullmatch(token):
+        raise UsageError(f"{_TOKEN_VARIABLE}: give 16 letters, digits, - or _, or more")
+    return token
+
+
+def _origin(text: str) -> str:
+    site = _split(text.lower().rstrip("/"))
+    if site.scheme not in _PORTS or not site.hostname or site.geturl().count("/") != 2:
+        raise UsageError(f"--allow-origin {text}: give a site as https://robot.example.org")
+    return site.geturl()
+
+
+def _split(url: str, scheme: str = "") -> SplitResult:
+    """The parts of a URL; none of one that is broken."""
+    try:
+        parts = urlsplit(url, scheme)
+        _ = parts.port
+        return parts
+    except ValueError:
+        return urlsplit("")
+
+
+def _port(url: SplitResult) -> int | None:
+    return url.port or _PORTS.get(url.scheme)
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True
+
+
+def _first_part(path: str) -> str:
+    return re.split("[/?]", path.removeprefix("/"), maxsplit=1)[0]

@@ -1,0 +1,151 @@
+"""The gate of the page's server: nothing passes to viser that was not looked at.
+
+viser 1.1 lets everybody in, takes messages of every kind from everybody, and makes its server where
+nobody else can configure it. So the server that it makes is given connections of this module's
+own class, which is what the websockets library has for such a purpose (``create_connection``).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
+from threading import Lock
+from typing import Any
+
+import viser
+import websockets.asyncio.server
+from viser._messages import GuiUpdateMessage
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from ros_visualise.ui.page.door import Door
+from ros_visualise.ui.page.elements import refusal
+from ros_visualise.ui.page.inbound import MAX_BYTES, Update, understand
+
+log = logging.getLogger(__name__)
+
+_Admit = Callable[[ServerConnection, Request], Any]
+_MOST_SAID = 5
+"""So many refusals are said, those of everybody and then those of each browser; no flood is."""
+_one_at_a_time = Lock()
+
+
+class Gate:
+    """Lets requests in by a door, and messages by what the page's elements can be set to.
+
+    Args:
+        door: which requests come in.
+
+    Attributes:
+        gui: the elements of the page; as long as there is none, none can be moved.
+        is_used: whether a server has its connections from here.
+    """
+
+    def __init__(self, door: Door) -> None:
+        self.door = door
+        self.gui: viser.GuiApi | None = None
+        self.is_used = False
+        self._refused: set[str] = set()
+
+    @contextmanager
+    def guard(self) -> Iterator[None]:
+        """Every server of websockets that is made meanwhile has its connections from here."""
+        make = websockets.asyncio.server.serve
+
+        def serve(*args: Any, **settings: Any) -> Any:
+            self.is_used = True
+            settings |= {"create_connection": self._connect, "max_size": MAX_BYTES}
+            return make(*args, **settings)
+
+        with _one_at_a_time:
+            websockets.asyncio.server.serve = serve  # type: ignore[assignment,misc]
+            try:
+                yield
+            finally:
+                websockets.asyncio.server.serve = make  # type: ignore[misc]
+
+    def refuse(self, request: Request) -> str:
+        """Why a request does not come in; empty where it does."""
+        hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
+        if len(hosts) != 1 or len(origins) > 1:
+            return "a request names one host, and one site that it comes from"
+        reason = self.door.refusal(request.path, hosts[0], next(iter(origins), None))
+        if reason and reason not in self._refused and len(self._refused) < _MOST_SAID:
+            self._refused.add(reason)
+            log.warning("the page: somebody was refused: %s", reason)
+        return reason
+
+    def refuse_message(self, data: str | bytes) -> str | None:
+        """Why a message is let go: for people, or empty; None where it passes."""
+        message = understand(data)
+        if message is None:
+            return ""
+        if not isinstance(message, Update):
+            return None
+        there = {} if self.gui is None else self.gui._gui_input_handle_from_uuid
+        element = there.get(message.uuid)
+        if element is None:  # it was taken away meanwhile
+            return ""
+        reason = refusal(element, message.updates.value)
+        if not reason:
+            return None
+        self._show_again(message.uuid, element)
+        return f"{getattr(element, 'label', '')}: {reason}"
+
+    def _show_again(self, uuid: str, element: Any) -> None:
+        """Have browsers show what an element is set to, and not what one of them tried."""
+        if not isinstance(element, viser.GuiButtonHandle | viser.GuiButtonGroupHandle):
+            assert self.gui is not None
+            message = GuiUpdateMessage(uuid, {"value": element.value})
+            self.gui._websock_interface.queue_message(message)
+
+    def _connect(self, *args: Any, **settings: Any) -> _Connection:
+        return _Connection(self, *args, **settings)
+
+
+class _Connection(ServerConnection):
+    """One browser's connection."""
+
+    def __init__(self, gate: Gate, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self._gate = gate
+        self._said = 0
+
+    async def handshake(
+        self,
+        process_request: _Admit | None = None,
+        process_response: Any = None,
+        server_header: str | None = None,
+    ) -> None:
+        """Answer the request, if it may come in."""
+
+        def admit(connection: ServerConnection, request: Request) -> Any:
+            reason = self._gate.refuse(request)
+            if reason:
+                return connection.respond(HTTPStatus.FORBIDDEN, f"ros-visualise: {reason}\n")
+            request.path = self._gate.door.inside(request.path)
+            return process_request(connection, request) if process_request else None
+
+        await super().handshake(admit, self._answer, None)
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """The next message that passes."""
+        while True:
+            data = await super().recv(decode)
+            reason = self._gate.refuse_message(data)
+            if reason is None:
+                return data
+            if reason and self._said < _MOST_SAID:
+                self._said += 1
+                log.warning("the page: %s", reason)
+
+    def _answer(self, _: ServerConnection, __: Request, response: Response) -> Response:
+        """Let no other site show this one inside its own, or learn of it."""
+        allowed = " ".join(["'self'", *sorted(self._gate.door.origins)])
+        response.headers["Content-Security-Policy"] = f"frame-ancestors {allowed}"
+        response.headers["Cross-Origin-Resource-Policy"] = "same-origin"
+        response.headers["Referrer-Policy"] = "no-referrer"
+        response.headers["X-Content-Type-Options"] = "nosniff"
+        return response

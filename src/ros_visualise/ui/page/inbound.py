@@ -1,0 +1,61 @@
+"""What a browser may send: three kinds of messages, each of its own form."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+MAX_BYTES = 64 * 1024
+"""Of one message; what a person types is the largest."""
+
+Value = bool | int | float | str
+_Length = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+_Size = Annotated[float, msgspec.Meta(ge=0, le=65536)]
+_Name = Annotated[str, msgspec.Meta(max_length=64)]
+
+
+class _Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
+    """Of viser's protocol, by the name that it has there."""
+
+
+class Camera(_Message, tag="ViewerCameraMessage"):
+    """Where a person looks from."""
+
+    wxyz: tuple[_Length, _Length, _Length, _Length]
+    position: tuple[_Length, _Length, _Length]
+    fov: _Size
+    near: _Length
+    far: _Length
+    image_height: _Size
+    image_width: _Size
+    look_at: tuple[_Length, _Length, _Length]
+    up_direction: tuple[_Length, _Length, _Length]
+
+
+class Command(_Message, tag="CommandTriggerMessage"):
+    """A key was pressed, or a command was chosen."""
+
+    uuid: _Name
+
+
+class _Updates(msgspec.Struct, forbid_unknown_fields=True):
+    value: Value
+
+
+class Update(_Message, tag="GuiUpdateMessage"):
+    """An element was moved."""
+
+    uuid: _Name
+    updates: _Updates
+
+
+_DECODER = msgspec.msgpack.Decoder(Camera | Command | Update)
+
+
+def understand(data: str | bytes) -> Camera | Command | Update | None:
+    """The message that these bytes are; None where it is none that a page of ours sends."""
+    try:
+        return _DECODER.decode(data) if isinstance(data, bytes) else None
+    except (msgspec.MsgspecError, RecursionError):
+        return None

@@ -1,0 +1,95 @@
+"""Who may come in to the page."""
+
+import pytest
+
+from ros_visualise.errors import UsageError
+from ros_visualise.ui.page.door import is_loopback, open_door
+
+TOKEN = "a-token-of-22-letters_"
+
+
+@pytest.fixture
+def token(monkeypatch):
+    monkeypatch.setenv("ROS_VISUALISE_TOKEN", TOKEN)
+    return TOKEN
+
+
+@pytest.mark.parametrize("name", ["127.0.0.1", "localhost", "LOCALHOST", "[::1]"])
+@pytest.mark.parametrize("port", ["", ":8080", ":9000"])  # of ssh -L too
+def test_this_machine_comes_in_by_its_own_names(name, port):
+    door, host = open_door("127.0.0.1"), f"{name}{port}"
+    for path in ("/", "/index.html", "/no/such?page"):
+        assert door.refusal(path, host, None) == ""
+        assert door.refusal(path, host, f"http://{host}") == ""
+        assert door.inside(path) == path
+
+
+@pytest.mark.parametrize("path", ["/", "/index.html", "/no/such/page"])
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("evil.example:8080", None),  # a name that points here all of a sudden
+        ("evil.example:8080", "http://evil.example:8080"),
+        ("127.0.0.1.evil.example", None),
+        ("192.168.1.5:8080", None),
+        ("", None),
+        ("[::1", None),
+        ("127.0.0.1:99999999", None),
+        ("127.0.0.1:8080", "http://evil.example"),
+        ("127.0.0.1:8080", "http://evil.example:8080"),
+        ("127.0.0.1:8080", "http://127.0.0.1:3000"),  # another program of this machine
+        ("127.0.0.1:8080", "http://127.0.0.1.evil.example:8080"),
+        ("127.0.0.1:8080", "null"),  # a file, or a page in a box
+        ("127.0.0.1:8080", ""),
+        ("127.0.0.1:8080", "http://127.0.0.1:port"),
+        ("127.0.0.1:8080", "file://"),
+    ],
+)
+def test_others_are_refused_on_every_path(host, origin, path):
+    assert open_door("127.0.0.1").refusal(path, host, origin)
+
+
+def test_a_proxy_is_let_in_by_its_origin():
+    door = open_door("127.0.0.1", ["https://Robot.example.org/"])
+    for host in ("robot.example.org", "127.0.0.1:8080"):
+        assert door.refusal("/", host, "https://robot.example.org") == ""
+    assert door.refusal("/", "robot.example.org", "http://robot.example.org:81")
+    assert door.refusal("/", "robot.example.org", "https://example.org")
+
+
+@pytest.mark.parametrize(
+    "origin", ["robot.example.org", "*", "https://", "ftp://a", "https://a/b", "http://a:b", ""]
+)
+def test_what_is_no_origin_is_refused_by_name(origin):
+    with pytest.raises(UsageError, match=r"give a site as https://robot\.example\.org"):
+        open_door("127.0.0.1", [origin])
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "", "192.0.2.7"])
+def test_beyond_this_machine_a_token_is_needed(host, token):
+    door = open_door(host)
+    for called in ("192.0.2.7:8080", "127.0.0.1:8080", "[2001:db8::1]:8080"):
+        assert door.refusal(f"/{token}", called, f"http://{called}") == ""
+        assert door.refusal(f"/{token}/index.html?a", called, None) == ""
+        for path in ("/", "/index.html", f"/{token}x", f"/{token[:-1]}", f"/?{token}", "", "/%00"):
+            assert "the whole address" in door.refusal(path, called, None)
+    assert door.refusal(f"/{token}", "evil.example:8080", None)
+    assert door.refusal(f"/{token}", "192.0.2.7:8080", "http://evil.example")
+    assert door.inside(f"/{token}") == ""
+    assert door.inside(f"/{token}/index.html") == "/index.html"
+
+
+def test_tokens_are_made_anew_and_a_short_one_is_refused(monkeypatch):
+    monkeypatch.delenv("ROS_VISUALISE_TOKEN", raising=False)
+    tokens = {open_door("0.0.0.0").token for _ in range(20)}
+    assert len(tokens) == 20
+    assert all(len(token) >= 20 for token in tokens)
+    assert open_door("127.0.0.1").token == ""
+    monkeypatch.setenv("ROS_VISUALISE_TOKEN", "1234")
+    with pytest.raises(UsageError, match="ROS_VISUALISE_TOKEN: give 16 letters"):
+        open_door("0.0.0.0")
+
+
+def test_what_is_this_machine_alone():
+    assert all(map(is_loopback, ["127.0.0.1", "127.1.2.3", "::1", "localhost"]))
+    assert not any(map(is_loopback, ["0.0.0.0", "", "::", "192.0.2.1", "no.such.invalid"]))

@@ -1,0 +1,307 @@
+"""What a page lets in: requests and messages of clients that mean no good."""
+
+import http.client
+import math
+import random
+import subprocess
+import sys
+import threading
+from contextlib import closing
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+
+import msgspec
+import pytest
+import viser
+from page_client import CAMERA, Client
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+import ros_visualise.ui.page.door
+from ros_visualise.ui.page import Page
+
+EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/"></iframe><script>
+window.told = new Promise(tell => {{
+    const socket = new WebSocket("ws://127.0.0.1:{port}", ["viser-v{version}"]);
+    socket.onopen = () => tell("open");
+    socket.onclose = () => tell("closed");
+}});
+</script>"""
+SERVED = """
+import sys
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.page import Page
+page = Page(port=int(sys.argv[1]))
+runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
+runtime.start()
+page.open(runtime)
+print("open", flush=True)
+sys.stdin.readline()
+page.close()
+runtime.stop()
+"""
+USED = ("GuiUpdateMessage", "CommandTriggerMessage", "ViewerCameraMessage")
+UNUSED = (
+    *("ShareUrlRequest", "ShareUrlDisconnect", "FileTransferStartUpload", "FileTransferPart"),
+    *("GuiFormDirtyMessage", "GuiFormSubmitMessage", "GuiButtonHoldMessage", "ScenePointerMessage"),
+    *("SceneNodeClickMessage", "GetRenderResponseMessage", "GuiRemoveMessage", "Message", "Other"),
+)
+WILD = [
+    *(None, True, False, 0, -1, 1, 256, 2**53 + 1, 2**64 - 1, -(2**63), 1e20, -1e20, 1e308),
+    *(math.nan, math.inf, -math.inf, 0.5, "", "x", "x" * 5000, "\x00", "\u202e", b"", b"\xff" * 9),
+    *([], [1, 2], {}, {"value": 1}, [[[]]], "../../etc/passwd", "<script>", "❚❚ pause"),
+]
+
+
+@pytest.fixture
+def client(page, port):
+    connected = Client(port)
+    with closing(connected.socket):
+        connected.read_until(lambda: connected.images >= 4)
+        yield connected
+
+
+@pytest.fixture
+def served(port):
+    """A page in a process of its own, which has to end without a word."""
+    pipe = subprocess.PIPE
+    code = [sys.executable, "-c", SERVED, str(port)]
+    with subprocess.Popen(code, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+        assert process.stdout.readline() == "open\n"
+        yield process
+        out, err = process.communicate("\n", timeout=30)
+    assert (process.returncode, out, err) == (0, "", "")
+
+
+def get(port, path="/", **headers):
+    """The status, the headers and the text of an answer."""
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20)) as asked:
+        asked.request("GET", path, headers=headers)
+        answer = asked.getresponse()
+        return answer.status, answer.headers, answer.read().decode(errors="replace")
+
+
+def all_there(port, path=""):
+    """Whether somebody who comes now sees it all."""
+    late = Client(port, path)
+    with closing(late.socket):
+        late.read_until(lambda: late.images >= 4)
+    return True
+
+
+@pytest.mark.parametrize("path", ["/", "/index.html", "/no/such", "/%2e%2e/x"])
+def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
+    own = f"127.0.0.1:{port}"
+    for headers in (
+        {"Host": f"evil.example:{port}"},
+        {"Host": own, "Origin": "http://evil.example"},
+        {"Host": own, "Origin": "null"},
+        {"Host": own, "Origin": f"http://localhost:{port + 1}"},
+    ):
+        status, _, text = get(port, path, **headers)
+        assert status == 403
+        assert "--allow-origin" in text
+        upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+        key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="}
+        assert get(port, path, **headers, **upgrade, **key)[0] == 403
+
+
+def test_own_names_are_served_and_nobody_else_may_frame_them(page, port):
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", "localhost:9000", f"[::1]:{port}"):
+        status, headers, text = get(port, Host=host, Origin=f"http://{host}")
+        assert status == 200
+        assert "<html" in text
+        assert headers["Content-Security-Policy"] == "frame-ancestors 'self'"
+        assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert all_there(port)
+
+
+def test_refusals_are_said_once(page, port, caplog):
+    for _ in range(3):
+        with pytest.raises(InvalidStatus):
+            Client(port, origin="http://evil.example")
+    for number in range(20):
+        get(port, Host=f"evil{number}.example")
+    said = [record.getMessage() for record in caplog.records]
+    assert len(said) == 5
+    assert said[0].startswith("the page: somebody was refused: a page of 'http://evil.example'")
+
+
+def test_a_proxy_comes_in_by_its_origin(port, runtime):
+    page = Page(port=port, origins=["https://robot.example.org"])
+    page.open(runtime)
+    client = Client(port, origin="https://robot.example.org")
+    with closing(client.socket):
+        client.read_until(lambda: client.images >= 4)
+    _, headers, _ = get(port)
+    assert headers["Content-Security-Policy"].endswith("'self' https://robot.example.org")
+    page.close()
+
+
+@pytest.fixture
+def evil_site(port):
+    """A site that somebody visits; its address."""
+
+    class Answer(BaseHTTPRequestHandler):
+        def do_GET(self):
+            text = EVIL.format(port=port, version=viser.__version__).encode()
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(text)
+
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Answer) as site:
+        thread = threading.Thread(target=site.serve_forever)
+        thread.start()
+        yield f"http://evil.example:{site.server_port}/"
+        site.shutdown()
+        thread.join()
+
+
+def test_a_browser_at_a_foreign_site_reaches_nothing(chromium, page, port, evil_site):
+    context = chromium.new_context()
+    tab = context.new_page()
+    tab.goto(evil_site)
+    assert tab.evaluate("() => window.told") == "closed"
+    frame = tab.frames[1]
+    assert frame.evaluate("() => document.title + document.body.innerText.length") != ""
+    assert not frame.url.startswith("http://127.0.0.1"), "it shows the page inside its own"
+    rebound = tab.goto(f"http://evil.example:{port}/")
+    assert rebound.status == 403
+    assert tab.goto(f"http://127.0.0.1:{port}/").status == 200
+    context.close()
+
+
+def test_beyond_this_machine_the_printed_address_has_a_token(
+    chromium, port, runtime, monkeypatch, caplog
+):
+    monkeypatch.setattr(ros_visualise.ui.page.door, "is_loopback", lambda host: False)
+    caplog.set_level("INFO")
+    page = Page(port=port)
+    page.open(runtime)
+    address, _, token = page.url.rpartition("/")
+    assert address == f"http://127.0.0.1:{port}"
+    assert len(token) >= 20
+    assert f"look at {page.url}, from elsewhere at http" in caplog.text
+    assert get(port)[0] == get(port, f"/{token[:-1]}x")[0] == 403
+    with pytest.raises(InvalidStatus):
+        Client(port)
+    assert all_there(port, f"/{token}")
+    context = chromium.new_context()
+    tab = context.new_page()
+    tab.goto(page.url)
+    tab.wait_for_function("document.querySelectorAll(\"img[src^='blob:']\").length == 4")
+    context.close()
+    page.close()
+
+
+def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime, port):
+    before = runtime.parameters["filters"].current
+    client.set("threshold", 1e20)
+    client.read_until(
+        lambda: any("threshold: 1e+20 is not from 0 to 255" in h for h in client.html)
+    )
+    client.read_until(lambda: client.values["threshold"] == 128)
+    for label in ("threshold", "scale", "blur", "gray", "image size", "rate", "time", "file"):
+        for value in WILD:
+            client.set(label, value)
+    client.set("threshold", 77)
+    client.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
+    after = runtime.parameters["filters"].current
+    assert (after.scale, after.blur) == (before.scale, before.blur) or after.scale == 0.5
+    assert all_there(port)
+
+
+def test_beyond_a_slider_its_parameter_s_own_range_counts(client, runtime):
+    client.set("fps", 120)
+    client.read_until(lambda: runtime.parameters["fps_control"].current.fps == 120)
+    client.set("fps", 241)
+    client.read_until(lambda: any("fps: 241 is not from 0 to 240" in h for h in client.html))
+    assert runtime.parameters["fps_control"].current.fps == 120
+
+
+def test_nothing_but_an_elements_value_can_be_set(client, runtime, port):
+    uuid = client.uuid("threshold")
+    for updates in ({"label": "x"}, {"value": 9, "update_cb": []}, {"is_button": True}, {}):
+        client.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": updates})
+    client.set("gray", False)
+    client.read_until(lambda: not runtime.parameters["filters"].current.gray)
+    assert runtime.parameters["filters"].current.threshold == 128
+    assert all_there(port)
+
+
+def test_the_way_out_and_file_transfer_are_off(client, monkeypatch, port):
+    asked = []
+    monkeypatch.setattr(viser.ViserServer, "request_share_url", lambda *_: asked.append("share"))
+    name = "_handle_file_transfer_part"
+    monkeypatch.setattr(viser.GuiApi, name, lambda *_: asked.append("part"), raising=True)
+    for kind in UNUSED:
+        client.send({"type": kind, "uuid": client.elements[0]})
+    client.send({"type": "ShareUrlRequest"})
+    assert all_there(port)
+    assert asked == []
+
+
+def test_nonsense_of_all_kinds_harms_nobody(served, port):
+    rng = random.Random(11)
+    first = Client(port)
+    with closing(first.socket):
+        first.read_until(lambda: first.images >= 4)
+        for _ in range(40):
+            talk_nonsense(Client(port), rng)
+        first.read_until(lambda: first.images >= 8)
+    assert all_there(port)
+
+
+def talk_nonsense(client, rng):
+    client.read_until(lambda: client.elements)
+    with closing(client.socket):
+        for _ in range(40):
+            try:
+                client.socket.send(nonsense(client.elements, rng))
+            except ConnectionClosed:
+                return
+
+
+def nonsense(elements, rng):
+    """A text, bytes, or a message that is nearly right."""
+    if rng.random() < 0.1:
+        return rng.choice(["text", b"", b"\xc1", b"\x91" * 60_000, rng.randbytes(200)])
+    message = rng.choice(
+        [
+            dict(CAMERA),
+            {"type": "GuiUpdateMessage", "uuid": rng.choice(elements), "updates": {"value": 1}},
+            {"type": "CommandTriggerMessage", "uuid": rng.choice(elements)},
+        ]
+    )
+    for _ in range(rng.randint(1, 3)):
+        key = rng.choice([*message, "more"])
+        message[key] = rng.choice([*WILD, *USED, *UNUSED, {"value": rng.choice(WILD)}])
+    return msgspec.msgpack.encode(message)
+
+
+def close_code(client, message):
+    """How the server ends a connection on which this message is sent."""
+    try:
+        client.send(message)
+        while True:
+            client.socket.recv(timeout=60)
+    except ConnectionClosed:
+        return client.socket.close_code
+
+
+def test_parts_of_20_mib_are_not_kept(served, port):
+    part = {"type": "FileTransferPart", "transfer_uuid": "x", "content": bytes(20 << 20)}
+    start = {"type": "FileTransferStartUpload", "transfer_uuid": "x", "part_count": 30}
+    for _ in range(30):
+        client = Client(port)
+        client.send(start)
+        assert close_code(client, part) == 1009
+    status = Path(f"/proc/{served.pid}/status").read_text()
+    peak_kib = int(status.partition("VmHWM:")[2].split()[0])
+    assert peak_kib < 600_000
+    assert all_there(port)
