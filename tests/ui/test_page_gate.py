@@ -167,9 +167,8 @@ def test_a_browser_at_a_foreign_site_reaches_nothing(chromium, page, port, evil_
     tab = context.new_page()
     tab.goto(evil_site)
     assert tab.evaluate("() => window.told") == "closed"
-    frame = tab.frames[1]
-    assert frame.evaluate("() => document.title + document.body.innerText.length") != ""
-    assert not frame.url.startswith("http://127.0.0.1"), "it shows the page inside its own"
+    inner = tab.frames[1]
+    assert not inner.url.startswith("http://127.0.0.1"), "it shows the page inside its own"
     rebound = tab.goto(f"http://evil.example:{port}/")
     assert rebound.status == 403
     assert tab.goto(f"http://127.0.0.1:{port}/").status == 200
@@ -212,7 +211,8 @@ def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime,
     client.set("threshold", 77)
     client.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
     after = runtime.parameters["filters"].current
-    assert (after.scale, after.blur) == (before.scale, before.blur) or after.scale == 0.5
+    assert after.blur is before.blur
+    assert after.scale in (before.scale, 0.5)
     assert all_there(port)
 
 

@@ -167,6 +167,25 @@ def test_only_the_newest_of_a_kind_is_done():
     assert not worker.is_posted("slider")
 
 
+def test_a_flood_of_clicks_is_not_kept():
+    done, finished = [], threading.Event()
+    worker = worker_of([])
+    pressed = worker.listener(None, done.append)
+    click = SimpleNamespace(client_id=1, target=SimpleNamespace(value=True))
+    for _ in range(100_000):
+        run_at_once(pressed(click))
+    worker.post("end", finished.set)
+    worker.start()
+    assert finished.wait(10)
+    worker.close(10)
+    assert 100 <= len(done) <= 1000
+
+
+def run_at_once(coroutine):
+    with pytest.raises(StopIteration):
+        coroutine.send(None)
+
+
 def test_what_is_refused_is_said_and_the_work_goes_on():
     said, finished = [], threading.Event()
 
