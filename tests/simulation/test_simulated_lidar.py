@@ -105,6 +105,15 @@ def test_noise_is_white_and_a_scan_has_its_own_whichever_was_before():
     assert other.points.tobytes() != again.points.tobytes()
 
 
+def test_a_rays_noise_does_not_depend_on_what_others_meet():
+    simulation = Simulation("husky", "playpen", settings=SIGHTED)
+    model, data, place = simulation._model, simulation._data, np.array([0.0, 0.0, 0.6])
+    far = Lidar(SIGHTED, 5, model, data).measure(0, 7, place, np.eye(3)).points
+    near = Lidar(replace(SIGHTED, lidar_far=6.0), 5, model, data).measure(0, 7, place, np.eye(3))
+    assert 0 < len(near.points) < len(far)
+    assert {p.tobytes() for p in near.points} <= {p.tobytes() for p in far}
+
+
 def test_the_ground_is_flat_and_rings_rise():
     cloud = collect(Simulation("husky", "plane", settings=SIGHTED), 0.05)["points"][0]
     assert len(cloud.points) == 8 * 900, "half of the rows look down"

@@ -6,9 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from simulated_runs import collect, twist
 
 from ros_visualise.data import Odometry
-from ros_visualise.simulation import HuskyParams, QuadrotorParams
+from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
 from ros_visualise.simulation.attitude import from_rotation_vector, from_yaw, multiply, rows
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
 
@@ -26,7 +27,10 @@ def drive(params: HuskyParams, seed: int) -> list[Odometry]:
     odometry = WheelOdometry(params, seed)
     motions = [(1.0, 0.33)] * 190 + [(0.0, 0.0)] * 5 + [(1.0, -0.33)] * 150
     motions += [(0.0, 1.2)] * 15 + [(-0.5, 0.1)] * 60
-    return [odometry.advance(0, v * PERIOD_S, turn * PERIOD_S, PERIOD_S) for v, turn in motions]
+    return [
+        odometry.advance(round(i * PERIOD_S * 1e9), v * PERIOD_S, turn * PERIOD_S)
+        for i, (v, turn) in enumerate(motions, 1)
+    ]
 
 
 def fly(params: QuadrotorParams, seed: int) -> list[Odometry]:
@@ -92,15 +96,28 @@ def test_wheels_speeds_err_as_their_covariances_say():
 
 def test_wheels_that_stand_still_are_sure_of_it():
     start, still = WheelOdometry(HUSKY, 1), WheelOdometry(HUSKY, 1)
-    last = start.advance(0, 0.02, 0.01, 0.02)
-    still.advance(0, 0.02, 0.01, 0.02)
-    for _ in range(100):
-        stood = still.advance(0, 0.0, 0.0, 0.02)
+    start.advance(0, 0.0, 0.0)
+    still.advance(0, 0.0, 0.0)
+    last = start.advance(20_000_000, 0.02, 0.01)
+    still.advance(20_000_000, 0.02, 0.01)
+    for i in range(2, 102):
+        stood = still.advance(i * 20_000_000, 0.0, 0.0)
     assert stood.pose_covariance == pytest.approx(last.pose_covariance)
     assert math.sqrt(stood.twist_covariance[0, 0]) == pytest.approx(0.001)
     assert math.sqrt(last.twist_covariance[0, 0]) == pytest.approx(
         math.hypot(HUSKY.odom_scale, HUSKY.odom_noise * math.sqrt(50)), rel=0.01
     )
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 60.0, 90.0])
+def test_wheels_speeds_are_true_at_rates_that_do_not_fit_the_steps(rate_hz):
+    still = {"camera": False, "lidar": False, "command_timeout": 60.0}
+    settings = replace(STEADY_HUSKY, odom_rate=rate_hz, **still)
+    simulation = Simulation("husky", "plane", settings=settings)
+    simulation.command(twist(x=0.8, turn=0.4))
+    seen = collect(simulation, 3.0)["odom"][-30:]
+    assert [o.linear_xyz[0] for o in seen] == pytest.approx([0.8] * 30, rel=0.01)
+    assert [o.angular_xyz[2] for o in seen] == pytest.approx([0.4] * 30, rel=0.03)
 
 
 def test_seen_velocity_errs_as_its_covariance_says():

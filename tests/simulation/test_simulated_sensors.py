@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_HUSKY, collect
 
+from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
 from ros_visualise.simulation.sensors.barometer import Barometer, pressure_at
 from ros_visualise.simulation.sensors.gps import GpsSensor
@@ -30,9 +31,13 @@ def test_an_imu_at_rest_feels_g_upwards():
     assert found[0].header.frame_id == "imu_link"
 
 
+def stamps(count: int, rate_hz: float = HUSKY.imu_rate) -> list[int]:
+    return [round(i * 1e9 / rate_hz) for i in range(count)]
+
+
 def test_imu_noise_has_its_density_and_its_covariance():
     sensor = ImuSensor(replace(HUSKY, gyro_walk=0.0, accel_walk=0.0), seed=1)
-    messages = [sensor.measure(0, LEVEL, AT_REST) for _ in range(4000)]
+    messages = [sensor.measure(stamp_ns, LEVEL, AT_REST) for stamp_ns in stamps(4000)]
     for name, density, covariance in (
         ("angular_xyz", HUSKY.gyro_density, messages[0].angular_covariance),
         ("linear_xyz", HUSKY.accel_density, messages[0].linear_covariance),
@@ -47,7 +52,7 @@ def test_imu_biases_differ_from_run_to_run_and_walk():
     first, later = [], []
     for seed in range(200):
         sensor = ImuSensor(still, seed)
-        messages = [sensor.measure(0, LEVEL, np.zeros(6)) for _ in range(101)]
+        messages = [sensor.measure(stamp_ns, LEVEL, np.zeros(6)) for stamp_ns in stamps(101)]
         first.append(np.concatenate([messages[0].angular_xyz, messages[0].linear_xyz]))
         later.append(np.concatenate([messages[-1].angular_xyz, messages[-1].linear_xyz]))
     declared = np.repeat([HUSKY.gyro_bias, HUSKY.accel_bias], 3)
@@ -90,7 +95,7 @@ def test_gps_is_where_the_antenna_is_and_errs_as_it_says():
 def test_the_gps_drift_forgets_itself_in_its_time():
     params = replace(HUSKY, gps_noise=0.0, gps_rate=0.1, gps_drift_time=60.0)
     sensor = GpsSensor(params, 5)
-    up = np.array([sensor.measure(0, np.zeros(3)).altitude - 116 for _ in range(20000)])
+    up = np.array([sensor.measure(t, np.zeros(3)).altitude - 116 for t in stamps(20000, 0.1)])
     after = 6  # samples, a minute
     correlation = np.corrcoef(up[:-after], up[after:])[0, 1]
     assert correlation == pytest.approx(math.exp(-1), abs=0.06)
@@ -130,6 +135,26 @@ def test_the_barometer_loses_twelve_pascal_a_metre_and_errs_as_declared():
         Barometer(QUADROTOR, s).measure(0, 0.0).pressure - pressure_at(116) for s in range(1500)
     ]
     assert np.std(errors) == pytest.approx(math.hypot(1.5, 8.0), rel=0.06)
+    assert Barometer(QUADROTOR, 0).measure(0, 0.0).variance == pytest.approx(1.5**2 + 8.0**2)
+
+
+def test_a_drift_forgets_itself_by_the_stamps_however_they_come():
+    params = replace(QUADROTOR, baro_noise=0.0, baro_drift_time=10.0)
+    times = np.cumsum(np.tile([0.015, 0.02, 0.015], 40_000))
+    barometer = Barometer(params, 3)
+    drift = np.array([barometer.measure(round(t * 1e9), 0.0).pressure for t in times])
+    after = 600  # samples, 10 s
+    assert np.corrcoef(drift[:-after], drift[after:])[0, 1] == pytest.approx(math.exp(-1), abs=0.15)
+
+
+@pytest.mark.parametrize("latitude", [0.0, 49.0, -60.0, 89.0])
+def test_a_fix_is_where_the_antenna_is_to_a_millimetre(latitude):
+    exact = replace(HUSKY, gps_noise=0.0, gps_drift=0.0, gps_latitude=latitude)
+    place = np.array([800.0, -900.0, 30.0])
+    fix = GpsSensor(exact, 0).measure(0, place)
+    plane = LocalPlane(latitude, exact.gps_longitude, exact.gps_altitude)
+    found = plane.to_enu([fix.latitude, fix.longitude, fix.altitude])
+    assert found == pytest.approx(place, abs=1e-3)
 
 
 def test_wheel_odometry_drifts_with_its_scale_and_with_the_root_of_the_way():
@@ -137,7 +162,7 @@ def test_wheel_odometry_drifts_with_its_scale_and_with_the_root_of_the_way():
     for seed in range(600):
         odometry = WheelOdometry(HUSKY, seed)
         for _ in range(25):
-            last = odometry.advance(0, 0.8, 0.0, 0.02)
+            last = odometry.advance(0, 0.8, 0.0)
         ends.append(last.position_xyz[0])
     assert np.mean(ends) == pytest.approx(20, abs=0.05)
     declared = math.hypot(HUSKY.odom_scale * 20, HUSKY.odom_noise * math.sqrt(20))
@@ -150,7 +175,7 @@ def test_wheel_odometry_drifts_in_turning():
     for seed in range(600):
         odometry = WheelOdometry(HUSKY, seed)
         for _ in range(50):
-            last = odometry.advance(0, 0.0, 0.04, 0.02)
+            last = odometry.advance(0, 0.0, 0.04)
         yaws.append(2 * math.atan2(last.quat_xyzw[2], last.quat_xyzw[3]))
     declared = math.hypot(HUSKY.odom_turn_scale * 2, HUSKY.odom_turn_noise * math.sqrt(2))
     assert np.mean(yaws) == pytest.approx(2, abs=0.01)

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from ros_visualise.simulation.attitude import Quat, Vector, conjugate, multiply, rows
+from ros_visualise.simulation.attitude import Quat, Vector, conjugate, from_yaw, multiply, rows
 
 GRAVITY = 9.81
 _MAX_TILT = math.radians(35)
@@ -21,13 +21,21 @@ _MAX_TILT = math.radians(35)
 
 @dataclass(frozen=True)
 class Airframe:
-    """What is known of it, SI units; motors are front left and right, rear left and right."""
+    """What the controller knows of the quadrotor; SI units.
+
+    Attributes:
+        mass: in all.
+        inertia: about the body's axes.
+        arm: how far along x and along y each motor is from the middle.
+        drag: turning moment about z of a motor by its thrust, in metres.
+        max_thrust: of one motor.
+    """
 
     mass: float
     inertia: Vector
-    arm: float  # of each motor along x and along y
-    drag: float  # turning moment about z by thrust, m
-    max_thrust: float  # of one motor
+    arm: float
+    drag: float
+    max_thrust: float
 
 
 class State(NamedTuple):
@@ -136,10 +144,14 @@ class FlightController:
 def _attitude(force: Vector, yaw: float) -> Quat:
     """The attitude whose z axis is along the force and whose x axis heads to ``yaw``.
 
-    First the turn about z, then the smallest one that takes z to the force.
+    First the turn about z, then about the new y axis, then about the new x axis.
     """
-    size = math.sqrt(force[0] ** 2 + force[1] ** 2 + force[2] ** 2)
-    x, y, z = force[0] / size, force[1] / size, force[2] / size
-    w = math.sqrt((1 + z) / 2)
-    tilt = (w, -y / (2 * w), x / (2 * w), 0.0)
-    return multiply(tilt, (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead, left = c * force[0] + s * force[1], c * force[1] - s * force[0]
+    pitch = math.atan2(ahead, force[2])
+    roll = math.atan2(-left, math.hypot(ahead, force[2]))
+    tilt = multiply(
+        (math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0),
+        (math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0),
+    )
+    return multiply(from_yaw(yaw), tilt)

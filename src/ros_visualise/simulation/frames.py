@@ -23,7 +23,7 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.model import BASE, site_position
+from ros_visualise.simulation.model import BASE, site_position, standing_height
 from ros_visualise.simulation.settings import RobotParams
 
 MAP, ODOM = "map", "odom"
@@ -67,20 +67,19 @@ class Mounting:
         return np.array(rows(from_yaw(yaw)))
 
 
-def fixed_frames(
-    model: Any, mounting: Mounting, start: tuple[Vector, Quat], floor_m: float
-) -> Transforms:
+def fixed_frames(model: Any, mounting: Mounting, start: tuple[Vector, Quat]) -> Transforms:
     """All that do not move: for ``tf_static``.
 
     Args:
         start: pose of ``base_link`` in ``map`` as the robot was set down.
-        floor_m: height of ``base_link`` over the ground.
     """
     place, attitude = start
     heading = from_yaw(yaw_of(attitude))
     frames = [
         _transform(0, MAP, ODOM, np.array(place), heading),
-        _transform(0, BASE, "base_footprint", np.array([0.0, 0.0, -floor_m]), _LEVEL),
+        _transform(
+            0, BASE, "base_footprint", np.array([0.0, 0.0, -standing_height(model)]), _LEVEL
+        ),
         *(_transform(0, BASE, name, site_position(model, name), _LEVEL) for name in _SITES),
         _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
         *_wheel_frames(model),

@@ -32,3 +32,8 @@ def compile_model(robot: str, world: World, params: RobotParams) -> Any:
 def site_position(model: Any, name: str) -> Floats:
     """(3,) metres in the frame of the body that the site is on."""
     return np.array(model.site(name).pos)
+
+
+def standing_height(model: Any) -> float:
+    """Of ``base_link`` over the ground, metres."""
+    return float(model.body(BASE).pos[2])

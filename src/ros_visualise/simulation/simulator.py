@@ -15,7 +15,7 @@ from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
-from ros_visualise.simulation.model import compile_model
+from ros_visualise.simulation.model import compile_model, standing_height
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
 from ros_visualise.simulation.sensors.suite import Suite
@@ -27,7 +27,6 @@ from ros_visualise.simulation.worlds.rooms import ROOMS
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
 
-_STANDING_M = {"husky": husky.STANDING_M, "quadrotor": quadrotor.STANDING_M}
 _SETTLING_S = 1.0  # before the start, so that the first measurements are of a robot at rest
 
 
@@ -74,9 +73,7 @@ class Simulation:
         mounting = frames.Mounting(self._model, self.settings, gimbal)
         self._suite = Suite(self._robot, self._model, self._data, self.settings, mounting, seed)
         self._timetable = Timetable(self._suite.streams, wants)
-        self._fixed: Transforms = frames.fixed_frames(
-            self._model, mounting, self.start_pose, _STANDING_M[robot]
-        )
+        self._fixed: Transforms = frames.fixed_frames(self._model, mounting, self.start_pose)
         self._description = describe(self._model, self._fixed)
         self._mission = self._find(mission)
         if self._mission is not None:
@@ -200,7 +197,7 @@ class Simulation:
         """Put the robot at its start, motors at rest, and let its weight come to rest there."""
         mujoco = load_mujoco()
         x, y, yaw = self.world.starts[self._name]
-        position, attitude = (x, y, _STANDING_M[self._name]), from_yaw(yaw)
+        position, attitude = (x, y, standing_height(self._model)), from_yaw(yaw)
         self._data.qpos[:7] = (*position, *attitude)
         mujoco.mj_step(self._model, self._data, round(_SETTLING_S / self._model.opt.timestep))
         self._data.time = 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
@@ -17,27 +18,34 @@ from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
 from ros_visualise.simulation.settings import HuskyParams
 
-WHEEL_RADIUS = 0.1651  # m
-STANDING_M = WHEEL_RADIUS - 0.03282  # of base_link over the ground
-WHEELBASE = 0.512  # m
-TRACK = 0.5708  # m
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
-EFFECTIVE_TRACK = TRACK * (1 + (WHEELBASE / TRACK) ** 2)
-"""How far apart wheels that do not slip would have to be to turn as this rover does, metres.
-
-Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction works
-against the slip's direction, and its moments about the middle cancel only where the slip along the
-wheel is to that across it as half the wheelbase is to half the track: a factor of 1.80;
-husky_control has 1.875.
-"""
-
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _LEASH_M = 0.5  # that it looks ahead
 _THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
 _INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
 _INTEGRAL_LIMIT = 6.0  # rad/s
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """How large the wheels are and how far apart along y and along x, metres."""
+
+    radius: float
+    track: float
+    base: float
+
+    @property
+    def effective_track(self) -> float:
+        """How far apart wheels that do not slip would have to be to turn as these do.
+
+        Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction
+        works against the slip's direction, and its moments about the middle cancel only where the
+        slip along the wheel is to that across it as half the wheelbase is to half the track: a
+        factor of 1.80; husky_control has 1.875.
+        """
+        return self.track * (1 + (self.base / self.track) ** 2)
 
 
 class Husky:
@@ -47,8 +55,8 @@ class Husky:
         self.body = Body(model, data)
         self._data, self._params = data, params
         self._dt_s = float(model.opt.timestep)
+        self._wheels = _wheels(model)
         self._odometry = WheelOdometry(params, seed)
-        self._period_s = 1 / params.odom_rate
         self._last_turns = (0.0, 0.0)
         self._wanted = (0.0, 0.0)  # m/s and rad/s
         self._speed = self._turn = 0.0  # as limited
@@ -97,8 +105,8 @@ class Husky:
         dt, (speed, turn) = self._dt_s, self._wanted
         self._speed = _approach(self._speed, speed, MAX_SPEED, MAX_ACCELERATION * dt)
         self._turn = _approach(self._turn, turn, MAX_TURN, MAX_TURN_ACCELERATION * dt)
-        aside = self._turn * EFFECTIVE_TRACK / 2
-        left, right = (self._speed - aside) / WHEEL_RADIUS, (self._speed + aside) / WHEEL_RADIUS
+        aside, radius = self._turn * self._wheels.effective_track / 2, self._wheels.radius
+        left, right = (self._speed - aside) / radius, (self._speed + aside) / radius
         self._spin((left, left, right, right))
 
     def _navigate(self, time_s: float) -> None:
@@ -115,12 +123,12 @@ class Husky:
         fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
         turns = (fl + rl) / 2, (fr + rr) / 2
         left, right = (
-            WHEEL_RADIUS * (now - before)
+            self._wheels.radius * (now - before)
             for now, before in zip(turns, self._last_turns, strict=True)
         )
         self._last_turns = turns
-        way, turn = (left + right) / 2, (right - left) / EFFECTIVE_TRACK
-        return self._odometry.advance(stamp_ns, way, turn, self._period_s)
+        way, turn = (left + right) / 2, (right - left) / self._wheels.effective_track
+        return self._odometry.advance(stamp_ns, way, turn)
 
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
@@ -139,7 +147,8 @@ class Husky:
         yaw, (x, y, _) = self._yaw(), self._place()
         vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
-        wanted, actual = (self._speed, TRACK * self._turn), (ahead, TRACK * turn)
+        track = self._wheels.track
+        wanted, actual = (self._speed, track * self._turn), (ahead, track * turn)
         self._progress.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
     def _give_up_if_lost(self) -> None:
@@ -198,3 +207,9 @@ class Husky:
 def _approach(now: float, wanted: float, limit: float, step: float) -> float:
     wanted = max(-limit, min(limit, wanted))
     return now + max(-step, min(step, wanted - now))
+
+
+def _wheels(model: Any) -> Wheels:
+    """As the model has them; all four are alike."""
+    x, y, _ = model.body("front_left_wheel").pos.tolist()
+    return Wheels(float(model.geom("front_left_tread").size[0]), 2 * y, 2 * x)

@@ -11,6 +11,7 @@ from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
 from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
 from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
 from ros_visualise.simulation.robots.errand import Errand
@@ -19,8 +20,6 @@ from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
-AIRFRAME = Airframe(1.5, (0.0291, 0.0291, 0.0552), 0.177, 0.016, 7.5)
-STANDING_M = 0.16  # of base_link over the ground
 _UNDERSIDE_M = 0.05  # what it touches further below carries it
 TAKE_OFF_M = 2.0
 _LOWEST_M = 1.0  # that it flies to a goal or to a mission
@@ -56,7 +55,7 @@ class Quadrotor:
         self._dt_s = float(model.opt.timestep)
         self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
         self._steps = 0
-        self._controller = FlightController(AIRFRAME)
+        self._controller = FlightController(_airframe(model))
         state = self._state()
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
         self._mode = Mode.LANDED
@@ -308,3 +307,16 @@ class Quadrotor:
             self._mode = Mode.LANDED
             if self._next:
                 self._next.pop(0)()
+
+
+def _airframe(model: Any) -> Airframe:
+    """What the model says; its four motors are alike."""
+    base, motor = model.body(BASE), model.site("motor_front_left")
+    jx, jy, jz = base.inertia.tolist()
+    return Airframe(
+        mass=float(base.subtreemass[0]),
+        inertia=(jx, jy, jz),
+        arm=float(motor.pos[0]),
+        drag=float(model.actuator_gear[0, 5]),
+        max_thrust=float(model.actuator_ctrlrange[0, 1]),
+    )

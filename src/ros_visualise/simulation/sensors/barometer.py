@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
-from ros_visualise.simulation.sensors.noise import Drift, random_of
+from ros_visualise.simulation.sensors.noise import Drift, Interval, random_of
 from ros_visualise.simulation.settings import QuadrotorParams
 
 _SEA_LEVEL_PA = 101325.0
@@ -30,11 +30,13 @@ class Barometer:
         self._random = random_of(seed, "barometer")
         self._origin_m = params.gps_altitude
         self._white = params.baro_noise
-        drift, period_s = np.array([params.baro_drift]), 1 / params.baro_rate
-        self._drift = Drift(self._random, drift, params.baro_drift_time, period_s)
+        drift = np.array([params.baro_drift])
+        self._drift, self._interval = Drift(self._random, drift, params.baro_drift_time), Interval()
+        self._variance = params.baro_noise**2 + params.baro_drift**2
 
     def measure(self, stamp_ns: int, height_m: float) -> FluidPressure:
         """The pressure at a height above the world's origin."""
-        error = float(self._drift.step()[0]) + self._white * self._random.standard_normal()
+        drift = float(self._drift.step(self._interval.until(stamp_ns))[0])
+        error = drift + self._white * self._random.standard_normal()
         pressure = pressure_at(self._origin_m + height_m) + error
-        return FluidPressure(pressure, self._white**2, Header(stamp_ns, self.frame_id))
+        return FluidPressure(pressure, self._variance, Header(stamp_ns, self.frame_id))

@@ -9,7 +9,7 @@ import numpy as np
 from ros_visualise.data import Floats, Header, Imu
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
-from ros_visualise.simulation.sensors.noise import Drift, random_of
+from ros_visualise.simulation.sensors.noise import Drift, Interval, random_of
 from ros_visualise.simulation.settings import RobotParams
 
 
@@ -23,14 +23,14 @@ class ImuSensor:
 
     def __init__(self, params: RobotParams, seed: int) -> None:
         self._random = random_of(seed, "imu")
-        period_s = 1 / params.imu_rate
         density = np.repeat([params.gyro_density, params.accel_density], 3)
         self._white = density * math.sqrt(params.imu_rate)
-        self._walk = np.repeat([params.gyro_walk, params.accel_walk], 3) * math.sqrt(period_s)
+        self._walk = np.repeat([params.gyro_walk, params.accel_walk], 3)
         bias = np.repeat([params.gyro_bias, params.accel_bias], 3)
         self._bias: Floats = bias * self._random.standard_normal(6)
         tilt = np.full(3, params.imu_attitude)
-        self._tilt = Drift(self._random, tilt, params.imu_attitude_time, period_s)
+        self._tilt = Drift(self._random, tilt, params.imu_attitude_time)
+        self._interval = Interval()
         self._covariances = tuple(
             read_only(np.eye(3) * variance)
             for variance in (params.imu_attitude**2, self._white[0] ** 2, self._white[3] ** 2)
@@ -44,9 +44,11 @@ class ImuSensor:
             motion: (6,) turn rates in rad/s and specific force in m/s^2, in the sensor's axes.
         """
         noise = self._random.standard_normal(12)
+        elapsed_s = self._interval.until(stamp_ns)
+        self._bias = self._bias + self._walk * math.sqrt(elapsed_s) * noise[6:]
         measured = motion + self._bias + self._white * noise[:6]
-        self._bias = self._bias + self._walk * noise[6:]
-        estimate = multiply(attitude, from_rotation_vector(*self._tilt.step().tolist()))
+        tilt = self._tilt.step(elapsed_s).tolist()
+        estimate = multiply(attitude, from_rotation_vector(*tilt))
         orientation, angular, linear = self._covariances
         return Imu(
             xyzw(estimate),

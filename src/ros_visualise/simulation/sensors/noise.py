@@ -9,10 +9,27 @@ import numpy as np
 
 from ros_visualise.data import Floats
 
+_NS = 1_000_000_000
+
 
 def random_of(seed: int, name: str, index: int = 0) -> np.random.Generator:
     """The random numbers of one sensor in a run of that seed."""
     return np.random.default_rng([seed, zlib.crc32(name.encode()), index])
+
+
+class Interval:
+    """Seconds between a sensor's measurements, by their stamps.
+
+    The physics goes in steps, so measurements at 60 Hz come 15 or 20 ms after one another.
+    """
+
+    def __init__(self) -> None:
+        self._last_ns: int | None = None
+
+    def until(self, stamp_ns: int) -> float:
+        """Since the last measurement; 0 for the first."""
+        before_ns, self._last_ns = self._last_ns, stamp_ns
+        return 0.0 if before_ns is None else (stamp_ns - before_ns) / _NS
 
 
 class Drift:
@@ -21,21 +38,17 @@ class Drift:
     Args:
         deviation: (N,) of each.
         time_s: in which they forget 63 % of what they were.
-        period_s: between two steps.
 
     Source: Gelb, Applied Optimal Estimation, 1974, section 2.4.
     """
 
-    def __init__(
-        self, random: np.random.Generator, deviation: Floats, time_s: float, period_s: float
-    ) -> None:
-        self._random = random
-        self._keep = math.exp(-period_s / time_s)
-        self._kick = deviation * math.sqrt(1 - self._keep**2)
+    def __init__(self, random: np.random.Generator, deviation: Floats, time_s: float) -> None:
+        self._random, self._deviation, self._time_s = random, deviation, time_s
         self._errors: Floats = deviation * random.standard_normal(len(deviation))
 
-    def step(self) -> Floats:
-        """The errors (N,), one period later."""
-        now = self._errors
-        self._errors = self._keep * now + self._kick * self._random.standard_normal(len(now))
-        return now
+    def step(self, elapsed_s: float) -> Floats:
+        """The errors (N,), so much later."""
+        keep = math.exp(-elapsed_s / self._time_s)
+        kick = math.sqrt(1 - keep**2) * self._random.standard_normal(len(self._errors))
+        self._errors = keep * self._errors + kick * self._deviation
+        return self._errors

@@ -17,7 +17,7 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.sensors.noise import random_of
+from ros_visualise.simulation.sensors.noise import Interval, random_of
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
 
 _FRAME, _CHILD = "odom", "base_link"
@@ -44,15 +44,16 @@ class WheelOdometry:
         way, turn = self._random.standard_normal(2).tolist()
         self._scales = 1 + params.odom_scale * way, 1 + params.odom_turn_scale * turn
         self._params = params
+        self._interval, self._period_s = Interval(), 1 / params.odom_rate
         self._x = self._y = self._yaw = 0.0
         scales = params.odom_scale**2, params.odom_turn_scale**2
         self._covariance = np.diag((0, 0, _SURE, _SURE, _SURE, 0, *scales))  # of pose and scales
         self._J, self._G = np.eye(8), np.zeros((8, 2))
         self._G[5, 1] = 1
 
-    def advance(self, stamp_ns: int, way_m: float, turn_rad: float, period_s: float) -> Odometry:
+    def advance(self, stamp_ns: int, way_m: float, turn_rad: float) -> Odometry:
         """Where the wheels believe to be after going that far and turning that much."""
-        p = self._params
+        p, period_s = self._params, self._interval.until(stamp_ns) or self._period_s
         noise = self._random.standard_normal(2).tolist()
         ds = way_m * self._scales[0] + p.odom_noise * math.sqrt(abs(way_m)) * noise[0]
         dyaw = turn_rad * self._scales[1] + p.odom_turn_noise * math.sqrt(abs(turn_rad)) * noise[1]
