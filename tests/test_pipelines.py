@@ -1,9 +1,11 @@
+import sys
+
 import pytest
 
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import parse_node
-from ros_visualise.nodes import load, node
+from ros_visualise.nodes import find, load, node
 from ros_visualise.pipelines import image_pipeline, path_pipeline
 
 OWN = """
@@ -115,6 +117,20 @@ def test_what_is_not_there_is_answered_with_what_is(own):
         load("missing.py", "Positive")
     with pytest.raises(UsageError, match="already"):
         graph.insert(graph.node("filters").type, "filters")
+
+
+def test_two_files_of_one_name_do_not_break_one_another(own, tmp_path):
+    other = tmp_path / "elsewhere" / own.name
+    other.parent.mkdir()
+    other.write_text(own.read_text().replace("amount", "strength"))
+    first, second = load(str(own), "negative"), load(str(other), "negative")
+    assert sys.modules[first.params.__module__].__file__ == str(own)
+    assert sys.modules[second.params.__module__].__file__ == str(other)
+
+
+def test_an_unknown_built_in_name_is_answered_with_those_that_there_are():
+    with pytest.raises(UsageError, match=r"no node 'demo'; there is camera, edge_detector"):
+        find("demo")
 
 
 def test_two_nodes_cannot_publish_to_one_topic():

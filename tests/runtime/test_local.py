@@ -10,7 +10,7 @@ import pytest
 from ros_visualise.data import Deferred, Header, Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.graph import Graph, Node
-from ros_visualise.nodes import node, source
+from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import param
 from ros_visualise.runtime.local import LocalRuntime
@@ -379,6 +379,30 @@ def test_a_source_is_opened_anew_when_its_parameters_ask_for_it():
     until(lambda: len(seen) == FRAMES + 1)
     run.runtime.stop()
     assert [value for value, _, _ in seen] == [*range(FRAMES), 2]  # it goes on where it was
+
+
+def test_a_source_is_closed_where_a_node_cannot_be_made():
+    closed = []
+
+    @source("closing", params=CounterParams, outputs={"image": Image})
+    class Closing(_Counter):
+        def close(self):
+            closed.append(True)
+
+    @node("broken", inputs={"image": Image}, outputs={"image": Image})
+    class Broken:
+        def __init__(self, params):
+            raise OpenError("no table: give one")
+
+    graph = Graph(
+        (
+            Node("closing", Closing.declared, CounterParams(), {}, {"image": "/in"}),
+            Node("broken", Broken.declared, NoParams(), {"image": "/in"}, {"image": "/out"}),
+        )
+    )
+    with pytest.raises(OpenError, match="no table"):
+        LocalRuntime(graph, Playback())
+    assert closed == [True]
 
 
 def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):

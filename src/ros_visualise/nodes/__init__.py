@@ -39,6 +39,7 @@ import importlib
 import importlib.util
 import pkgutil
 import sys
+import zlib
 from pathlib import Path
 from types import ModuleType
 
@@ -68,7 +69,14 @@ __all__ = [
 
 
 def find(name: str) -> NodeType | SourceType:
-    """The built-in node or source of that name, from its file ``nodes/<name>.py``."""
+    """The built-in node or source of that name, from its file ``nodes/<name>.py``.
+
+    Raises:
+        UsageError: there is none; those that there are are listed.
+    """
+    there = [module.name for module in pkgutil.iter_modules(__path__)]
+    if name not in there:
+        raise UsageError(f"no node {name!r}; there is {', '.join(there)}")
     module = importlib.import_module(f"{__name__}.{name}")
     return _declared_in(module)[name]
 
@@ -99,7 +107,8 @@ def load(path: str, name: str) -> NodeType:
 def _run_file(path: str) -> ModuleType:
     if not Path(path).is_file():
         raise OpenError.missing(path, "give a node as FILE.py:NAME")
-    spec = importlib.util.spec_from_file_location(f"own_{Path(path).stem}", path)
+    name = f"own_{Path(path).stem}_{zlib.crc32(str(Path(path).resolve()).encode()):08x}"
+    spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         raise OpenError(f"{path}: not a Python file; give a node as FILE.py:NAME")
     module = importlib.util.module_from_spec(spec)

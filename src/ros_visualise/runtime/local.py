@@ -50,7 +50,7 @@ class LocalRuntime:
         self._recordings: list[RecorderThread] = []
         self._fed = 0
         self._source = self._open_source()
-        self._nodes = {n.name: self._join(n) for n in graph.nodes if isinstance(n.type, NodeType)}
+        self._nodes = self._join_all()
         works = [self._source.run] if self._source else []
         works += [node.run for node in self._nodes.values()]
         self._running = 0
@@ -175,6 +175,16 @@ class LocalRuntime:
             with self._ended:
                 self._running -= 1
                 self._ended.notify_all()
+
+    def _join_all(self) -> dict[str, NodeThread]:
+        """The nodes; where one cannot be made, the source is closed again."""
+        nodes = [node for node in self.graph.nodes if isinstance(node.type, NodeType)]
+        try:
+            return {node.name: self._join(node) for node in nodes}
+        except BaseException:
+            if self._source is not None:
+                self._source.close()
+            raise
 
     def _join(self, node: Node) -> NodeThread:
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}

@@ -92,11 +92,12 @@ class Topic:
 
     def publish(self, packet: Packet) -> None:
         """Hand on a packet."""
-        listeners = self._listeners
-        if packet.message is not None:
-            self._last, self._last_s = packet, time.monotonic()
-            if listeners or not self.on_demand:
-                self._stats.count(packet.message.header.stamp_ns)
+        with self._lock:  # who connects meanwhile gets it in one way or the other, and once
+            listeners = self._listeners
+            if packet.message is not None:
+                self._last, self._last_s = packet, time.monotonic()
+        if packet.message is not None and (listeners or not self.on_demand):
+            self._stats.count(packet.message.header.stamp_ns)
         for listener in listeners:
             listener.put(packet)
 
