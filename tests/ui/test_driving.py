@@ -1,5 +1,6 @@
 """Driving a robot from the page, and asking nodes to do something."""
 
+import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -103,6 +104,29 @@ def test_it_drives_until_it_is_stopped(client, husky):
     client.set("drive", "■ stop")
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
     client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
+
+
+def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
+    free, told = threading.Event(), []
+
+    def act(node, action):
+        told.append(action)
+        assert free.wait(60)
+
+    def set_slowly(values):
+        told.append("slow")
+        assert free.wait(60)
+
+    husky.act = act
+    husky.parameters["path"].update = set_slowly
+    client.set("drive", "▲ forward")
+    client.read_until(lambda: len(husky.velocities) > 3)
+    client.set("clear", True)
+    client.set("max poses", 5000)
+    client.read_until(lambda: set(told) == {"clear", "slow"})
+    client.set("drive", "■ stop")
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0), timeout_s=10)
+    free.set()
 
 
 def test_an_action_is_a_button(client, husky):

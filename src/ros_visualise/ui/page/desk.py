@@ -47,6 +47,8 @@ class Desk:
         gui.add_html(STYLE)
         self._notice = Notice(gui)
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
+        self._driver = Worker(self._say_soon, self._drive, _PERIOD_S)
+        self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
         self._windows: list[Window] = []
         self._windows = self._make_windows()
@@ -58,13 +60,15 @@ class Desk:
         self._warnings = Warnings(self._say_soon)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
+        self._driver.start()
         self._images.start()
         self._drawing.start()
 
     def close(self) -> None:
         """End the threads and let go of the graph."""
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
-        self._worker.close(_CLOSE_S)
+        for worker in (self._worker, self._driver, *self._actors.values()):
+            worker.close(_CLOSE_S)
         for window in self._windows:
             window.close()
         self._images.close(_CLOSE_S)
@@ -80,7 +84,7 @@ class Desk:
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
-        self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._worker)
+        self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._driver)
         self._space_folder = gui.add_folder("3D")
         self._space = Space(gui, self._space_folder, self._scene, self._worker)
         self._frames_folder = gui.add_folder("frames", expand_by_default=False)
@@ -123,7 +127,18 @@ class Desk:
         return Window(gui, self._runtime, node, self._worker, self._scene, self._act)
 
     def _act(self, node: str, action: str) -> None:
-        self._driving.act(node, action)
+        """Have an action done; whatever one takes, driving and what other nodes do goes on."""
+        self._driver.post(object(), partial(self._act_undriven, node, action))
+
+    def _act_undriven(self, node: str, action: str) -> None:
+        self._driving.make_way(node)
+        if node not in self._actors:
+            self._actors[node] = Worker(self._say_soon, lambda: None, _PERIOD_S)
+            self._actors[node].start()
+        self._actors[node].post(object(), partial(self._runtime.act, node, action))
+
+    def _drive(self) -> None:
+        self._driving.refresh() if self._is_watched() else self._driving.rest()
 
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]
@@ -165,9 +180,7 @@ class Desk:
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()
-            self._driving.rest()
             return
-        self._driving.refresh()
         self._field_plot.refresh()
         if self._transport is not None:
             self._transport.refresh()

@@ -36,7 +36,7 @@ class Driving:
         gui: of the page.
         folder: where the elements are.
         runtime: what runs.
-        worker: does what a person asks for.
+        worker: does what a person asks for, and nothing else, so that a stop is at once.
     """
 
     def __init__(
@@ -77,12 +77,11 @@ class Driving:
         """Nobody looks on any more: let it stop."""
         self._share = None
 
-    def act(self, node: str, action: str) -> None:
-        """Run an action of a node; one of the robot's own ends the driving."""
+    def make_way(self, node: str) -> None:
+        """Stop, if it is the robot itself that is to do something else."""
         graph = self._runtime.graph
         if self._topic is not None and self._topic in graph.node(node).inputs.values():
             self._stop()
-        self._runtime.act(node, action)
 
     def _go(self, share: _Share) -> None:
         self._share = share
