@@ -137,7 +137,10 @@ def _run_player() -> int:
         outputs[image] = "/image_raw"
     graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
     options = (*_OPTIONS, "path", "topics", "image", "wait_for")
-    conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)))
+    awaited = _named_in("wait_for", "none")
+    if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
+        awaited = [topic for topic in awaited if topic.removeprefix("/") != "image_raw"]
+    conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)), awaited)
     return _run_graph(graph, {"player": ""}, options, conduct)
 
 
@@ -160,10 +163,10 @@ def _chosen_image(recording: Recording, declared: SourceType) -> str | None:
 
 
 @contextmanager
-def _conduct(played: PlayedTime, process: Process) -> Iterator[None]:
+def _conduct(played: PlayedTime, awaited: Sequence[str], process: Process) -> Iterator[None]:
     """Publish the recording's time, and begin when those who are to see it all are there."""
     with _publish_time(process, lambda playback: played.stamp_ns(playback.time_ns())):
-        _wait_for_subscribers(process, _named_in("wait_for", "none"))
+        _wait_for_subscribers(process, awaited)
         yield
 
 

@@ -81,6 +81,16 @@ def test_images_take_the_place_of_a_camera(bag, start, hear):
     assert not compressed.messages
 
 
+@pytest.mark.parametrize("image", ["none", "first"])
+def test_a_recording_without_images_waits_for_nobody_to_take_them(start, hear, recordings, image):
+    bag = recordings / "bags" / "evo_ROS_example.bag"
+    clock = hear("/clock", Clock)
+    given = f"_image:={image}", "_wait_for:=image_raw", "_rate:=100"
+    player = start("player", f"_path:={bag}", *given, wait=False)
+    assert len({message.clock.to_nsec() for message in clock.wait(50)}) > 10
+    assert player.poll() is None
+
+
 def test_what_is_recorded_of_it_is_the_recording(bag, start, ros_master, tmp_path):
     """Its bytes with the stock recorder and reader, from a file of ROS 1."""
     copy = tmp_path / "copy.bag"
