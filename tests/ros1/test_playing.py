@@ -61,6 +61,19 @@ def test_what_was_changed_on_the_graph_is_not_undone_by_following():
     assert not playback.state.playing
 
 
+def test_what_keys_moved_is_not_lost_by_a_change_on_the_graph_before_it_was_seen():
+    playback, parameters = Playback(), Parameters(PlayingParams())
+    follower = PlaybackFollower(playback, parameters)
+    playback.pause()
+    playback.set_rate(3.0)
+    parameters.update({"loop": True})
+    assert (playback.state.playing, playback.state.rate, playback.state.loop) == (False, 3.0, True)
+    follower.follow()
+    assert parameters.current == PlayingParams(rate=3.0, loop=True, paused=True)
+    parameters.update({"paused": False})
+    assert playback.state.playing
+
+
 def test_it_can_start_paused():
     playback = Playback()
     PlaybackFollower(playback, Parameters(PlayingParams(paused=True)))

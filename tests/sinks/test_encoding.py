@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ros_visualise.data import Header, PoseStamped
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
@@ -24,6 +25,15 @@ MSG: walk_msgs/Walk_Feedback
 int32[] steps
 float32[2] place
 """
+
+
+@pytest.mark.parametrize("encoding", ["ros1", "cdr"])
+@pytest.mark.parametrize("stamp_ns", [-1, 2**31 * 10**9])
+def test_a_stamp_that_ros_cannot_hold_costs_that_message_alone(encoding, stamp_ns):
+    encoder, pose = Encoder(encoding), ([0.0, 0, 0], [0.0, 0, 0, 1])
+    with pytest.raises(DamagedMessage, match="a stamp of"):
+        encoder.encode(PoseStamped(*pose, Header(stamp_ns)))
+    assert encoder.encode(PoseStamped(*pose, Header(5)))
 
 
 def test_ros1_has_names_of_two_parts_and_no_bounds() -> None:

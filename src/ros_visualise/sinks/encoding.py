@@ -12,7 +12,7 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
-from ros_visualise.data import Path
+from ros_visualise.data import Header, Path
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
@@ -84,12 +84,13 @@ class Encoder:
         """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.
 
         Raises:
-            DamagedMessage: a recorded one that is none of its type, or cannot be converted.
+            DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970; or a
+                recorded one is none of its type, or cannot be converted.
         """
         if isinstance(message, Path):
             return self._encode_path(message)
         if not isinstance(message, Recorded):
-            return self._own.write(type_name(type(message)), to_message(message, self._own.types))
+            return self._own.write(type_name(type(message)), self._make(message))
         if message.definitions.encoding == self.encoding:
             return message.data
         convert = self._conversion(message.definitions, message.type_name)
@@ -100,10 +101,16 @@ class Encoder:
                 f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
             ) from error
 
+    def _make(self, message: Any, header: Header | None = None) -> Any:
+        try:
+            return to_message(message, self._own.types, header)
+        except ValueError as error:
+            raise DamagedMessage(str(error)) from None
+
     def _encode_path(self, path: Path) -> bytes:
         """As the library would, which makes an object of every pose."""
         empty = Path(path.stamps_ns[:0], path.positions_xyz[:0], path.quats_xyzw[:0])
-        message = to_message(empty, self._own.types, path.header)
+        message = self._make(empty, path.header)
         written = bytes(self._own.write(type_name(Path), message))
         count = len(path.stamps_ns).to_bytes(4, "little")
         start = len(written) - (4 if self.encoding == "cdr" else 0)

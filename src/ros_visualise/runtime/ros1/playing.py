@@ -60,12 +60,14 @@ class PlaybackFollower:
         return {name: value for name, value in every.items() if name in self._names}
 
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:
+        """Take over what was changed, and that alone: keys may have moved the rest meanwhile."""
         state = self._state()
-        wanted = {name: getattr(current, name) for name in state}
-        if "rate" in state and wanted["rate"] != state["rate"]:
+        wanted = {name: getattr(current, name) for name in state.keys() & changed.keys()}
+        if wanted.get("rate", state.get("rate")) != state.get("rate"):
             self._playback.set_rate(wanted["rate"])
-        if "loop" in state and wanted["loop"] != state["loop"]:
+        if wanted.get("loop", state.get("loop")) != state.get("loop"):
             self._playback.set_loop(wanted["loop"])
-        if "paused" in changed and wanted["paused"] != state["paused"]:
+        if wanted.get("paused", state["paused"]) != state["paused"]:
             self._playback.pause() if wanted["paused"] else self._playback.play()
-        self._seen = self._state()
+        now = self._state()
+        self._seen |= {name: now[name] for name in wanted}

@@ -70,19 +70,17 @@ class RecordedOutput(Output):
         self._adds_up = topic.name == _TRANSFORMS and name.endswith("tf_static")
         self._latched = declared.latched or self._adds_up
         self._static: dict[str, TransformStamped] = {}
-        self._said = False
+        self._refused = 0
         self._publisher = Publisher(name, self._class, latch=self._latched)
 
     def put(self, packet: Packet) -> None:
-        """Publish a message; of one that cannot be read, say so."""
+        """Publish a message; say of one that cannot be read that it is left out."""
         if packet.message is None or not (self._latched or self._publisher.connections):
             return
         try:
             self._publisher.publish(self._class(self._encode(packet.message)))
         except DamagedMessage as error:
-            if not self._said:
-                log.warning("%s: %s (said once)", self.name, error)
-            self._said = True
+            self._refuse(self._publisher, error)
 
     def _encode(self, message: Any) -> bytes | memoryview:
         return self._encoder.encode(self._all_of(message) if self._adds_up else message)

@@ -14,7 +14,7 @@ from typing import Any
 
 import rospy
 
-from ros_visualise.data import CameraInfo, CompressedImage, Image, Text
+from ros_visualise.data import CameraInfo, CompressedImage, Header, Image, Text
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.calibrations import info_topic
@@ -44,6 +44,7 @@ class Output:
     def __init__(self, name: str, data_class: type, latched: bool = False) -> None:
         self._publisher = Publisher(name, message_class(data_class), latch=latched)
         self._latched = latched
+        self._refused = 0
 
     @property
     def name(self) -> str:
@@ -62,13 +63,25 @@ class Output:
 
     @property
     def dropped(self) -> int:
-        """Messages that subscribers had no time for."""
-        return self._publisher.dropped
+        """Messages that subscribers had no time for, or that ROS cannot hold."""
+        return self._publisher.dropped + self._refused
 
     def put(self, packet: Packet) -> None:
         """Publish a message."""
         if packet.message is not None and self.awaited:
-            self._publisher.publish(to_message(packet.message, TYPES))
+            self._send(self._publisher, packet.message)
+
+    def _send(self, publisher: Publisher, message: Any, header: Header | None = None) -> None:
+        """Publish a message, unless ROS cannot hold it, as a stamp before 1970."""
+        try:
+            publisher.publish(to_message(message, TYPES, header))
+        except ValueError as error:
+            self._refuse(publisher, error)
+
+    def _refuse(self, publisher: Publisher, error: Exception) -> None:
+        if not self._refused:
+            log.warning("%s: a message is left out: %s (said once)", publisher.name, error)
+        self._refused += 1
 
     def close(self) -> None:
         """Nothing more comes; what was latched stays."""
@@ -159,7 +172,7 @@ class ImageOutput(Output):
         if info is None and self._is_camera:
             info = CameraInfo.uncalibrated(image.height, image.width)
         if info is not None:
-            self._info.publish(to_message(info, TYPES, image.header))
+            self._send(self._info, info, image.header)
 
     def _compress_all(self) -> None:
         while (packet := self._to_compress.take()) is not None:
@@ -169,7 +182,7 @@ class ImageOutput(Output):
             except ValueError as error:
                 log.warning("%s: %s", self._compressed.name, error)
             else:
-                self._compressed.publish(to_message(compressed, TYPES))
+                self._send(self._compressed, compressed)
 
 
 class Input:
