@@ -38,7 +38,10 @@ def _check_number(element: Any, value: Value) -> str:
     low, high = getattr(element, _LIMITS, None) or (element.min, element.max)
     low = -MAX_WHOLE if low is None else low
     high = MAX_WHOLE if high is None else high
-    return "" if low <= value <= high else f"{value:g} is not from {low:g} to {high:g}"
+    close = 1e-9 * max(abs(low), abs(high))  # as near as browsers come to a slider's end
+    if low - close <= value <= high + close:
+        return ""
+    return f"{value:g} is not from {low:g} to {high:g}"
 
 
 def _check_switch(_: Any, value: Value) -> str:
