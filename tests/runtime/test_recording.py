@@ -35,7 +35,7 @@ class Memory:
             raise RecordingError("memory: full")
         self.entries.append((topic, message.header.stamp_ns))
 
-    def close(self):
+    def close(self, whole=True):
         self.closed += 1
 
 

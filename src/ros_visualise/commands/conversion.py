@@ -60,6 +60,7 @@ class Conversion:
                 if self._stopped:
                     break
                 self._copy(entry)
+            self.recorder.close(whole=not self._stopped)
 
     def stop(self) -> None:
         """End after the message that is being written, and do not wait for the next."""

@@ -17,10 +17,17 @@ from tqdm import tqdm
 from ros_visualise.commands.conversion import Conversion, Part
 from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.commands.wording import counted, sized
-from ros_visualise.errors import DamagedMessage, OpenError, RosVisualiseError, UsageError
+from ros_visualise.errors import (
+    DamagedMessage,
+    OpenError,
+    RecordingError,
+    RosVisualiseError,
+    UsageError,
+)
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
+from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources import open_source
 from ros_visualise.sources.recordings import Recording
 
@@ -31,11 +38,11 @@ _NS = 1_000_000_000
 def run(args: Namespace) -> int:
     """Copy a recording into a new file, and say what was lost."""
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
-    target = Path(args.output)
+    target = parse_target(args.output)[0]
+    check_targets([target], args.input)
     encoding = encoding_of(target, args.profile)
     if kind_of(target) == "mp4":
         raise UsageError(f"{target}: a video is made by ros-visualise bag SRC --record {target}")
-    _refuse_source(Path(args.input), target)
     recording = interruptible(lambda: open_source(args.input))
     with closing(recording):
         part = _choose_part(recording, args)
@@ -56,14 +63,6 @@ def run(args: Namespace) -> int:
         conversion = Conversion(recording, part, recorder)
         interrupted, error = _watch(conversion)
         return _finish(args, conversion, unwritable, interrupted, error)
-
-
-def _refuse_source(source: Path, target: Path) -> None:
-    if not source.exists() or not target.exists():
-        return
-    read, written = source.resolve(), target.resolve()
-    if source.samefile(target) or written in read.parents or read in written.parents:
-        raise UsageError(f"{target} is what is read, or holds it; choose another name")
 
 
 def _choose_part(recording: Recording, args: Namespace) -> Part:
@@ -160,19 +159,27 @@ def _finish(
     notes = _notes(args.input, conversion, unwritable)
     if error is not None:
         notes.append(str(error))
+    target = parse_target(args.output)[0]
+    if conversion.recorder.path != target and not isinstance(error, RecordingError):
+        notes.append(f"{target} is as it was; {conversion.recorder.path} is the part")
     for note in notes:
         print(f"ros-visualise: {note}", file=sys.stderr)
     if not (conversion.messages or notes or interrupted):
         print(f"ros-visualise: {args.input}: {_describe_empty(args)}", file=sys.stderr)
     report = _report(conversion, unwritable, notes)
-    print(
-        f"{report['path']}: {counted(report['messages'], 'message')}"
-        f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}",
-        file=sys.stderr,
-    )
+    _say_result(report)
     if args.json:
         print(json.dumps(report))
     return 130 if interrupted else int(bool(notes))
+
+
+def _say_result(report: dict[str, Any]) -> None:
+    if Path(report["path"]).exists():
+        print(
+            f"{report['path']}: {counted(report['messages'], 'message')}"
+            f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}",
+            file=sys.stderr,
+        )
 
 
 def _describe_empty(args: Namespace) -> str:
@@ -204,14 +211,14 @@ def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> l
 
 def _report(conversion: Conversion, unwritable: dict[str, str], notes: list[str]) -> dict[str, Any]:
     recording, path = conversion.recording, conversion.recorder.path
-    files = [path] if path.is_file() else list(path.iterdir())
+    files = list(path.iterdir()) if path.is_dir() else [path]
     left_out = sum(recording.topics[topic].messages for topic in unwritable)
     left_out += sum(conversion.left_out.values())
     return {
         "path": str(path),
-        "format": kind_of(path),
+        "format": "folder" if path.is_dir() else kind_of(path),
         "messages": conversion.messages,
-        "bytes": sum(file.stat().st_size for file in files),
+        "bytes": sum(file.stat().st_size for file in files if file.exists()),
         "topics": {
             topic: {
                 "type": recording.topics[topic].type.name,

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import json
 import logging
-import shutil
 import signal
 import sys
 from argparse import Namespace
-from pathlib import Path
 from typing import Any
 
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.commands.wording import counted
-from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.sinks import parse_target
+from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 
@@ -27,7 +25,8 @@ _SPIN_S = 0.05
 
 def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost, see `_lost`."""
-    _refuse_double_use(args.record, getattr(args, "input", None))
+    targets = [parse_target(target)[0] for target in args.record]
+    check_targets(targets, getattr(args, "input", None))
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     graph = interruptible(lambda: graph_of(args))
@@ -80,29 +79,10 @@ def _start_recordings(
             recordings.append(runtime.start_recording(target, overwrite))
     except RosVisualiseError:
         for recording in recordings:
+            recording.discard()
             runtime.stop_recording(recording)
-            _remove(recording.path)
         raise
     return recordings
-
-
-def _remove(path: Path) -> None:
-    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
-
-
-def _refuse_double_use(targets: list[str], source: str | None) -> None:
-    used = [Path(source)] if source else []
-    for target in targets:
-        path = parse_target(target)[0]
-        if any(_is_same(path, other) for other in used):
-            raise UsageError(f"--record {path}: is in use already; choose another name")
-        used.append(path)
-
-
-def _is_same(path: Path, other: Path) -> bool:
-    if path.exists() and other.exists():
-        return path.samefile(other)  # by whichever of its names
-    return path.resolve() == other.resolve()
 
 
 def _lost(report: dict[str, Any]) -> bool:

@@ -7,7 +7,6 @@ import sys
 from argparse import Namespace
 from contextlib import closing
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 from ros_visualise.commands.interruptible import interruptible
@@ -15,7 +14,9 @@ from ros_visualise.commands.wording import counted
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.sinks.figure import FIGURE_FORMATS
-from ros_visualise.sinks.trajectory import FORMATS, check_target, save
+from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.names import check_targets
+from ros_visualise.sinks.trajectory import FORMATS, save
 from ros_visualise.sinks.trajectory_plot import plot_trajectory
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.opening import open_recording
@@ -24,30 +25,29 @@ from ros_visualise.sources.trajectories import Trajectory, read_trajectory
 
 def run(args: Namespace) -> int:
     """Write the way, draw it if that is asked for, and say what it is."""
-    for target in (args.output, args.plot):
-        if target is not None:
-            _check(target, args)
+    _check(args)
     found, loss = interruptible(lambda: _read(args.input, args.topic))
-    save(args.output, "".join(FORMATS[args.format](found.path)).encode(), args.overwrite)
+    files = {args.output: "".join(FORMATS[args.format](found.path)).encode()}
     figures = _figures(found)
     if args.plot is not None:
         figure = plot_trajectory(found.path, _title(found, figures))
-        save(args.plot, FIGURE_FORMATS[args.plot.suffix.lower()](figure), args.overwrite)
+        files[args.plot] = FIGURE_FORMATS[args.plot.suffix.lower()](figure)
+    save(files, args.overwrite)
     print(json.dumps(_report(found, figures, args)) if args.json else _summary(found, figures))
     for note in loss.notes:
         print(f"ros-visualise: {args.input}: {note}", file=sys.stderr)
     return 1 if loss or found.left_out.get("damaged") else 0
 
 
-def _check(target: Path, args: Namespace) -> None:
-    if target is args.plot and target.suffix.lower() not in FIGURE_FORMATS:
+def _check(args: Namespace) -> None:
+    """Refuse what cannot be written, before anything is read."""
+    targets = [args.output] if args.plot is None else [args.output, args.plot]
+    check_targets(targets, args.input)
+    if args.plot is not None and args.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = ", ".join(FIGURE_FORMATS)
-        raise UsageError(f"{target}: the name of a picture ends in one of {kinds}")
-    check_target(target, args.overwrite)
-    if target.exists() and Path(args.input).exists() and target.samefile(args.input):
-        raise UsageError(f"{target} is what is read; choose another name to write to")
-    if args.plot is not None and args.plot.absolute() == args.output.absolute():
-        raise UsageError(f"{target} can not be both; choose another name for the picture")
+        raise UsageError(f"{args.plot}: the name of a picture ends in one of {kinds}")
+    for target in targets:
+        TargetFile.check(target, args.overwrite)
 
 
 def _read(path: str, topic: str | None) -> tuple[Trajectory, Loss]:

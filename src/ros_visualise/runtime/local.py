@@ -143,9 +143,7 @@ class LocalRuntime:
             UsageError: it names a topic that there is not, or no known kind of file.
         """
         lossless = not self.graph.live
-        recording = record(
-            self.graph, self.parameters, target, overwrite, lossless, self._recordings
-        )
+        recording = record(self.graph, self.parameters, target, overwrite, lossless)
         self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import Header, ParameterEvent
-from ros_visualise.errors import DamagedMessage, RecordingError, UsageError
+from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import END, Packet
-from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder, parse_target
+from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder
 
 log = logging.getLogger(__name__)
 
@@ -30,7 +30,6 @@ def record(
     target: str | Path,
     overwrite: bool,
     lossless: bool,
-    others: Collection[RecorderThread],
 ) -> RecorderThread:
     """Begin a recording of a running graph, with the parameters of its nodes as they are now.
 
@@ -40,16 +39,11 @@ def record(
         target: as of `ros_visualise.sinks.open_recorder`.
         overwrite: whether the file may exist.
         lossless: see `RecorderThread`.
-        others: the recordings of the same graph.
 
     Raises:
-        OpenError: it exists or cannot be written.
-        UsageError: it names a topic that there is not, or no known kind of file, or it is being
-            recorded already.
+        OpenError: it exists or cannot be written, or is being recorded already.
+        UsageError: it names a topic that there is not, or no known kind of file.
     """
-    path = parse_target(str(target))[0].resolve()
-    if any(one.is_open and one.path.resolve() == path for one in others):
-        raise UsageError(f"{path}: is being recorded already; choose another name")
     recorder = open_recorder(
         str(target),
         recordable(graph),
@@ -99,7 +93,6 @@ class RecorderThread:
 
     Attributes:
         error: what ended it early, if anything did.
-        path: the file.
         written: messages that were recorded.
         dropped: messages that were not.
         topics: those that are recorded.
@@ -109,7 +102,6 @@ class RecorderThread:
     def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
         self.error: RecordingError | None = None
         self.dropped = 0
-        self.path = recorder.path
         self.written = 0
         self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
         self._lossless = lossless
@@ -119,10 +111,15 @@ class RecorderThread:
         self._calibrations = Calibrations(graph, recorder)
         self._events: deque[ParameterEvent] = deque()
         self._written_ns = 0  # the log time of what was written last
-        self._stopped = False
+        self._stopped = self._discarded = False
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
         self._thread.start()
+
+    @property
+    def path(self) -> Path:
+        """Where it is; see `ros_visualise.sinks.Recorder`."""
+        return self._recorder.path
 
     @property
     def is_open(self) -> bool:
@@ -160,12 +157,18 @@ class RecorderThread:
             self._changed.notify_all()
         self._thread.join()
 
+    def discard(self) -> None:
+        """End it and delete what was written; what it was to replace stays."""
+        self._discarded = True
+        self.close()
+        self._recorder.remove()
+
     def _write_all(self) -> None:
         try:
             while (found := self._next()) is not None:
                 self._write(*found)
             self._write_events()
-            self._recorder.close()
+            self._recorder.close(whole=not self._discarded)
         except RecordingError as error:
             self._fail(error)
         except Exception as error:
@@ -179,7 +182,7 @@ class RecorderThread:
     def _fail(self, error: RecordingError) -> None:
         log.error("%s", error)
         self.error = error
-        self._recorder.close()
+        self._recorder.close(whole=False)
 
     def _is_full(self, topic: str, packet: Packet) -> bool:
         """Too much waits; but a topic of which nothing waits, or that ends, holds back others."""

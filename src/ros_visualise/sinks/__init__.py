@@ -17,6 +17,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks.names import parse_target
 
 Kind = Literal["mcap", "bag", "mp4", "folder"]
 Profile = Literal["ros1", "ros2"]
@@ -43,13 +44,11 @@ class Settings:
 
 
 class Recorder(Protocol):
-    """An open recording; one thread at a time uses it.
+    """An open recording; one thread at a time uses it."""
 
-    Attributes:
-        path: the file or folder.
-    """
-
-    path: Path
+    @property
+    def path(self) -> Path:
+        """The file or folder; until it is whole, one that replaces another is beside that."""
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -76,12 +75,18 @@ class Recorder(Protocol):
             RecordingError: it cannot go on, as on a full disk; what was written stays readable.
         """
 
-    def close(self) -> None:
+    def close(self, whole: bool = True) -> None:
         """Finish the file; more than once does no harm.
+
+        Args:
+            whole: it has all that it should have, and replaces what is to be replaced.
 
         Raises:
             RecordingError: it could not be finished; never after `write` raised it.
         """
+
+    def remove(self) -> None:
+        """Delete what was written, after `close`; what was to be replaced stays."""
 
     def __enter__(self) -> Recorder: ...
 
@@ -91,14 +96,6 @@ class Recorder(Protocol):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None: ...
-
-
-def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
-    """(File, topics) of OUT[@TOPIC[,TOPIC...]]; no topics where it names none."""
-    path, _, names = target.rpartition("@")
-    if not path or not names.startswith("/"):
-        return Path(target), ()
-    return Path(path), tuple(dict.fromkeys(name for name in names.split(",") if name))
 
 
 def kind_of(path: Path) -> Kind:

@@ -11,7 +11,7 @@ from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
-from ros_visualise.sinks.files import DISK_FULL, TargetFile, recording_failed
+from ros_visualise.sinks.files import TargetFile
 
 _LIVE_CHUNK_BYTES = 64 * 1024
 _SPAN_NS = 1_000_000_000
@@ -45,7 +45,6 @@ class ChunkedRecorder(ABC):
     """When a chunk is full, unless it is live."""
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
-        self.path = path
         self.topics = tuple(topics)
         self._encoder, self._live = Encoder(settings.encoding), settings.live
         self.declared = {name: self._encoder.declare(topic) for name, topic in topics.items()}
@@ -57,13 +56,18 @@ class ChunkedRecorder(ABC):
         self._count = self._kept = self._chunked = 0
         self._waiting_bytes = self._waiting_since_ns = 0
         self._unchecked_bytes = _CHECK_BYTES
-        self._file = TargetFile(path, settings.overwrite)
+        self._file = TargetFile(path, settings.overwrite, settings.live)
         try:
             self._begin(self.declared)
             self._end = self._file.tell()
             self._file.keep()
         except OSError as error:
             raise self._fail(error) from None
+
+    @property
+    def path(self) -> Path:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._file.path
 
     def add(self, topic: str, kind: TopicType) -> None:
         """Take another topic from now on; as `ros_visualise.sinks.Recorder`."""
@@ -93,15 +97,17 @@ class ChunkedRecorder(ABC):
         stamp_ns = _stamp(message) if stamp_ns is None else stamp_ns
         if not 0 <= stamp_ns < _END_NS:
             raise DamagedMessage(f"{topic}: ROS cannot hold a stamp of {stamp_ns} ns")
-        if not self._has_room(len(data)):
-            self.close()
-            raise recording_failed(self.path, DISK_FULL, self._count)
+        try:
+            self._require_room(len(data))
+        except OSError as error:
+            self.close(whole=False)
+            raise self._file.give_up(error, self._count) from None
         try:
             self._add(topic, stamp_ns, data)
         except OSError as error:
             raise self._fail(error) from None
 
-    def close(self) -> None:
+    def close(self, whole: bool = True) -> None:
         """Write what waits and the index, and close the file."""
         if self._closed:
             return
@@ -112,13 +118,20 @@ class ChunkedRecorder(ABC):
             self._finish()
         except OSError as error:
             raise self._fail(error) from None
-        self._file.close()
+        try:
+            self._file.close(whole)
+        except OSError as error:
+            raise self._file.give_up(error, self._count) from None
+
+    def remove(self) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._file.remove()
 
     def __enter__(self) -> ChunkedRecorder:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(whole=kind is None)
 
     @abstractmethod
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
@@ -175,14 +188,14 @@ class ChunkedRecorder(ABC):
         self._file.keep()
         self._kept = self._count
 
-    def _has_room(self, size: int) -> bool:
-        """Whether the disk has room for a message; looks once in a while."""
+    def _require_room(self, size: int) -> None:
+        """See that the disk has room for a message; looks once in a while."""
         self._unchecked_bytes += size + _INDEX_BYTES
         if self._unchecked_bytes < _CHECK_BYTES:
-            return True
+            return
         self._unchecked_bytes = 0
         more = size + size // 128 + _CHECK_BYTES
-        return self._file.has_room(self._waiting_bytes + more + self._index_bytes)
+        self._file.require_room(self._waiting_bytes + more + self._index_bytes)
 
     @property
     @abstractmethod
@@ -192,8 +205,7 @@ class ChunkedRecorder(ABC):
     def _fail(self, error: OSError) -> RecordingError:
         self._closed = True
         self._file.fail()
-        self._file.close()
-        return recording_failed(self.path, error, self._kept)
+        return self._file.give_up(error, self._kept)
 
 
 def _stamp(message: Any) -> int:

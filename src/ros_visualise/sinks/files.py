@@ -7,39 +7,36 @@ import os
 import shutil
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, RecordingError
+from ros_visualise.errors import OpenError
+from ros_visualise.sinks.targets import Target, sync
 
-RESERVE = 64 * 1024
-"""Bytes that stay free on a disk that fills up, so that a recording can be finished."""
+_RESERVE_BYTES = 64 * 1024
+"""What stays free on a disk that fills up, so that a recording can be finished."""
+_LIVE_RESERVE_BYTES, _LIVE_RESERVE_PART = 2**30, 0.05
+"""The less of both is what a running graph leaves: its recordings have no end of their own."""
 
-DISK_FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-
-class TargetFile:
+class TargetFile(Target):
     """A new file whose whole parts outlive a write that fails.
 
     The writer calls `keep` where what it has written so far can be read. `fail` cuts the file off
     there; from then on it swallows what it is given, so that a library that still wants to finish
     its file does no harm.
 
+    Args:
+        path: its name.
+        overwrite: whether it may be there.
+        live: leave more room on the disk.
+
     Raises:
-        OpenError: it exists and is not to be replaced, or it cannot be written.
+        OpenError: as `Target`.
     """
 
-    def __init__(self, path: Path, overwrite: bool) -> None:
-        if path.exists() and not path.is_file():
-            kind = "a folder" if path.is_dir() else "not a file"
-            raise OpenError(f"{path}: is {kind}; give the name of a file to record to")
-        try:
-            self._file = path.open("wb" if overwrite else "xb", buffering=0)
-        except FileExistsError:
-            raise already_there(path) from None
-        except FileNotFoundError:
-            raise no_folder(path) from None
-        except OSError as error:
-            raise OpenError(f"{path}: cannot be written: {error.strerror}") from None
-        self.path = path
+    def __init__(self, path: Path, overwrite: bool, live: bool = False) -> None:
+        super().__init__(path, overwrite)
+        self._held.callback(self._file.close)
         self.failed = False
+        self._live = live
         self._kept = 0
 
     def write(self, data: bytes | memoryview) -> int:
@@ -66,9 +63,19 @@ class TargetFile:
         """Bytes in it."""
         return os.fstat(self._file.fileno()).st_size
 
-    def has_room(self, size: int) -> bool:
-        """Whether so many bytes can be written, and the end of the file after them."""
-        return shutil.disk_usage(self.path.parent).free >= size + RESERVE
+    def require_room(self, size: int) -> None:
+        """See that so many bytes can be written, and the end of the file after them.
+
+        Raises:
+            OSError: they cannot.
+        """
+        self.require_there()
+        disk = shutil.disk_usage(self.path.parent)
+        if disk.free < size + _RESERVE_BYTES:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        reserve = min(_LIVE_RESERVE_BYTES, int(disk.total * _LIVE_RESERVE_PART))
+        if self._live and disk.free < size + reserve:
+            raise OSError(errno.ENOSPC, f"its disk has less than {reserve >> 20} MiB left")
 
     def keep(self) -> None:
         """What is written so far can be read as it is."""
@@ -86,27 +93,21 @@ class TargetFile:
         self.failed = True
         self._file.truncate(self._kept)
 
-    def close(self) -> None:
-        """Close it."""
-        self._file.close()
+    @classmethod
+    def _check_old(cls, path: Path) -> None:
+        if not path.is_file():
+            kind = "a folder" if path.is_dir() else "not a file"
+            raise OpenError(f"{path}: is {kind}; give the name of a file to write to")
 
-    def remove(self) -> None:
-        """Close it and delete it."""
-        self._file.close()
-        self.path.unlink(missing_ok=True)
+    def _create(self, path: Path) -> Path:
+        self._file = path.open("xb", buffering=0)
+        return path
 
+    def _sync(self) -> None:
+        sync(self.path)
 
-def already_there(path: Path) -> OpenError:
-    """What to tell where something exists that is not to be replaced."""
-    return OpenError(f"{path} exists; add --overwrite or choose another name")
+    def _replace(self, old: Path) -> None:
+        os.replace(self.path, old)
 
-
-def no_folder(path: Path) -> OpenError:
-    """What to tell where the folder lacks that something is to be written to."""
-    return OpenError(f"{path}: there is no folder {path.parent}; create it first")
-
-
-def recording_failed(path: Path, error: Exception, kept: int) -> RecordingError:
-    """What to tell when a recording ends early."""
-    reason = getattr(error, "strerror", None) or str(error)
-    return RecordingError(f"{path}: {reason}; the first {kept} messages were kept")
+    def _delete(self) -> None:
+        self.path.unlink()

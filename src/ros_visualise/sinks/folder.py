@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -11,13 +13,12 @@ from rosbags.convert.converter import LATCH
 from rosbags.rosbag2.metadata import dump_qos_v8
 from ruamel.yaml import YAML
 
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import RecordingError, RosVisualiseError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
-from ros_visualise.sinks.files import already_there, no_folder, recording_failed
+from ros_visualise.sinks.bag_folder import METADATA, BagFolder
 from ros_visualise.sinks.mcap import McapRecorder
 
-_METADATA = "metadata.yaml"
 _VERSION = 8  # what ROS 2 Iron writes, and later ones read
 
 
@@ -27,14 +28,24 @@ class FolderRecorder:
     Its metadata.yaml is written at the end; one that was killed before is found by its .mcap.
 
     Raises:
-        OpenError: the folder is there and not to be replaced, or holds something else than a bag.
+        DamagedMessage: a type that cannot be written.
+        OpenError: as `BagFolder`.
     """
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
-        self.path = path
-        _make_folder(path, settings.overwrite)
-        self._recorder = McapRecorder(path / f"{path.name}_0.mcap", topics, settings)
+        self._folder = BagFolder(path, settings.overwrite)
+        inner = replace(settings, overwrite=False)
+        try:
+            self._recorder = McapRecorder(self._folder.file, topics, inner)
+        except RosVisualiseError:
+            self._folder.remove()
+            raise
         self._closed = False
+
+    @property
+    def path(self) -> Path:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._folder.path
 
     @property
     def topics(self) -> tuple[str, ...]:
@@ -43,34 +54,58 @@ class FolderRecorder:
 
     def add(self, topic: str, kind: TopicType) -> None:
         """As `ros_visualise.sinks.Recorder`."""
-        self._recorder.add(topic, kind)
+        with self._ending():
+            self._recorder.add(topic, kind)
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """As `ros_visualise.sinks.Recorder`."""
-        self._recorder.write(topic, message, stamp_ns)
+        with self._ending():
+            self._recorder.write(topic, message, stamp_ns)
 
-    def close(self) -> None:
+    def close(self, whole: bool = True) -> None:
         """Finish the file and describe it; more than once does no harm."""
         if self._closed:
             return
         self._closed = True
-        self._recorder.close()
+        with self._ending():
+            self._recorder.close()
+        try:
+            self._write_metadata()
+            self._folder.close(whole)
+        except OSError as error:
+            kept = sum(self._recorder.counts.values())
+            raise self._folder.give_up(error, kept) from None
+
+    def remove(self) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._folder.remove()
+
+    @contextmanager
+    def _ending(self) -> Iterator[None]:
+        """Where its file cannot go on, it ends."""
+        try:
+            yield
+        except RecordingError as error:
+            self._closed = True
+            with suppress(OSError):
+                self._write_metadata()
+            with suppress(OSError):
+                self._folder.close(whole=False)
+            raise RecordingError(f"{error}{self._folder.fate}") from None
+
+    def _write_metadata(self) -> None:
         text = StringIO()
         yaml = YAML(typ="safe", pure=True)
         yaml.default_flow_style = False
         yaml.width = 4096
         yaml.dump(self._describe(), text)
-        try:
-            (self.path / _METADATA).write_text(text.getvalue())
-        except OSError as error:
-            kept = sum(self._recorder.counts.values())
-            raise recording_failed(self.path, error, kept) from None
+        (self.path / METADATA).write_text(text.getvalue(), "utf-8")
 
     def __enter__(self) -> FolderRecorder:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(whole=kind is None)
 
     def _describe(self) -> dict[str, Any]:
         found = self._recorder
@@ -108,21 +143,3 @@ class FolderRecorder:
             "type_description_hash": declared.digest,
         }
         return {"topic_metadata": about, "message_count": self._recorder.counts[name]}
-
-
-def _make_folder(path: Path, overwrite: bool) -> None:
-    if path.exists() and not overwrite:
-        raise already_there(path)
-    if path.exists() and not path.is_dir():
-        raise OpenError(f"{path}: is a file; choose another name for a ROS 2 bag's folder")
-    try:
-        path.mkdir(exist_ok=True)
-        there = list(path.iterdir())
-        if any(one.name != _METADATA and one.suffix not in (".mcap", ".db3") for one in there):
-            raise OpenError(f"{path}: holds more than a ROS 2 bag; choose another name")
-        for one in there:
-            one.unlink()
-    except FileNotFoundError:
-        raise no_folder(path) from None
-    except OSError as error:
-        raise OpenError(f"{path}: cannot be written: {error.strerror}") from None

@@ -17,7 +17,7 @@ from av.video.frame import PictureType
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RecordingError, UsageError
 from ros_visualise.messages.recorded import Recorded, TopicType, content
-from ros_visualise.sinks.files import DISK_FULL, TargetFile, recording_failed
+from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
 from ros_visualise.sinks.yuv import Bytes, even_size, to_i420
 
@@ -64,13 +64,17 @@ class Mp4Recorder:
 
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:
         _require_encoder(path)
-        self.path = path
         self.topics: tuple[str, ...] = (topic,)
-        self._file = TargetFile(path, overwrite)
+        self._file = TargetFile(path, overwrite, live=True)
         self._video: _Video | None = None
         self._timeline = Timeline()
         self._closed = False
         self._warned = False
+
+    @property
+    def path(self) -> Path:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._file.path
 
     def add(self, topic: str, kind: TopicType) -> None:
         """A video holds one topic: others are let go."""
@@ -94,42 +98,51 @@ class Mp4Recorder:
         except (OSError, av.FFmpegError) as error:
             raise self._fail(error) from None
 
-    def close(self) -> None:
+    def close(self, whole: bool = True) -> None:
         """Finish the video; one without images is removed."""
         if self._closed:
             return
         self._closed = True
         if self._video is None:
-            log.warning("%s: no image came, so there is no video", self.path)
+            log.warning("%s: no image came, so there is no video%s", self.path, self._file.fate)
             self._file.remove()
             return
         try:
             self._video.finish()
         except (OSError, av.FFmpegError) as error:
             raise self._fail(error) from None
-        self._file.close()
+        try:
+            self._file.close(whole)
+        except OSError as error:
+            raise self._file.give_up(error, self._video.count) from None
+
+    def remove(self) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._file.remove()
 
     def __enter__(self) -> Mp4Recorder:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(whole=kind is None)
 
     def _add(self, image: Image, video: _Video) -> None:
         planes = to_i420(image, video.size)
         ticks = self._timeline.place(image.header.stamp_ns)
         packets = video.encode(planes, ticks, self._timeline.gap)
         size = video.pending + sum(packet.size for packet in packets)
-        if not self._file.has_room(size + _INDEX_BYTES * video.count):
-            raise self._stop(video)
+        try:
+            self._file.require_room(size + _INDEX_BYTES * video.count)
+        except OSError as error:
+            raise self._stop(video, error) from None
         video.mux(packets)
 
-    def _stop(self, video: _Video) -> RecordingError:
-        """Finish a video that the disk has no more room for."""
+    def _stop(self, video: _Video, error: OSError) -> RecordingError:
+        """Finish a video that can not go on."""
         if not video.count:
-            return self._fail(DISK_FULL)
-        self.close()
-        return recording_failed(self.path, DISK_FULL, video.count)
+            return self._fail(error)
+        self.close(whole=False)
+        return self._file.give_up(error, video.count)
 
     def _warn_of_scaling(self, image: Image, size: tuple[int, int]) -> None:
         if even_size(image) != size and not self._warned:
@@ -140,11 +153,10 @@ class Mp4Recorder:
     def _fail(self, error: Exception) -> RecordingError:
         self._closed = True
         kept = self._video.abandon() if self._video else 0
-        if kept:
-            self._file.close()
-        else:
+        told = self._file.give_up(error, kept)
+        if not kept:
             self._file.remove()
-        return recording_failed(self.path, error, kept)
+        return told
 
 
 class _Video:

@@ -2,43 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as File
 
 from ros_visualise.data import Path
 from ros_visualise.errors import RecordingError
 from ros_visualise.geometry.transforms import from_pose
-from ros_visualise.sinks.files import TargetFile, already_there, no_folder
+from ros_visualise.sinks.files import TargetFile
 
 _NS = 1_000_000_000
 
 
-def check_target(file: File, overwrite: bool) -> None:
-    """Say early that a file will not be written, before another is.
+def save(files: Mapping[File, bytes], overwrite: bool) -> None:
+    """Write all of these files, or none.
 
     Raises:
-        OpenError: it exists and is not to be replaced, or there is no folder for it.
+        OpenError: one exists or cannot be written.
+        RecordingError: one cannot be written to its end.
     """
-    if file.exists() and not overwrite:
-        raise already_there(file)
-    if not file.parent.exists():
-        raise no_folder(file)
-
-
-def save(file: File, data: bytes, overwrite: bool) -> None:
-    """Write a file as a whole or not at all.
-
-    Raises:
-        OpenError: it exists or cannot be written.
-        RecordingError: it cannot be written to its end.
-    """
-    target = TargetFile(file, overwrite)
+    pending: dict[File, TargetFile] = {}
     try:
-        target.write(data)
-        target.close()
+        for file, data in files.items():
+            pending[file] = TargetFile(file, overwrite)
+            pending[file].write(data)
+        for file in files:
+            pending[file].close()
+            del pending[file]
     except OSError as error:
-        target.remove()
-        raise RecordingError(f"{file}: {error.strerror}; nothing was kept") from None
+        raise RecordingError(f"{file}: {error.strerror}; nothing of it was written") from None
+    finally:
+        for target in pending.values():
+            target.remove()
 
 
 def _tum(path: Path) -> Iterator[str]:

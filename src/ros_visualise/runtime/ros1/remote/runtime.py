@@ -111,9 +111,7 @@ class RemoteRuntime:
             OpenError: it exists or cannot be written.
             UsageError: it names a topic that there is not, or no known kind of file.
         """
-        recording = record(
-            self.graph, self.parameters, target, overwrite, False, tuple(self._recordings)
-        )
+        recording = record(self.graph, self.parameters, target, overwrite, False)
         arrivals = self._recordings[recording] = Arrivals(recording)
         for topic, inbox in arrivals.inboxes.items():
             self._relay(topic).connect(inbox, self._comes_compressed(topic))
