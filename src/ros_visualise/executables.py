@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
@@ -24,6 +25,7 @@ from ros_visualise.runtime.ros1.playing import PlayingParams, playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.sinks.names import record_folder
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
@@ -36,15 +38,8 @@ log = logging.getLogger(__name__)
 
 _SPIN_S = 0.1
 _OPTIONS = (
-    "view",
-    "host",
-    "port",
-    "allow_origin",
-    "window",
-    "image_transport",
-    "start",
-    "duration",
-    "clock",
+    *("view", "host", "port", "allow_origin", "window", "record_dir"),
+    *("image_transport", "start", "duration", "clock"),
 )
 """Private parameters that every executable reads once, beside those that its node declares."""
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
@@ -112,7 +107,9 @@ def _run_pipeline() -> int:
 
 def _run_viewer() -> int:
     name, options = _view_options("web")
+    folder = _record_dir()
     runtime = RemoteRuntime(_wants_compressed())
+    runtime.record_dir = folder
     try:
         watch(
             runtime,
@@ -203,7 +200,9 @@ def _run_graph(
     view = _open_view()
     try:
         graph = _configured(graph, namespaces, options)
+        folder = _record_dir()
         process = Process(graph, _playback(graph, view.stays), namespaces, _wants_compressed())
+        process.runtime.record_dir = folder
     except RosVisualiseError:
         view.close()
         raise
@@ -287,6 +286,10 @@ def _view_options(default: str) -> tuple[str, ViewOptions]:
         place=str(session.option("window", "")),
     )
     return str(session.option("view", default)), options
+
+
+def _record_dir() -> Path:
+    return record_folder(Path(session.find_file(str(session.option("record_dir", ".")))))
 
 
 def _wants_compressed() -> bool:

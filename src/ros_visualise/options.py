@@ -104,7 +104,18 @@ def _add_output(parser: ArgumentParser) -> None:
         help="record to .mcap, .bag or a ROS 2 folder, or one image topic to .mp4 (default:"
         " /edges); repeatable",
     )
-    group.add_argument("--overwrite", action="store_true", help="replace recordings that exist")
+    group.add_argument(
+        "--record-dir",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="where the page records to (default: the present folder)",
+    )
+    group.add_argument(
+        "--overwrite",
+        action="store_true",
+        help="replace recordings that exist, each when its new one is whole",
+    )
     group.add_argument(
         "--json", action="store_true", help="print the run report as JSON at the end"
     )

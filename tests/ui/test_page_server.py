@@ -151,15 +151,16 @@ def wait_until(check):
 
 
 def test_recording_from_the_page(client, runtime, tmp_path):
+    runtime.record_dir = tmp_path
     target = tmp_path / "run.mcap"
-    client.set("file", str(target))
+    client.set("file", target.name)
     client.set("● record", True)
     client.read_until(lambda: any(f"{target}:" in html for html in client.html))
     client.set("● record", True)
-    client.read_until(lambda: client.values["file"] != str(target))
+    client.read_until(lambda: client.values["file"] != target.name)
     assert target.read_bytes().endswith(b"\x89MCAP0\r\n")
 
-    client.set("file", str(target))
+    client.set("file", target.name)
     client.set("● record", True)
     client.read_until(lambda: any("exists" in html for html in client.html))
 

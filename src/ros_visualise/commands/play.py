@@ -16,7 +16,7 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.sinks.names import check_targets, parse_target
+from ros_visualise.sinks.names import check_targets, parse_target, record_folder
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 
@@ -27,6 +27,7 @@ def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost, see `_lost`."""
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
+    record_folder(args.record_dir)
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     graph = interruptible(lambda: graph_of(args))
@@ -48,6 +49,7 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     )
     playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
+    runtime.record_dir = args.record_dir
     interrupted = False
     try:
         recordings = _start_recordings(runtime, args.record, args.overwrite)

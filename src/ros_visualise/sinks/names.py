@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ros_visualise.errors import UsageError
+from ros_visualise.errors import OpenError, UsageError
 
 _MAX_BYTES = 200  # of a name that a browser gives; file systems take 255
 
@@ -19,6 +19,18 @@ def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
     """(File, topics) of OUT[@TOPIC[,TOPIC...]]; no topics where it names none."""
     path, topics = _split(target)
     return Path(path), tuple(dict.fromkeys(name for name in topics.split(",") if name))
+
+
+def record_folder(path: Path) -> Path:
+    """The folder that a page records to.
+
+    Raises:
+        OpenError: there is none.
+    """
+    check_name(path)
+    if not os.path.isdir(path):
+        raise OpenError(f"{path}: there is no such folder to record to; create it first")
+    return path
 
 
 def in_folder(folder: Path, target: str) -> str:

@@ -8,6 +8,7 @@ from html import escape
 import viser
 
 from ros_visualise.runtime.base import Recording, Runtime
+from ros_visualise.sinks.names import in_folder
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
@@ -15,7 +16,11 @@ _START, _STOP = "● record", "■ stop recording"
 
 
 class Recorder:
-    """A file name, a button, and how far the recording has come, in the present container."""
+    """A file name, a button, and how far the recording has come, in the present container.
+
+    Whoever reaches the page may choose the name: it stays in one folder, and nothing there is
+    replaced. One recording runs at a time, which ends before it fills the disk.
+    """
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
         self._runtime = runtime
@@ -43,7 +48,8 @@ class Recorder:
         if self._recording is not None:
             self._stop(self._recording)
             return
-        self._recording = self._runtime.start_recording(self._name.value)
+        target = in_folder(self._runtime.record_dir, self._name.value)
+        self._recording = self._runtime.start_recording(target)
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
 
