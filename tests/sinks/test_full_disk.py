@@ -94,6 +94,49 @@ def test_it_stops_while_there_is_room_to_finish(
     assert LIMIT // 2 < path.stat().st_size < LIMIT
 
 
+@pytest.mark.parametrize(
+    ("total", "reserve", "said"),
+    [(2**40, 2**30, "1024 MiB"), (2**32, 2**32 // 20, "204 MiB")],
+    ids=["large", "small"],
+)
+@pytest.mark.parametrize(
+    ("suffix", "count"),
+    [(".mcap", count_in_bag), (".bag", count_in_bag), (".mp4", count_in_mp4), ("", count_in_bag)],
+    ids=["mcap", "bag", "mp4", "folder"],
+)
+def test_a_running_graph_leaves_room_to_others(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    suffix: str,
+    count,
+    total: int,
+    reserve: int,
+    said: str,
+) -> None:
+    path = tmp_path / f"r{suffix}"
+
+    def disk_usage(_: Path) -> Usage:
+        written = sum(file.stat().st_size for file in tmp_path.rglob("*") if file.is_file())
+        return Usage(total, 0, reserve + LIMIT - written)
+
+    monkeypatch.setattr(shutil, "disk_usage", disk_usage)
+    recorder = open_recorder(str(path), {"/a": IMAGE})
+    images = iter(range(0, 10**12, 33_000_000))
+    with pytest.raises(RecordingError) as error:
+        write_all(recorder, images)
+    recorder.close()
+    kept = count(path)
+    assert 5 < kept == next(images) // 33_000_000 - 1
+    assert f"its disk has less than {said} left; the first {kept} messages" in str(error.value)
+
+
+def test_a_conversion_may_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(2**40, 0, 10**6))
+    with open_recorder(f"{tmp_path}/r.mcap", {"/a": IMAGE}, live=False) as recorder:
+        write_all(recorder, range(0, 10**10, 10**9))
+    assert count_in_bag(recorder.path) == 10
+
+
 @pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4"])
 def test_a_disk_that_was_full_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str

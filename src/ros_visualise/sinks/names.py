@@ -40,13 +40,14 @@ def in_folder(folder: Path, target: str) -> str:
         UsageError: it is no name, or one that hides or leads elsewhere.
     """
     name, topics = _split(target)
+    size = len(name.encode(errors="replace"))
+    if size > _MAX_BYTES:
+        raise UsageError(f"a name of {size} bytes: give one of at most {_MAX_BYTES}")
     check_name(name)
     if not name or name.startswith(".") or "/" in name or "\\" in name:
         raise UsageError(
             f"{name!r}: give a name alone, without folders and without a dot before it"
         )
-    if len(name.encode()) > _MAX_BYTES:
-        raise UsageError(f"a name of {len(name.encode())} bytes: give one of at most {_MAX_BYTES}")
     return f"{folder / name}@{topics}" if topics else str(folder / name)
 
 

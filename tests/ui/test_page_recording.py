@@ -1,0 +1,95 @@
+"""What a browser may have recorded: new files in one folder, by their names."""
+
+from pathlib import Path
+
+import pytest
+from page_client import Client
+from rosbags.highlevel import AnyReader
+
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.sinks.names import in_folder, record_folder
+
+ELSEWHERE = [
+    "",
+    ".",
+    "..",
+    ".bashrc",
+    "../r.mcap",
+    "/tmp/r.mcap",
+    "sub/r.mcap",
+    "sub\\r.mcap",
+    "./r.mcap",
+    "r/",
+    "~/r.mcap",
+    "../r.mcap@/edges",
+    "@/../r.mcap",
+    "r\0.mcap",
+    "r\n.mcap",
+    "r\x1b]0;.mcap",
+    "r\x7f",
+    "\ud800.mcap",
+    "x" * 201,
+    "ü" * 100 + "x",
+    "/\0" * 100_000,
+]
+
+
+@pytest.mark.parametrize("name", ELSEWHERE, ids=lambda name: repr(name[:20]))
+def test_names_that_are_none(tmp_path: Path, name: str) -> None:
+    with pytest.raises(UsageError) as error:
+        in_folder(tmp_path, name)
+    assert str(error.value).isprintable()
+    assert len(str(error.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "name", ["r.mcap", "edges.mp4@/edges", "folder", "a b.bag", "x" * 195 + ".mcap", "ü-☃.mcap"]
+)
+def test_names_in_the_folder(tmp_path: Path, name: str) -> None:
+    assert in_folder(tmp_path, name) == f"{tmp_path}/{name}"
+
+
+def test_a_folder_that_is_none(tmp_path: Path) -> None:
+    for path in (tmp_path / "none", tmp_path / "a\0b", tmp_path / ("x" * 300)):
+        with pytest.raises(UsageError):
+            record_folder(path)
+    with pytest.raises(OpenError, match="no such folder to record to; create it first"):
+        record_folder(Path(__file__))
+
+
+def test_a_browser_stays_in_the_folder(page, port, runtime, tmp_path: Path) -> None:
+    (folder := tmp_path / "recordings").mkdir()
+    (folder / "link.mcap").symlink_to(tmp_path / "outside.mcap")
+    (folder / "link").symlink_to(tmp_path, target_is_directory=True)
+    (folder / "old.mcap").write_text("precious")
+    before = {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")}
+    runtime.record_dir = folder
+    client = Client(port)
+    client.read_until(lambda: client.images >= 4)
+    refused = {
+        str(tmp_path / "away.mcap"): "give a name alone",
+        "../away.mcap": "give a name alone",
+        ".hidden.mcap": "give a name alone",
+        "a\0b.mcap": "holds control characters",
+        "x" * 250 + ".mcap": "give one of at most 200",
+        "r.txt": "name ends in .mcap, .bag or .mp4",
+        "link.mcap": "exists",
+        "link": "holds more than a ROS 2 bag",
+        "old.mcap": "exists",
+        "r.mcap@/../../x": "no topic",
+    }
+    for name, said in refused.items():
+        client.html.clear()
+        client.set("file", name)
+        client.set("● record", True)
+        client.read_until(lambda said=said: any(said in html for html in client.html))
+    assert {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+
+    client.set("file", "fine.mcap@/edges")
+    client.set("● record", True)
+    client.read_until(lambda: any(f"{folder}/fine.mcap:" in html for html in client.html))
+    client.set("● record", True)
+    client.read_until(lambda: client.values["file"].startswith("record-"))
+    with AnyReader([folder / "fine.mcap"]) as reader:
+        assert set(reader.topics) == {"/edges", "/parameter_events"}
+    client.socket.close()
