@@ -96,7 +96,7 @@ def test_it_stops_while_there_is_room_to_finish(
 
 @pytest.mark.parametrize(
     ("total", "reserve", "said"),
-    [(2**40, 2**30, "1024 MiB"), (2**32, 2**32 // 20, "204 MiB")],
+    [(2**40, 2**30, "1 GiB"), (2**32, 2**32 // 20, "5%")],
     ids=["large", "small"],
 )
 @pytest.mark.parametrize(

@@ -12,8 +12,7 @@ from ros_visualise.sinks.targets import Target, sync
 
 _RESERVE_BYTES = 64 * 1024
 """What stays free on a disk that fills up, so that a recording can be finished."""
-_LIVE_RESERVE_BYTES, _LIVE_RESERVE_PART = 2**30, 0.05
-"""The less of both is what a running graph leaves: its recordings have no end of their own."""
+_GIB = 2**30
 
 
 class TargetFile(Target):
@@ -26,7 +25,7 @@ class TargetFile(Target):
     Args:
         path: its name.
         overwrite: whether it may be there.
-        live: leave more room on the disk.
+        live: leave 1 GiB or 5% of the disk free, for what a running graph makes has no end.
 
     Raises:
         OpenError: as `Target`.
@@ -73,9 +72,9 @@ class TargetFile(Target):
         disk = shutil.disk_usage(self.path.parent)
         if disk.free < size + _RESERVE_BYTES:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        reserve = min(_LIVE_RESERVE_BYTES, int(disk.total * _LIVE_RESERVE_PART))
+        reserve, words = min((_GIB, "1 GiB"), (disk.total // 20, "5%"))
         if self._live and disk.free < size + reserve:
-            raise OSError(errno.ENOSPC, f"its disk has less than {reserve >> 20} MiB left")
+            raise OSError(errno.ENOSPC, f"its disk has less than {words} left")
 
     def keep(self) -> None:
         """What is written so far can be read as it is."""

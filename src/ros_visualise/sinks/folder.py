@@ -91,6 +91,8 @@ class FolderRecorder:
                 self._write_metadata()
             with suppress(OSError):
                 self._folder.close(whole=False)
+            if self._folder.replaces and not any(self._recorder.counts.values()):
+                self._folder.remove()
             raise RecordingError(f"{error}{self._folder.fate}") from None
 
     def _write_metadata(self) -> None:
