@@ -12,7 +12,7 @@ from contextlib import ExitStack, contextmanager
 from itertools import count
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, RecordingError
+from ros_visualise.errors import OpenError, RecordingError, UsageError
 from ros_visualise.sinks.names import check_name
 
 if sys.platform != "win32":
@@ -58,9 +58,11 @@ class Target(ABC):
 
         Raises:
             OpenError: it is there and not to be replaced, or it cannot be written.
-            UsageError: see `ros_visualise.sinks.names.check_name`.
+            UsageError: it is no name; see `ros_visualise.sinks.names.check_name`.
         """
         check_name(path)
+        if path.name in ("", ".."):
+            raise UsageError(f"{path}: has no name of its own; give the name of a file or folder")
         try:
             if path.parent.exists() and path.exists():
                 cls._check_old(path)
@@ -179,8 +181,7 @@ def sync(path: Path) -> None:
 
 def _followed(path: Path) -> Path:
     """What a link leads to, so that it is that which is written, and not the link."""
-    has_name = path.name not in ("", "..")
-    return path if has_name and not path.is_symlink() else Path(os.path.realpath(path))
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 
 @contextmanager
