@@ -78,6 +78,29 @@ def test_a_link_stays_a_link(old: Path, tmp_path: Path) -> None:
     assert list(away.iterdir()) == [there]
 
 
+def test_what_has_the_name_by_now_stays(old: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other" / old.name
+    other.parent.mkdir()
+    record(other, 0, 1, 2, 3)
+    recorder = open_recorder(str(old), TOPICS, overwrite=True)
+    recorder.write("/a", noise(0))
+    old.rename(tmp_path / "away")
+    other.rename(old)
+    with pytest.raises(RecordingError, match="something else has its name by now"):
+        recorder.close()
+    assert count(old) == 4
+    assert count(beside(old)) == 1
+
+
+def test_what_was_removed_meanwhile_is_not_missed(old: Path, tmp_path: Path) -> None:
+    recorder = open_recorder(str(old), TOPICS, overwrite=True)
+    recorder.write("/a", noise(0))
+    old.rename(tmp_path / "away")
+    recorder.close()
+    assert count(old) == 1
+    assert not beside(old).exists()
+
+
 def test_a_disk_that_fills_up_leaves_the_old_one(
     old: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,9 @@ class BagFolder(Target):
 
     def _replace(self, old: Path) -> None:
         """Move the old one aside, for no call swaps folders on all systems; delete it then."""
+        if not old.exists():
+            os.rename(self.path, old)
+            return
         if not _is_bag(old):
             raise OSError(f"{old.name} holds something else by now")
         aside = Path(tempfile.mkdtemp(prefix=f"{old.name}.old-", dir=old.parent))

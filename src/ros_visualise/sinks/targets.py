@@ -8,7 +8,7 @@ import os
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
@@ -45,6 +45,7 @@ class Target(ABC):
             try:
                 if self.replaces:
                     held.enter_context(_locked(self._place))
+                    self._old = self._place.stat()
                 self.path = self._create_beside() if self.replaces else self._create(self._place)
                 self._made = self.path.stat()
                 held.enter_context(_locked(self.path))
@@ -94,9 +95,11 @@ class Target(ABC):
             self.require_there()
             if whole and self.replaces:
                 self._sync()
+                self._require_old()
                 self._replace(self._place)
                 self.path = self._name
-                sync(self._place.parent)
+                with suppress(OSError):  # it is there; a folder that cannot be listed is not synced
+                    sync(self._place.parent)
 
     def give_up(self, error: Exception, kept: int) -> RecordingError:
         """End it before it is whole.
@@ -161,6 +164,11 @@ class Target(ABC):
             except FileExistsError:
                 log.warning("%s is left of a run that was killed; delete it some time", path)
         raise AssertionError
+
+    def _require_old(self) -> None:
+        """See that nobody put another thing in the place of what is to be replaced."""
+        if self._place.exists() and not os.path.samestat(self._old, self._place.stat()):
+            raise OSError(errno.EEXIST, "something else has its name by now")
 
     def _is_there(self) -> bool:
         try:
