@@ -15,7 +15,10 @@ from rosbags.highlevel import AnyReader
 from ros_visualise.cli import main
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
+from ros_visualise.sources.playback import Playback
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 ODOM = TopicType("nav_msgs/msg/Odometry")
@@ -238,7 +241,7 @@ def test_a_conversion_that_is_interrupted_keeps_the_old_one(tmp_path: Path) -> N
     status, said = interrupt(part, "convert", source, old, "--overwrite", "--compression", "zstd")
     assert status == 130
     assert count(old) == 7
-    assert f"{old} is as it was; {part} is the part" in said
+    assert f"{old} is as it was; the new one is {part}" in said
     assert 0 < count(part) < 30_000
 
 
@@ -253,6 +256,14 @@ def test_a_run_that_is_interrupted_is_whole(tmp_path: Path) -> None:
     with AnyReader([old]) as reader:
         assert "/edges" in reader.topics
         assert reader.message_count > 0
+
+
+def test_a_run_without_messages_replaces_nothing(tmp_path: Path) -> None:
+    old = record(tmp_path / "old.mcap", 7)
+    runtime = LocalRuntime(image_pipeline("landscape"), Playback())
+    runtime.start_recording(old, overwrite=True)
+    runtime.stop()
+    assert count(old) == 7
 
 
 @pytest.mark.parametrize("name", ["r.mcap", "r.bag", "r.mp4", "r"])

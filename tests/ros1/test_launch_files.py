@@ -22,7 +22,8 @@ FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))
 MAIN_IMAGES = ("main_video", "main_usb_cam", "main_rosbag")
 NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own", "recording": "/a.bag"}
 PLAYER_OPTIONS = {"path", "topics", "image", "wait_for"}
-OPTIONS = {"view", "host", "port", "allow_origin", "window", "image_transport", "start", "duration"}
+OPTIONS = {"view", "host", "port", "allow_origin", "window", "record_dir"}
+OPTIONS |= {"image_transport", "start", "duration"}
 PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
 
 

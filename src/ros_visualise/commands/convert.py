@@ -161,7 +161,7 @@ def _finish(
         notes.append(str(error))
     target = parse_target(args.output)[0]
     if conversion.recorder.path != target and not isinstance(error, RecordingError):
-        notes.append(f"{target} is as it was; {conversion.recorder.path} is the part")
+        notes.append(f"{target} is as it was; the new one is {conversion.recorder.path}")
     for note in notes:
         print(f"ros-visualise: {note}", file=sys.stderr)
     if not (conversion.messages or notes or interrupted):

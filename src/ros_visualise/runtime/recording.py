@@ -83,7 +83,7 @@ class RecorderThread:
     """One file that is being written, on a thread of its own; before each image its calibration.
 
     Messages are written in the order and under the times of `Ordering`, so that the same input
-    makes the same file however the threads run.
+    makes the same file however the threads run. One without messages replaces nothing.
 
     Args:
         recorder: writes the file, and is closed at the end.
@@ -168,7 +168,7 @@ class RecorderThread:
             while (found := self._next()) is not None:
                 self._write(*found)
             self._write_events()
-            self._recorder.close(whole=not self._discarded)
+            self._recorder.close(whole=self.written > 0 and not self._discarded)
         except RecordingError as error:
             self._fail(error)
         except Exception as error:

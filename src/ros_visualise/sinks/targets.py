@@ -162,7 +162,7 @@ class Target(ABC):
             try:
                 return self._create(path)
             except FileExistsError:
-                log.warning("%s is left of a run that was killed; delete it some time", path)
+                log.warning("%s is left of an earlier run; delete it if you need it no more", path)
         raise AssertionError
 
     def _require_old(self) -> None:
