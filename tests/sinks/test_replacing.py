@@ -10,7 +10,6 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from rosbags.highlevel import AnyReader
 from test_full_disk import IMAGE, count_in_bag, count_in_mp4, noise, write_all
 
 from ros_visualise.errors import OpenError, RecordingError
@@ -220,75 +219,6 @@ def test_a_folder_that_is_removed_ends_it(tmp_path: Path, name: str, late: bool)
     assert str(error.value).endswith("moved or removed while it was written; nothing was kept")
 
 
-class TestFolders:
-    @pytest.fixture
-    def others(self, tmp_path: Path) -> Path:
-        """A folder of recordings by somebody else."""
-        (folder := tmp_path / "recs").mkdir()
-        for name in ("one.mcap", "two.mcap", "three.mcap"):
-            record(folder / name, 0, 1)
-        return folder
-
-    def refused(self, folder: Path) -> None:
-        before = content(folder)
-        with pytest.raises(OpenError, match="holds more than a ROS 2 bag; choose another name"):
-            open_recorder(str(folder), TOPICS, overwrite=True)
-        assert content(folder) == before
-        assert not folder.with_name(f"{folder.name}.part").exists()
-
-    def test_recordings_of_others_stay(self, others: Path) -> None:
-        self.refused(others)
-
-    def test_metadata_that_does_not_list_all(self, others: Path, tmp_path: Path) -> None:
-        record(tmp_path / "r", 0)
-        shutil.copy(tmp_path / "r" / "metadata.yaml", others)
-        self.refused(others)
-        for file in others.glob("*.mcap"):
-            file.unlink()
-        self.refused(others)
-        record(others / "r_0.mcap", 0)
-        record(others, 0, 1, 2, overwrite=True)
-        assert count(others) == 3
-
-    @pytest.mark.timeout(20)
-    @pytest.mark.parametrize(
-        "text",
-        [
-            "no metadata",
-            "[" * 50_000,
-            "".join(f"a{i}: &a{i} {{<<: [*a{i - 1}, *a{i - 1}]}}\n" for i in range(1, 30)),
-        ],
-        ids=["text", "deep", "aliases"],
-    )
-    def test_metadata_that_means_nothing(self, tmp_path: Path, text: str) -> None:
-        record(folder := tmp_path / "r", 0)
-        (folder / "metadata.yaml").write_text(text.replace("*a0", "&a0 {}", 1))
-        self.refused(folder)
-
-    def test_what_a_killed_recorder_leaves_is_replaced(self, tmp_path: Path) -> None:
-        record(folder := tmp_path / "r", 0)
-        (folder / "metadata.yaml").unlink()
-        record(folder, 0, 1, overwrite=True)
-        assert count(folder) == 2
-
-    def test_a_split_bag_is_replaced(self, recordings: Path, tmp_path: Path) -> None:
-        folder = shutil.copytree(recordings / "bags" / "evo_tf_example", tmp_path / "r")
-        record(folder, 0, 1, overwrite=True)
-        assert sorted(content(folder)) == ["metadata.yaml", "r_0.mcap"]
-
-    def test_what_comes_while_it_is_written_stays(self, tmp_path: Path) -> None:
-        record(folder := tmp_path / "r", 0)
-        recorder = open_recorder(str(folder), TOPICS, overwrite=True)
-        recorder.write("/a", noise(0))
-        (folder / "notes.txt").write_text("precious")
-        with pytest.raises(RecordingError, match="holds something else by now") as error:
-            recorder.close()
-        assert f"kept in {folder}.part; {folder} is as it was" in str(error.value)
-        assert sorted(content(folder)) == ["metadata.yaml", "notes.txt", "r_0.mcap"]
-        with AnyReader([tmp_path / "r.part"]) as reader:
-            assert reader.message_count == 1
-
-
 def test_a_kill_at_any_moment_leaves_the_old_or_the_new_one(tmp_path: Path) -> None:
     """Each process replaces the file again and again; there is a whole one at any time."""
     program = RECORD[: RECORD.index("recorder =")] + (
@@ -299,7 +229,7 @@ def test_a_kill_at_any_moment_leaves_the_old_or_the_new_one(tmp_path: Path) -> N
         "    print(number, flush=True)\n"
     )
     record(old := tmp_path / "r.mcap", 0)
-    for round_number in range(4):
+    for round_number in range(2):
         with subprocess.Popen(
             [sys.executable, "-c", program, str(old)], stdout=subprocess.PIPE, text=True
         ) as process:
