@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -57,8 +56,8 @@ class BagFolder(Target):
             return
         if not _is_bag(old):
             raise OSError(f"{old.name} holds something else by now")
-        aside = Path(tempfile.mkdtemp(prefix=f"{old.name}.old-", dir=old.parent))
-        os.replace(old, aside)
+        aside = old.with_name(f"{old.name}.old-{os.getpid()}")
+        os.rename(old, aside)
         try:
             os.rename(self.path, old)
         except OSError:
