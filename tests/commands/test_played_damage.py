@@ -1,6 +1,7 @@
 """`ros-visualise bag` with messages that nobody can use: it says so, and plays the others."""
 
 import numpy as np
+from made_videos import numbered, write_video
 from mcap.reader import make_reader
 from mcap.writer import Writer
 from played_bags import QUICK, image, images, write_bag
@@ -22,13 +23,15 @@ def test_an_image_without_pixels_is_damaged(run, tmp_path, caplog):
     assert "Traceback" not in caplog.text
 
 
-def test_what_is_lost_of_a_recording_is_told_by_the_exit_status(run, tmp_path):
+def test_what_is_lost_of_a_recording_is_told_by_the_exit_status(run, tmp_path, caplog):
     whole = write_bag(tmp_path / "whole.bag", a=images(count=40))
     assert run("bag", whole, *QUICK)[0] == 0
     cut = tmp_path / "cut.bag"
     cut.write_bytes(whole.read_bytes()[:-4000])
-    status, said = run("bag", cut, *QUICK)
-    assert (status, "player: " in said) == (1, True)
+    caplog.clear()
+    assert run("bag", cut, *QUICK)[0] == 1
+    (said,) = caplog.messages
+    assert said.startswith("player: cut off after ")
     damaged = write_bag(tmp_path / "damaged.bag", zero=images(no_pixels))
     assert run("bag", damaged, *QUICK)[0] == 1
     assert run("bag", damaged, *QUICK, "--image", "none")[0] == 0  # nobody reads them
@@ -80,3 +83,13 @@ def test_where_nothing_can_be_played_it_is_said_why(run, tmp_path):
     status, said = run("bag", mcap_with_json(tmp_path / "r.mcap", ["/json"], ros=False), *QUICK)
     assert status == 2
     assert "nothing in it can be played: /json (json: only ROS messages are read)" in said
+
+
+def test_a_video_that_ends_early_is_said_once(run, tmp_path, caplog):
+    path = write_video(tmp_path / "v.mkv", numbered(40))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    status, said = run("video", path, *QUICK)
+    assert status == 1
+    assert "before its header says" not in said
+    (once,) = caplog.messages
+    assert once.startswith("streamer: it ends at ")

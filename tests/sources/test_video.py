@@ -1,6 +1,5 @@
 """Video files: times, pixels, seeking, and files that are not as they should be."""
 
-import logging
 import os
 import struct
 import tempfile
@@ -42,6 +41,7 @@ def test_real_videos_are_described_and_read_to_their_end(
     path = recordings / "video" / name
     held = sources.info(path)
     assert (held["messages"], (held["width"], held["height"])) == (count, size)
+    assert held["lost"]["notes"] == []
     assert held["fps"] == pytest.approx(fps, rel=1e-4)
     assert held["duration"] == pytest.approx(count / fps, rel=0.01)
     assert held["topics"] == {
@@ -225,18 +225,14 @@ def test_any_name_plays(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPat
     assert len(times_ms(Video(name))) == 2
 
 
-def warnings_of(caplog: pytest.LogCaptureFixture) -> list[str]:
-    return [r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING]
+def test_a_whole_file_has_no_faults(tmp_path: Path) -> None:
+    path = write_video(tmp_path / "v.mkv", numbered(9))
+    video = Video(path)
+    list(video.read(0))
+    assert video.faults == sources.info(path)["lost"]["notes"] == []
 
 
-def test_a_whole_file_gives_no_warning(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    list(Video(write_video(tmp_path / "v.mkv", numbered(9))).read(0))
-    assert warnings_of(caplog) == []
-
-
-def test_a_cut_mp4_plays_as_far_as_it_goes(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_cut_mp4_plays_as_far_as_it_goes(tmp_path: Path) -> None:
     path = write_video(
         tmp_path / "v.mp4",
         [np.random.default_rng(n).integers(0, 255, (24, 32, 3), np.uint8) for n in range(40)],
@@ -249,14 +245,14 @@ def test_a_cut_mp4_plays_as_far_as_it_goes(
     first, again = times_ms(video), times_ms(video)
     assert 15 < len(first) < 30
     assert again == first
-    assert len(warnings_of(caplog)) == 1
-    assert "cut off" in warnings_of(caplog)[0]
-    assert sources.info(path)["messages"] in (len(first), len(first) + 1)
+    assert "cut off" in video.faults[-1]
+    info = sources.info(path)
+    assert info["messages"] in (len(first), len(first) + 1)
+    assert info["messages"] + info["lost"]["messages"] == 40
+    assert "cut off" in info["lost"]["notes"][0]
 
 
-def test_a_header_that_promises_too_much_ends_at_the_real_end(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_header_that_promises_too_much_ends_at_the_real_end(tmp_path: Path) -> None:
     path = write_video(tmp_path / "v.avi", numbered(10), codec="mjpeg", pix_fmt="yuvj420p")
     content = bytearray(path.read_bytes())
     struct.pack_into("<I", content, content.index(b"avih") + 8 + 16, 1000)
@@ -265,14 +261,13 @@ def test_a_header_that_promises_too_much_ends_at_the_real_end(
     video = Video(path)
     assert video.duration_ns == 40_000 * MS
     assert times_ms(video) == [40 * n for n in range(10)]
-    assert len(warnings_of(caplog)) == 1
+    (fault,) = video.faults
+    assert sources.info(path)["lost"] == {"messages": 990, "bytes": 0, "notes": [fault]}
     assert sources.info(path)["messages"] == 10
     assert sources.info(path)["duration"] == pytest.approx(0.4)
 
 
-def test_damaged_packets_are_skipped_and_counted(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_damaged_packets_are_skipped_and_counted(tmp_path: Path) -> None:
     path = write_video(tmp_path / "v.mov", numbered(10), codec="png", pix_fmt="rgb24")
     content = bytearray(path.read_bytes())
     at = [i for i in range(len(content)) if content[i : i + 4] == b"\x89PNG"]
@@ -283,8 +278,8 @@ def test_damaged_packets_are_skipped_and_counted(
     expected = [40 * n for n in range(10) if n not in (4, 7)]
     assert times_ms(video) == expected
     assert times_ms(video) == expected
-    assert len(warnings_of(caplog)) == 1
-    assert "2 damaged packets" in warnings_of(caplog)[0]
+    (fault,) = video.faults
+    assert "2 damaged packets" in fault
 
 
 def missing(path: Path) -> None:

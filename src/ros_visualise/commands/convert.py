@@ -197,10 +197,7 @@ def _describe_empty(args: Namespace) -> str:
 
 def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:
     """What was lost, for people."""
-    loss = conversion.recording.loss
-    notes = [f"{source}: {note}" for note in loss.notes]
-    if loss.messages and not notes:
-        notes.append(f"{source}: {counted(loss.messages, 'message')} could not be read")
+    notes = [f"{source}: {note}" for note in conversion.recording.loss.notes]
     notes += [f"{topic}: left out: {reason}" for topic, reason in unwritable.items()]
     notes += [
         f"{topic}: {counted(count, 'message')} left out: {conversion.reasons[topic]}"

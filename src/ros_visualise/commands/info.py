@@ -18,14 +18,11 @@ _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 
 
 def run(args: Namespace) -> int:
-    """Print what a file holds."""
+    """Print what a file holds; 1 if something of it is lost."""
     logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     found = interruptible(lambda: sources.info(args.input))
-    if args.json:
-        print(json.dumps(found))
-        return 0
-    print("\n".join(_lines(found)))
-    return 0
+    print(json.dumps(found) if args.json else "\n".join(_lines(found)))
+    return int(bool(found["lost"]["notes"]))
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
@@ -43,7 +40,7 @@ def _lines(found: dict[str, Any]) -> Iterator[str]:
         ("images", _images(found)),
         ("types", _types(found.get("types", {}), written)),
         ("topics", _topics(found["topics"], written)),
-        ("lost", _lost(found.get("lost", {}))),
+        ("lost", _lost(found["lost"])),
     ]
     for name, lines in rows:
         for number, line in enumerate(lines):
@@ -83,7 +80,7 @@ def _topics(topics: dict[str, dict[str, Any]], written: Callable[[str], str]) ->
 
 
 def _lost(lost: dict[str, Any]) -> list[str]:
-    if not any(lost.values()):
+    if not lost["notes"]:
         return []
     known = [counted(lost[f"{what}s"], what) for what in ("message", "byte") if lost[f"{what}s"]]
     return [", ".join(known) or "an unknown number of messages", *lost["notes"]]

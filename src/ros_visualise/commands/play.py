@@ -105,15 +105,7 @@ def _say_summary(report: dict[str, Any]) -> None:
     for name, node in report["nodes"].items():
         for reason, count in node["dropped"].items():
             print(f"{name}: {count} of {node['received']} left out by {reason}", file=sys.stderr)
-        for note in _loss_notes(node.get("lost")):
-            print(f"{name}: {note}", file=sys.stderr)
     for name, recording in report["recordings"].items():
         dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
         messages = counted(recording["messages"], "message")
         print(f"{name}: {messages} recorded{dropped}", file=sys.stderr)
-
-
-def _loss_notes(lost: dict[str, Any] | None) -> list[str]:
-    if not lost:
-        return []
-    return lost["notes"] or [f"{counted(lost['messages'], 'message')} could not be read"]

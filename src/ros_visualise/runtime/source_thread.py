@@ -77,6 +77,7 @@ class SourceThread:
         except Exception:
             log.exception("%s broke", self.name)
             self.failed = True
+        self._say_lost()
         for topic in self._outputs.values():
             topic.finish()
 
@@ -95,6 +96,11 @@ class SourceThread:
     def close(self) -> None:
         """Let go of what is open."""
         self._source.close()
+
+    def _say_lost(self) -> None:
+        """What could not be read; it is known at the end."""
+        for note in self._source.report().get("lost", {}).get("notes", ()):
+            log.warning("%s: %s", self.name, note)
 
     def _messages(self) -> Iterator[tuple[str, Any]]:
         while True:

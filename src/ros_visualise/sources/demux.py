@@ -60,6 +60,7 @@ class Decoder:
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
         self._container, self._stream = container, stream
         self.packets = self.damaged = 0
+        self.end: int | None = None  # where the last packet ends, in ticks of the stream
         self.broken = False  # reading failed before the end
 
     def frames(self) -> Iterator[VideoFrame]:
@@ -81,10 +82,15 @@ class Decoder:
             for packet in self._container.demux(self._stream):
                 if packet.size:
                     self.packets += 1
+                    self._reach(packet)
                     yield packet
         except FFmpegError:
             self.broken = True
         yield None
+
+    def _reach(self, packet: Packet[VideoStream]) -> None:
+        if packet.pts is not None:
+            self.end = max(self.end or 0, packet.pts + (packet.duration or 0))
 
 
 def _check_file(path: Path) -> None:

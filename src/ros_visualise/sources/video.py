@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import logging
 import math
 import os
 from collections.abc import Generator, Iterator
@@ -21,8 +20,6 @@ from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.convert import Converter, Size, upright_size
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
-
-log = logging.getLogger(__name__)
 
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
@@ -64,7 +61,7 @@ class Video:
         self._path = Path(path)
         self._converter = Converter(size)
         self.faults: list[str] = []
-        self._closed = self._warned = False
+        self._closed = False
         self._open()
         first = _first_frame(self._container, self._stream, self._path)
         self._origin = first.pts
@@ -96,7 +93,11 @@ class Video:
     def count(self) -> int:
         """The number of its images, counted without decoding them."""
         self._open()
-        return Decoder(self._container, self._stream).count()
+        decoder = Decoder(self._container, self._stream)
+        images = decoder.count()
+        times = _Times(self._stream.time_base, self._origin, self.info.fps)
+        self._check_end(decoder, times.since_first_ns(decoder.end) or images * times.period_ns)
+        return images
 
     def close(self) -> None:
         """End what is being read."""
@@ -138,8 +139,8 @@ class Video:
             return False
         return True
 
-    def _check_end(self, decoder: Decoder, end_ns: int, from_start: bool) -> None:
-        """Say once what was missing or damaged."""
+    def _check_end(self, decoder: Decoder, end_ns: int, from_start: bool = True) -> None:
+        """Note what was missing or damaged."""
         late_ns = (self.info.promised_ns or 0) - end_ns
         lacks_frames = from_start and decoder.packets < (self.info.frames or 0)
         faults = []
@@ -149,10 +150,8 @@ class Video:
             faults.append(
                 f"it ends at {end_ns / 1e9:.2f} s, before its header says: is it cut off?"
             )
-        if faults and end_ns and not self._warned:
-            self._warned = True
+        if end_ns and not self.faults:
             self.faults = faults
-            log.warning("%s: %s", self._path, "; ".join(faults))
 
 
 def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -163,6 +162,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
     if not duration_s or images < (shown.frames or 0):
         duration_s = images / shown.fps
     hz = round(images / duration_s, 3) if images > 1 else None
+    missing = max(0, (shown.frames or 0) - images) if video.faults else 0
     return {
         "path": str(path),
         "format": video.format,
@@ -176,6 +176,7 @@ def describe(path: str | os.PathLike[str]) -> dict[str, Any]:
         "height": shown.height,
         "fps": shown.fps,
         "codec": shown.codec,
+        "lost": {"messages": missing, "bytes": 0, "notes": video.faults},
     }
 
 
@@ -185,7 +186,7 @@ class _Times:
     def __init__(self, time_base: Fraction | None, origin: int | None, fps: float) -> None:
         self._tick_ns = (time_base or 0) * 10**9
         self._origin = origin
-        self._period_ns = round(1e9 / fps)
+        self.period_ns = round(1e9 / fps)
         self._last_ns: int | None = None
         self._shift_ns = 0
         self.end_ns = 0
@@ -193,16 +194,21 @@ class _Times:
 
     def of(self, frame: VideoFrame) -> int:
         """The time of the next frame; where the file has none, the frame rate gives it."""
-        time_ns = self.end_ns
-        if frame.pts is not None and self._origin is not None:
-            time_ns = round((frame.pts - self._origin) * self._tick_ns) + self._shift_ns
+        since_ns = self.since_first_ns(frame.pts)
+        time_ns = self.end_ns if since_ns is None else since_ns + self._shift_ns
         if self._last_ns is not None and time_ns <= self._last_ns:
             if self._last_ns - time_ns > _JUMP_BACK_NS:
                 self._shift_ns += self.end_ns - time_ns
-            time_ns = self._last_ns + self._period_ns // 4
+            time_ns = self._last_ns + self.period_ns // 4
         self._last_ns = time_ns
-        self.end_ns = time_ns + (round((frame.duration or 0) * self._tick_ns) or self._period_ns)
+        self.end_ns = time_ns + (round((frame.duration or 0) * self._tick_ns) or self.period_ns)
         return time_ns
+
+    def since_first_ns(self, pts: int | None) -> int | None:
+        """The time of a file's own stamp, as far as it is known."""
+        if pts is None or self._origin is None:
+            return None
+        return round((pts - self._origin) * self._tick_ns)
 
 
 def _first_frame(container: InputContainer, stream: VideoStream, path: Path) -> VideoFrame:

@@ -17,8 +17,8 @@ from ros_visualise.sources.recordings.summary import mean_rate
 
 @pytest.fixture
 def tell(capsys):
-    def tell(path, as_json=False):
-        assert info.run(Namespace(input=str(path), json=as_json)) == 0
+    def tell(path, as_json=False, status=0):
+        assert info.run(Namespace(input=str(path), json=as_json)) == status
         return capsys.readouterr().out
 
     return tell
@@ -85,9 +85,9 @@ def test_what_is_lost_is_told(tmp_path, tell):
     made_bags.drive(path)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
-    lost = json.loads(tell(path, as_json=True))["lost"]
+    lost = json.loads(tell(path, as_json=True, status=1))["lost"]
     assert lost["bytes"] > len(data) // 3
-    *_, amount, why = tell(path).splitlines()
+    *_, amount, why = tell(path, status=1).splitlines()
     assert amount == f"lost:        {lost['bytes']} bytes"
     assert re.fullmatch(r" +cut off after [\d.]+ of [\d.]+ MB or more", why)
 
@@ -104,8 +104,22 @@ def test_a_video_is_told_of_in_the_same_way(tmp_path, tell):
     made_bags.drive(tmp_path / "made.bag")
     found, of_bag = (json.loads(tell(p, as_json=True)) for p in (path, tmp_path / "made.bag"))
     only = {"width", "height", "fps", "codec"}
+    assert found["lost"] == of_bag["lost"] == {"messages": 0, "bytes": 0, "notes": []}
     assert found.keys() - only <= of_bag.keys()
     assert found["topics"]["/image_raw"].keys() <= of_bag["topics"]["/imu"].keys()
+
+
+def test_a_video_that_ends_early_is_told_of(tmp_path, tell):
+    path = make_video(tmp_path / "clip.mkv", frames=20)
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) * 2 // 3])
+    found = json.loads(tell(path, as_json=True, status=1))
+    assert found["messages"] < 20
+    (why,) = found["lost"]["notes"]
+    assert "before its header says: is it cut off?" in why
+    *_, amount, told = tell(path, status=1).splitlines()
+    assert amount.startswith("lost:  ")
+    assert told.strip() == why
 
 
 def test_one_image_has_no_rate(tmp_path, tell):

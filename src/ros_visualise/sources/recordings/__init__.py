@@ -56,7 +56,8 @@ def left_out(topic: str, messages: int, type_name: str, chosen: str) -> str:
 class Loss:
     """What of a recording could not be read, as far as it was read by now.
 
-    ``notes`` are for people, a line each: ``cut off after 12.3 of 40.1 MB``.
+    ``notes`` are for people, a line each: ``cut off after 12.3 of 40.1 MB``. There is one wherever
+    something is lost, also where nobody knows how much.
     """
 
     messages: int = 0
@@ -64,7 +65,7 @@ class Loss:
     notes: list[str] = field(default_factory=list)
 
     def __bool__(self) -> bool:
-        return bool(self.messages or self.bytes or self.notes)
+        return bool(self.notes)
 
 
 class Recording(Protocol):

@@ -193,7 +193,7 @@ class SqliteFile:
                 yield self._entry(topic, stamp_ns, data)
             elif number not in self._lost:
                 self._lost.add(number)
-                self._loss.messages += 1
+                self._lose(1, "messages whose bytes are damaged")
 
     def _select(self, sql: str, values: Collection[int] = (), at_once: int = 1) -> Iterator[Any]:
         """Rows one by one; they end when the file is closed."""
@@ -220,7 +220,7 @@ class SqliteFile:
         rows, gap = self._scan()
         rows = self._without_cut(rows)
         self._rows = rows[np.lexsort((rows["id"], rows["stamp_ns"]))]
-        self._loss.messages += gap
+        self._lose(gap, "rows in its midst are damaged")
         if error is not None:
             add_note(self._loss, f"{self._label}cut off or damaged, read where it can be: {error}")
         return self._rows
@@ -238,8 +238,13 @@ class SqliteFile:
                 cut = {number} if data.endswith(b"\0") else set()
                 break
         is_cut = np.isin(rows["id"], list(cut))
-        self._loss.messages += int(is_cut.sum())
+        self._lose(int(is_cut.sum()), "cut off within its last message")
         return rows[~is_cut]
+
+    def _lose(self, messages: int, why: str) -> None:
+        if messages:
+            self._loss.messages += messages
+            add_note(self._loss, f"{self._label}{why}")
 
     def _data(self, number: int) -> bytes | None:
         """The bytes of a message; None where they are damaged, or the file is closed."""
