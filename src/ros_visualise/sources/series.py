@@ -44,6 +44,6 @@ class DamagedFile(DamagedMessage):
 
     def __init__(self, path: Path, why: str, size: int | None = None) -> None:
         super().__init__(f"{path}: {why}")
-        self.path = path
+        self.path, self.why = path, why
         whole = path.stat().st_size if path.is_file() else 0
         self.size = whole if size is None else size

@@ -6,14 +6,14 @@ import pytest
 from kitti_reading import fixed_transform, messages
 
 from ros_visualise.geometry import rotations, transforms
-from ros_visualise.sources.kitti.calibration import read_matrices, rigid
+from ros_visualise.sources.kitti.calibration import CalibrationFile, read_matrices, rigid
 
 
 def of_date(drive):
     """All that is calibrated, by the names in the files, and T_cam0_velodyne."""
     date = drive.parent
     return read_matrices(date / "calib_cam_to_cam.txt"), rigid(
-        read_matrices(date / "calib_velo_to_cam.txt")
+        CalibrationFile(date / "calib_velo_to_cam.txt"), of=[]
     )
 
 

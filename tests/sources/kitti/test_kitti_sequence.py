@@ -125,6 +125,55 @@ def test_without_scanner_the_cameras_look_ahead_over_the_road(opened, sequence):
     assert "no Tr" in recording.notes[0]
 
 
+def test_damaged_calibration_is_said(opened, sequence):
+    path = sequence / "calib.txt"
+    whole = path.read_bytes()
+    for cut in (whole.index(b"Tr:") + 2, len(whole) - 2):
+        path.write_bytes(whole[:cut])
+        (note,) = opened(sequence).loss.notes
+        said = "Tr is missing or damaged; left out: base_link -> velodyne"
+        assert note == f"calib.txt: {said}"
+    path.write_bytes(whole.replace(b"P2:", b"P9:"))
+    recording = opened(sequence)
+    (note,) = recording.loss.notes
+    said = "P2 is missing or damaged; left out: /cam02/camera_info, cam02_optical"
+    assert note == f"calib.txt: {said}"
+    assert recording.loss.messages == 5
+
+
+@pytest.mark.parametrize(("kept", "lost"), [(0, 5), (13, 4), (63, 1)])
+def test_times_that_are_cut_off_are_said(opened, sequence, kept, lost):
+    path = sequence / "times.txt"
+    path.write_bytes(path.read_bytes()[:kept])
+    recording = opened(sequence)
+    (note,) = recording.loss.notes
+    assert note.startswith(f"times.txt: {lost} of 5 times are missing or damaged; frames")
+    assert len(messages(recording, "/cam00/image_rect")) == 5
+
+
+def test_poses_of_the_whole_for_a_part_are_no_loss(opened, sequence, recordings):
+    """Of a sequence of which somebody kept a few frames and their times."""
+    whole = (recordings / "trajectory/kitti_odom_gt/04.txt").read_bytes()
+    (sequence.parents[1] / "poses/04.txt").write_bytes(whole)
+    recording = opened(sequence)
+    assert len(recording.stamps_ns()["/odom"]) == 271
+    assert not recording.loss
+    assert recording.notes[0].startswith("poses: 266 of 271 times are missing")
+
+
+@pytest.mark.parametrize("kept", [0, 1, 3])
+def test_poses_that_are_cut_off_are_said(opened, sequence, kept):
+    path = sequence.parents[1] / "poses/04.txt"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join([*lines[:kept], lines[kept][:-1]]) if kept else "")
+    recording = opened(sequence)
+    assert "/odom" not in recording.topics if not kept else True
+    assert len(messages(recording, "/odom")) == kept
+    (note,) = recording.loss.notes
+    said = f"{5 - kept} of 5 poses are missing or damaged; left out: so many of /odom, /tf"
+    assert note == f"../../poses/04.txt: {said}"
+
+
 def test_damaged_poses_are_left_out(opened, sequence):
     path = sequence.parents[1] / "poses/04.txt"
     lines = path.read_text().splitlines()
@@ -134,4 +183,5 @@ def test_damaged_poses_are_left_out(opened, sequence):
     expected = [round(TIMES[number] * 1e9) for number in (0, 3, 4)]
     assert recording.stamps_ns()["/odom"].tolist() == expected
     assert recording.loss.messages == 4  # of /odom and /tf
-    assert "2 lines are no poses" in recording.loss.notes[0]
+    (note,) = recording.loss.notes
+    assert note.startswith("../../poses/04.txt: 2 of 5 poses are missing or damaged")

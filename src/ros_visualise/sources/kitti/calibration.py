@@ -15,6 +15,8 @@ development kit's readme.txt: ``x = P_rect_i R_rect_00 Tr_velo_to_cam X``.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -22,9 +24,17 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import transforms
+from ros_visualise.sources.kitti.files import read_lines
+from ros_visualise.sources.kitti.series import optical_frame
+from ros_visualise.sources.series import DamagedFile
 
 Matrices = dict[str, Floats]
-"""Name in a file -> its numbers, in a row."""
+"""Name in a file -> its numbers, in a row; none where they are damaged."""
+
+_COUNTS = {"P": 12, "Tr": 12, "K": 9, "R": 9, "D": 5, "T": 3, "S": 2}
+"""How many numbers a row has, by what its name begins with."""
+_TURN_ERROR = 0.01  # of files with few digits
+_LARGEST = 2**16  # side of an image
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,71 +45,119 @@ class Camera:
     T_velodyne_camera: Floats | None = None
 
 
-def read_matrices(path: Path) -> Matrices:
-    """The lines ``NAME: NUMBERS`` of a file; of one that is absent, none.
+class CalibrationFile:
+    """What a file tells, and what is left out because it is damaged.
 
-    Lines that hold anything else, such as dates, are left out.
+    Args:
+        path: of the file; None where there is none, which is no damage.
+
+    Attributes:
+        rows: those that can be read, and those that cannot.
+        messages: how many are left out.
     """
-    try:
-        lines = path.read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return {}
-    found = {}
-    for line in lines:
-        name, _, values = line.partition(":")
+
+    def __init__(self, path: Path | None) -> None:
+        self._path, self._why = path, ""
+        self._lacking: list[str] = []
+        self._left_out: list[str] = []
+        self.rows: Matrices = {}
+        self.messages = 0
         try:
-            numbers = np.array([float(value) for value in values.split()])
-        except ValueError:
-            continue
-        if len(numbers) and np.isfinite(numbers).all():
-            found[name.strip()] = numbers
-    return found
+            self.rows = {} if path is None else read_matrices(path)
+        except DamagedFile as error:
+            self._why = error.why
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is such a file."""
+        return self._path is not None
+
+    def tells(self, names: Sequence[str], of: Sequence[str], messages: int = 0) -> bool:
+        """Whether these rows are whole.
+
+        Args:
+            names: of the rows.
+            of: what they are needed for, and is left out without: topics and frames.
+            messages: how many are then left out.
+        """
+        lacking = [name for name in names if not len(self.rows.get(name, ()))]
+        if lacking:
+            self._lacking += [name for name in lacking if name not in self._lacking]
+            self._left_out += [thing for thing in of if thing not in self._left_out]
+            self.messages += messages
+        return not lacking
+
+    def damage(self) -> DamagedFile | None:
+        """What to say of it; None where all was told that was asked for, or there is no file."""
+        if self._path is None or not self._lacking:
+            return None
+        more = f" and {len(self._lacking) - 1} more" if len(self._lacking) > 1 else ""
+        verb = "are" if more else "is"
+        why = self._why or f"{self._lacking[0]}{more} {verb} missing or damaged"
+        return DamagedFile(self._path, f"{why}; left out: {', '.join(self._left_out)}")
 
 
-def rigid(matrices: Matrices) -> Floats | None:
-    """The 4x4 transform of ``R`` and ``T``, or None."""
-    R, T = matrices.get("R"), matrices.get("T")
-    if R is None or T is None or len(R) != 9 or len(T) != 3:
+def read_matrices(path: Path) -> Matrices:
+    """The lines ``NAME: NUMBERS`` of a file.
+
+    Raises:
+        DamagedFile: it may not be read.
+    """
+    pairs = [line.partition(":")[::2] for line in read_lines(path) if line.strip()]
+    return {name.strip(): _numbers(name.strip(), values) for name, values in pairs}
+
+
+def is_rotation(R: Floats) -> bool:
+    """Whether a matrix (3, 3) turns, and nothing else."""
+    return bool(np.abs(R @ R.T - np.eye(3)).max() < _TURN_ERROR and np.linalg.det(R) > 0)
+
+
+def rigid(file: CalibrationFile, of: Sequence[str]) -> Floats | None:
+    """The 4x4 transform of ``R`` and ``T``, or None; ``of``: what it is needed for."""
+    if not file.tells(("R", "T"), of):
         return None
-    return transforms.from_parts(R.reshape(3, 3), T)
+    return transforms.from_parts(file.rows["R"].reshape(3, 3), file.rows["T"])
 
 
-def rigid_3x4(numbers: Floats | None) -> Floats | None:
-    """The 4x4 transform of 12 numbers, or None."""
-    if numbers is None or len(numbers) != 12:
-        return None
+def rigid_3x4(numbers: Floats) -> Floats:
+    """The 4x4 transform of 12 numbers."""
     rows = numbers.reshape(3, 4)
     return transforms.from_parts(rows[:, :3], rows[:, 3])
 
 
 def raw_camera(
-    number: int, cam_to_cam: Matrices, T_cam0_velodyne: Floats | None, rectified: bool
+    number: int,
+    cam_to_cam: CalibrationFile,
+    T_cam0_velodyne: Floats | None,
+    rectified: bool,
+    images: int,
 ) -> Camera:
     """A camera of a raw drive, from ``calib_cam_to_cam.txt`` and ``calib_velo_to_cam.txt``."""
-    of = f"{number:02d}"
-    row, R_rect_00 = cam_to_cam.get(f"P_rect_{of}"), cam_to_cam.get("R_rect_00")
-    if row is None or len(row) != 12:
-        return Camera()
-    P = row.reshape(3, 4)
-    info = _rectified(P, cam_to_cam, of) if rectified else _raw(P, cam_to_cam, of)
-    if T_cam0_velodyne is None or R_rect_00 is None or len(R_rect_00) != 9:
-        return Camera(info)
-    T_rect0_cam0 = transforms.from_parts(R_rect_00.reshape(3, 3), np.zeros(3))
-    return Camera(info, _place(P, T_rect0_cam0 @ T_cam0_velodyne))
+    of, rows = f"{number:02d}", cam_to_cam.rows
+    names = ("P_rect", "S_rect") if rectified else ("P_rect", "S", "K", "D", "R_rect")
+    info = T = None
+    if cam_to_cam.tells([f"{name}_{of}" for name in names], [f"/cam{of}/camera_info"], images):
+        P = rows[f"P_rect_{of}"].reshape(3, 4)
+        info = _rectified(P, rows, of) if rectified else _raw(P, rows, of)
+    is_placed = cam_to_cam.tells((f"P_rect_{of}", "R_rect_00"), [optical_frame(number)])
+    if is_placed and T_cam0_velodyne is not None:
+        T_rect0_cam0 = transforms.from_parts(rows["R_rect_00"].reshape(3, 3), np.zeros(3))
+        T = _place(rows[f"P_rect_{of}"].reshape(3, 4), T_rect0_cam0 @ T_cam0_velodyne)
+    return Camera(info, T)
 
 
 def sequence_camera(
-    number: int, calib: Matrices, width: int, height: int, T_rect0_base: Floats
+    number: int, calib: CalibrationFile, size: tuple[int, int], T_rect0_base: Floats, images: int
 ) -> Camera:
     """A camera of the odometry benchmark, from ``calib.txt``; images there are rectified.
 
     Its place is that in whatever frame camera 0 is known in.
     """
-    row = calib.get(f"P{number}")
-    if row is None or len(row) != 12:
+    needing = [f"/cam{number:02d}/camera_info", optical_frame(number)]
+    if not calib.tells((f"P{number}",), needing, images):
         return Camera()
-    P = row.reshape(3, 4)
-    return Camera(_pinhole(P, width, height), _place(P, T_rect0_base))
+    P = calib.rows[f"P{number}"].reshape(3, 4)
+    return Camera(_pinhole(P, *size), _place(P, T_rect0_base))
 
 
 def offset(P: Floats) -> Floats:
@@ -112,21 +170,42 @@ def _place(P: Floats, T_rect0_base: Floats) -> Floats:
     return transforms.inverse(T_camera_rect0 @ T_rect0_base)
 
 
-def _rectified(P: Floats, cam_to_cam: Matrices, of: str) -> CameraInfo | None:
-    size = cam_to_cam.get(f"S_rect_{of}")
-    return None if size is None or len(size) != 2 else _pinhole(P, int(size[0]), int(size[1]))
+def _numbers(name: str, values: str) -> Floats:
+    """The numbers of a row; none where they cannot be those of its name."""
+    none = np.zeros(0)
+    try:
+        row = np.array([float(value) for value in values.split()])
+    except ValueError:
+        return none
+    kind = re.split(r"[_\d]", name)[0]
+    is_whole = len(row) == _COUNTS.get(kind, len(row)) and np.isfinite(row).all()
+    return row if is_whole and _is_likely(kind, row) else none
+
+
+def _is_likely(kind: str, row: Floats) -> bool:
+    """Whether a row can be a rotation, a camera's matrix, a size."""
+    if kind == "R":
+        return is_rotation(row.reshape(3, 3))
+    if kind == "Tr":
+        return is_rotation(row.reshape(3, 4)[:, :3])
+    if kind in ("P", "K"):
+        matrix = row.reshape(3, -1)
+        is_upright = matrix[0, 0] > 0 and matrix[1, 1] > 0 and matrix[2, 2] == 1
+        return bool(is_upright and np.linalg.det(matrix[:, :3]) > 0)
+    return kind != "S" or bool(((row >= 1) & (row < _LARGEST)).all())
+
+
+def _rectified(P: Floats, rows: Matrices, of: str) -> CameraInfo:
+    width, height = rows[f"S_rect_{of}"]
+    return _pinhole(P, int(width), int(height))
 
 
 def _pinhole(P: Floats, width: int, height: int) -> CameraInfo:
     return CameraInfo(height, width, K=P[:, :3].copy(), D=np.zeros(5), P=_own(P))
 
 
-def _raw(P: Floats, cam_to_cam: Matrices, of: str) -> CameraInfo | None:
-    size, K, D, R = (cam_to_cam.get(f"{name}_{of}") for name in ("S", "K", "D", "R_rect"))
-    if size is None or K is None or D is None or R is None:
-        return None
-    if (len(size), len(K), len(D), len(R)) != (2, 9, 5, 9):
-        return None
+def _raw(P: Floats, rows: Matrices, of: str) -> CameraInfo:
+    size, K, D, R = (rows[f"{name}_{of}"] for name in ("S", "K", "D", "R_rect"))
     return CameraInfo(
         int(size[1]), int(size[0]), K=K.reshape(3, 3), D=D, R=R.reshape(3, 3), P=_own(P)
     )

@@ -1,4 +1,4 @@
-"""Files of frames: their numbers, and what is wrong with those that are damaged."""
+"""Files of frames and of lines, and what is wrong with those that are damaged."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
+
+_CUT_OFF = "(cut off)"
 
 
 @dataclass(frozen=True)
@@ -56,3 +59,31 @@ def list_files(folder: Path, *suffixes: str) -> Files:
             numbers, names, sizes = zip(*found, strict=True)
             return Files(folder, names, numbers, sum(sizes))
     return Files(folder)
+
+
+def read_lines(path: Path) -> list[str]:
+    """The lines of a text; in place of a last one that is cut off, words that nobody can read.
+
+    Raises:
+        DamagedFile: it may not be read.
+    """
+    try:
+        text = path.read_text("utf-8", "replace")
+    except OSError as error:
+        raise DamagedFile(path, error.strerror or str(error)) from None
+    lines = text.splitlines()
+    if len(lines) > 1 and not text.endswith("\n") and _last_word(lines[-1]) < _last_word(lines[-2]):
+        lines[-1] = _CUT_OFF
+    return lines
+
+
+def _last_word(line: str) -> int:
+    """Its length; KITTI's numbers are as long as one another, but for their signs."""
+    return len((line.split() or [""])[-1].lstrip("-"))
+
+
+def add_damage(loss: Loss, folder: Path, error: DamagedFile, messages: int = 0) -> None:
+    """Say what a damaged file costs, by its name as seen from the folder that is read."""
+    loss.messages += messages
+    loss.bytes += error.size
+    loss.notes.append(f"{os.path.relpath(error.path, folder)}: {error.why}")

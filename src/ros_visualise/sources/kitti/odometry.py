@@ -23,7 +23,8 @@ from ros_visualise.data import Floats, Header, Odometry, PointCloud
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, cameras, stamps
-from ros_visualise.sources.kitti.files import Files, list_files
+from ros_visualise.sources.kitti.calibration import CalibrationFile
+from ros_visualise.sources.kitti.files import Files, add_damage, list_files, read_lines
 from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
 from ros_visualise.sources.kitti.raw import Places, camera_series
 from ros_visualise.sources.kitti.scanner import Scanner
@@ -37,6 +38,7 @@ from ros_visualise.sources.kitti.series import (
     path_series,
     static_series,
 )
+from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import DamagedFile, Series
 
@@ -59,76 +61,90 @@ def open_sequence(folder: Path) -> SeriesRecording:
     scans = list_files(folder / "velodyne", "bin")
     if scans:
         parts = {"velodyne": scans, **parts}
-    truth, no_poses = read_poses(poses_file(folder))
+    loss = Loss()
+    frames = max((files.numbers[-1] + 1 for files in parts.values()), default=0)
+    truth = _read_truth(folder, frames, loss)
     if truth:
         parts["poses"] = Files(poses_file(folder).parent, ("",) * len(truth), tuple(truth))
     if not parts:
         raise OpenError(f"{folder}: holds no frames; unpack the benchmark's images or scans there")
-    times, notes = _stamp(folder, parts)
+    times, notes = _stamp(folder, parts, loss)
     start_ns = min(int(one.min()) for one in times.values())
-    calib = calibration.read_matrices(folder / "calib.txt")
-    T_rect0_velodyne = calibration.rigid_3x4(calib.get("Tr"))
-    if T_rect0_velodyne is None:
-        notes.append("calib.txt has no Tr: where the scanner is, is not known")
-    series, places = _sensors(images, scans, times, calib, T_rect0_velodyne, notes)
+    calib = CalibrationFile(path if (path := folder / "calib.txt").exists() else None)
+    T_rect0_velodyne = _find_scanner(calib, notes)
+    series, places = _sensors(images, scans, times, calib, T_rect0_velodyne)
+    if error := calib.damage():
+        add_damage(loss, folder, error, calib.messages)
     if truth:
         poses = _poses_of_base(np.stack(list(truth.values())), T_rect0_velodyne)
         series = [*_truth_series(start_ns, times["poses"], poses), *series]
         places = [(MAP, ODOM, np.eye(4)), *places]
     series = [static_series(start_ns, places), *series]
     size = sum(files.size for files in parts.values())
-    return SeriesRecording(folder, "KITTI odometry", size, series, notes, _lost(folder, no_poses))
+    return SeriesRecording(folder, "KITTI odometry", size, series, notes, loss=loss)
 
 
-def _lost(folder: Path, no_poses: list[str]) -> list[tuple[DamagedFile, int]]:
-    if not no_poses:
-        return []
-    why = f"{len(no_poses)} lines are no poses"
-    error = DamagedFile(poses_file(folder), why, sum(map(len, no_poses)))
-    return [(error, len(no_poses) * _POSE_TOPICS)]
+def _read_truth(folder: Path, frames: int, loss: Loss) -> dict[int, Floats]:
+    """T_first_camera0, 4x4, by the number of the frame; the file has one for each, or is damaged.
 
-
-def read_poses(path: Path) -> tuple[dict[int, Floats], list[str]]:
-    """T_first_camera0, 4x4, by the number of the frame; and the lines that are no poses."""
+    Args:
+        frames: how many there are.
+    """
+    path = poses_file(folder)
+    if not path.exists():
+        return {}
     try:
-        lines = path.read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return {}, []
-    found, damaged = {}, []
-    for number, line in enumerate(lines):
-        T = _parse_pose(line)
-        if T is not None:
-            found[number] = T
-        elif line.strip():
-            damaged.append(line)
-    return found, damaged
+        lines = read_lines(path)
+    except DamagedFile:
+        lines = []
+    poses = [_parse_pose(line) for line in lines]
+    found = {number: T for number, T in enumerate(poses) if T is not None}
+    whole = max([frames, *(number for number, line in enumerate(lines, 1) if line.strip())])
+    if missing := whole - len(found):
+        why = f"{missing} of {whole} poses are missing or damaged; left out: so many of /odom, /tf"
+        add_damage(loss, folder, DamagedFile(path, why), missing * _POSE_TOPICS)
+    return found
 
 
 def _parse_pose(line: str) -> Floats | None:
     try:
-        T = calibration.rigid_3x4(np.array(line.split(), np.float64))
+        row = np.array(line.split(), np.float64)
     except ValueError:
         return None
-    if T is None or not np.isfinite(T).all() or abs(np.linalg.det(T) - 1) > 0.01:
+    if len(row) != 12 or not np.isfinite(row).all():
         return None
-    return T
+    T = calibration.rigid_3x4(row)
+    return T if calibration.is_rotation(T[:3, :3]) else None
+
+
+def _find_scanner(calib: CalibrationFile, notes: list[str]) -> Floats | None:
+    """T_rect0_velodyne, if it is known; files without it are as good as others."""
+    if not calib.exists:
+        notes.append("no calib.txt: no camera has its camera_info and its frame")
+        return None
+    if "Tr" not in calib.rows and calib.rows and all(map(len, calib.rows.values())):
+        notes.append("calib.txt has no Tr: where the scanner is, is not known")
+        return None
+    is_told = calib.tells(("Tr",), [f"{BASE} -> {VELODYNE}"])
+    return calibration.rigid_3x4(calib.rows["Tr"]) if is_told else None
 
 
 def _stamp(
-    folder: Path, parts: dict[str, Files]
+    folder: Path, parts: dict[str, Files], loss: Loss
 ) -> tuple[dict[str, npt.NDArray[np.int64]], list[str]]:
     path = folder / "times.txt"
-    lines = _read_seconds(path)
+    lines = stamps.read_times(path, _parse_seconds)
     sensors = []
     for name, files in parts.items():
         known = stamps.place(lines, files.numbers)
         times = {number: known[number] for number in files.numbers if number in known}
-        sensors.append(stamps.Stamps(name, files.numbers, times, has_file=path.is_file()))
-    periods_ns = dict.fromkeys(parts, _PERIOD_NS)
-    notes = [
-        note.replace("timestamps.txt", "times.txt")
-        for note in stamps.complete(sensors, True, 0, periods_ns)
-    ]
+        sensors.append(stamps.Stamps(name, path, files.numbers, times))
+    lacking = [one.name for one in sensors if one.lacking]
+    notes, damaged = stamps.complete(sensors, True, 0, dict.fromkeys(parts, _PERIOD_NS))
+    if damaged and lacking == ["poses"] != list(parts):  # of a part, with the poses of the whole
+        notes.append(f"poses: {damaged[0].why}")
+    elif damaged:
+        add_damage(loss, folder, damaged[0])
     notes += [
         f"{name}: {len(lines) - len(files)} of {len(lines)} frames are missing"
         for name, files in parts.items()
@@ -138,29 +154,21 @@ def _stamp(
     return {name: np.array(times, np.int64) for name, times in found.items()}, notes
 
 
-def _read_seconds(path: Path) -> list[int | None]:
-    """Seconds since the start, as ns; None on lines that hold none."""
+def _parse_seconds(line: str) -> int | None:
+    """Seconds since the start, as ns; None on a line that holds none."""
     try:
-        lines = path.read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return []
-    times: list[int | None] = []
-    for line in lines:
-        try:
-            seconds = float(line)
-        except ValueError:
-            seconds = np.nan
-        times.append(round(seconds * _NS) if 0 <= seconds < 1e9 else None)
-    return times
+        seconds = float(line)
+    except ValueError:
+        return None
+    return round(seconds * _NS) if 0 <= seconds < 1e9 else None
 
 
 def _sensors(
     images: dict[int, Files],
     scans: Files,
     times: dict[str, npt.NDArray[np.int64]],
-    calib: calibration.Matrices,
+    calib: CalibrationFile,
     T_rect0_velodyne: Floats | None,
-    notes: list[str],
 ) -> tuple[list[Series], Places]:
     places: Places = []
     if T_rect0_velodyne is not None:
@@ -174,10 +182,10 @@ def _sensors(
         if not files:
             continue
         above = transforms.inverse(T_BASE_CAM0) if T_rect0_velodyne is None else T_rect0_velodyne
-        camera = calibration.sequence_camera(number, calib, *cameras.first_size(files), above)
+        size = cameras.first_size(files)
+        camera = calibration.sequence_camera(number, calib, size, above, len(files))
         series += camera_series(number, "image_rect", files, times[f"image_{number}"], camera.info)
         if camera.T_velodyne_camera is None:
-            notes.append(f"image_{number}: calib.txt has no P{number}, so without camera_info")
             continue
         parent = BASE if T_rect0_velodyne is None else VELODYNE
         places.append((parent, optical_frame(number), camera.T_velodyne_camera))

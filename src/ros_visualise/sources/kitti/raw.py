@@ -13,7 +13,8 @@ from ros_visualise.data import CameraInfo, Floats, Header, Image, PointCloud, Ti
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
-from ros_visualise.sources.kitti.files import Files, list_files
+from ros_visualise.sources.kitti.calibration import CalibrationFile
+from ros_visualise.sources.kitti.files import Files, add_damage, list_files
 from ros_visualise.sources.kitti.folders import CAMERAS, PARTS, is_unsynced
 from ros_visualise.sources.kitti.scanner import Scanner
 from ros_visualise.sources.kitti.series import (
@@ -25,6 +26,7 @@ from ros_visualise.sources.kitti.series import (
     optical_frame,
     static_series,
 )
+from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import DamagedFile, Series
 
@@ -49,6 +51,7 @@ class _Drive:
     samples: Files
     images: dict[int, Files]
     notes: list[str] = field(default_factory=list)
+    loss: Loss = field(default_factory=Loss)
 
     @property
     def parts(self) -> dict[str, Files]:
@@ -56,6 +59,10 @@ class _Drive:
         images = {f"image_{camera:02d}": files for camera, files in self.images.items()}
         every = {"velodyne_points": self.scans, "oxts": self.samples, **images}
         return {name: files for name, files in every.items() if files}
+
+    def lose(self, error: DamagedFile, messages: int = 0) -> None:
+        """Say that a file beside the frames is damaged, and so many messages are left out."""
+        add_damage(self.loss, self.folder, error, messages)
 
 
 def open_drive(folder: Path) -> SeriesRecording:
@@ -85,7 +92,7 @@ def open_drive(folder: Path) -> SeriesRecording:
     series = [static_series(start_ns, places + fixed), *series, *sensors]
     size = sum(files.size for files in drive.parts.values())
     lost: list[tuple[DamagedFile, int]] = [(error, _OXTS_TOPICS) for error in damaged]
-    return SeriesRecording(folder, "KITTI raw", size, series, drive.notes, lost)
+    return SeriesRecording(folder, "KITTI raw", size, series, drive.notes, lost, drive.loss)
 
 
 def _is_unsynced(drive: _Drive) -> bool:
@@ -111,7 +118,10 @@ def _stamp(drive: _Drive, synced: bool) -> dict[str, npt.NDArray[np.int64]]:
     periods_ns = {one.name: 100 * _MS for one in sensors}
     if not synced:
         periods_ns["oxts"] = 10 * _MS
-    drive.notes += stamps.complete(sensors, synced, _date_ns(drive.folder), periods_ns)
+    notes, damaged = stamps.complete(sensors, synced, _date_ns(drive.folder), periods_ns)
+    drive.notes += notes
+    for error in damaged:
+        drive.lose(error)
     return {
         one.name: np.array([one.times[number] for number in one.numbers], np.int64)
         for one in sensors
@@ -129,36 +139,55 @@ def _sensors(
     drive: _Drive, times: dict[str, npt.NDArray[np.int64]], unsynced: bool
 ) -> tuple[list[Series], Places]:
     """The scanner's and the cameras' topics, and where the sensors are."""
-    cam_to_cam = _read_calibration(drive, "cam_to_cam", bool(drive.images))
-    velo_to_cam = _read_calibration(drive, "velo_to_cam", bool(drive.images))
-    imu_to_velo = _read_calibration(drive, "imu_to_velo", bool(drive.images or drive.scans))
-    T_cam0_velodyne = calibration.rigid(velo_to_cam)
-    T_velodyne_imu = calibration.rigid(imu_to_velo)
     places: Places = [(BASE, IMU, oxts.T_BASE_IMU)]
-    if T_velodyne_imu is not None:
-        places.append((IMU, VELODYNE, transforms.inverse(T_velodyne_imu)))
+    if drive.images or drive.scans:
+        imu_to_velo = _read_calibration(drive, "imu_to_velo")
+        T_velodyne_imu = calibration.rigid(imu_to_velo, [f"{IMU} -> {VELODYNE}"])
+        if T_velodyne_imu is not None:
+            places.append((IMU, VELODYNE, transforms.inverse(T_velodyne_imu)))
+        _say_damage(drive, imu_to_velo)
     series = []
     if drive.scans:
         stamps_ns = times["velodyne_points"]
         scanner = Scanner(drive.scans, stamps_ns, VELODYNE)
         series.append(Series("/velodyne_points", PointCloud, stamps_ns, scanner.cloud, slow=True))
         series += [_turn(drive, stamps_ns, what) for what in ("start", "end")]
+    found_series, found_places = _cameras(drive, times, unsynced) if drive.images else ([], [])
+    return [*series, *found_series], [*places, *found_places]
+
+
+def _cameras(
+    drive: _Drive, times: dict[str, npt.NDArray[np.int64]], unsynced: bool
+) -> tuple[list[Series], Places]:
+    """The cameras' topics, and where they are."""
+    series, places = [], []
+    cam_to_cam = _read_calibration(drive, "cam_to_cam")
+    velo_to_cam = _read_calibration(drive, "velo_to_cam")
+    T_cam0_velodyne = calibration.rigid(velo_to_cam, [optical_frame(n) for n in drive.images])
     for number, files in drive.images.items():
-        found = calibration.raw_camera(number, cam_to_cam, T_cam0_velodyne, not unsynced)
+        found = calibration.raw_camera(
+            number, cam_to_cam, T_cam0_velodyne, not unsynced, len(files)
+        )
         _check(drive, number, found)
         stamps_ns = times[f"image_{number:02d}"]
         name = "image_raw" if unsynced else "image_rect"
         series += camera_series(number, name, files, stamps_ns, found.info)
         if found.T_velodyne_camera is not None:
             places.append((VELODYNE, optical_frame(number), found.T_velodyne_camera))
+    _say_damage(drive, cam_to_cam)
+    _say_damage(drive, velo_to_cam)
     return series, places
 
 
 def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
     """When each turn of the scanner began, or ended; of those of which it is told."""
     path = drive.folder / "velodyne_points" / f"timestamps_{what}.txt"
-    numbers = drive.scans.numbers
-    times = stamps.read_stamps("velodyne_points", path, numbers).times
+    numbers, topic = drive.scans.numbers, f"/velodyne_points/scan_{what}"
+    told = stamps.read_stamps("velodyne_points", path, numbers)
+    times = told.times
+    if told.lacking and path.exists():
+        why = f"{told.gaps}; left out: so many messages of {topic}"
+        drive.lose(DamagedFile(path, why), len(told.lacking))
     known = [(index, times[number]) for index, number in enumerate(numbers) if number in times]
     of_scans = np.array([stamps_ns[index] for index, _ in known], np.int64)
 
@@ -166,7 +195,7 @@ def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
         header = Header(int(of_scans[index]), VELODYNE)
         return TimeReference(known[index][1], f"{what} of the scan", header)
 
-    return Series(f"/velodyne_points/scan_{what}", TimeReference, of_scans, make)
+    return Series(topic, TimeReference, of_scans, make)
 
 
 def camera_series(
@@ -185,16 +214,19 @@ def camera_series(
     return series
 
 
-def _read_calibration(drive: _Drive, name: str, needed: bool) -> calibration.Matrices:
+def _read_calibration(drive: _Drive, name: str) -> CalibrationFile:
     """A calibration file beside the drive's folder or in it."""
     folders = (drive.folder.absolute().parent, drive.folder)
     paths = [folder / f"calib_{name}.txt" for folder in folders]
-    found = next((path for path in paths if path.is_file()), None)
-    if found is not None:
-        return calibration.read_matrices(found)
-    if needed:
+    found = next((path for path in paths if path.exists()), None)
+    if found is None:
         drive.notes.append(f"no {paths[0].name} in {folders[0]}: {_LACKING[name]}")
-    return {}
+    return CalibrationFile(found)
+
+
+def _say_damage(drive: _Drive, file: CalibrationFile) -> None:
+    if error := file.damage():
+        drive.lose(error, file.messages)
 
 
 def _check(drive: _Drive, number: int, camera: calibration.Camera) -> None:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 
 import numpy as np
+
+from ros_visualise.sources.kitti.files import read_lines
+from ros_visualise.sources.series import DamagedFile
 
 Times = dict[int, int]
 """Number of a frame -> nanoseconds since 1970 in UTC."""
@@ -25,25 +28,35 @@ class Stamps:
 
     Attributes:
         name: of the sensor's folder.
+        path: of its file of times, which need not be there.
         numbers: of the frames that there are.
         times: of those whose time is known.
         missing: how many more times there are, of frames that are not.
     """
 
     name: str
+    path: Path
     numbers: Sequence[int]
     times: Times = field(default_factory=dict)
     missing: int = 0
-    has_file: bool = False
+
+    @property
+    def lacking(self) -> list[int]:
+        """The numbers of the frames whose time is not known."""
+        return [number for number in self.numbers if number not in self.times]
+
+    @property
+    def gaps(self) -> str:
+        """How many are lacking, in words."""
+        return f"{len(self.lacking)} of {len(self.numbers)} times are missing or damaged"
 
 
-def read_lines(path: Path) -> list[int | None]:
-    """The time on each line of a ``timestamps.txt`` in ns, in UTC; None on those without one."""
+def read_times(path: Path, parse: Callable[[str], int | None]) -> list[int | None]:
+    """The time on each line of a file in ns; None on those without one. It need not be there."""
     try:
-        lines = path.read_text("utf-8", "replace").splitlines()
-    except OSError:
+        return [parse(line) for line in read_lines(path)]
+    except DamagedFile:
         return []
-    return [parse_time(line) for line in lines]
 
 
 def parse_time(line: str) -> int | None:
@@ -72,15 +85,15 @@ def place(lines: Sequence[int | None], numbers: Sequence[int]) -> Times:
 
 def read_stamps(name: str, path: Path, numbers: Sequence[int]) -> Stamps:
     """The times of frames from a ``timestamps.txt``, which need not be there."""
-    known = place(read_lines(path), numbers)
+    known = place(read_times(path, parse_time), numbers)
     times = {number: known[number] for number in numbers if number in known}
-    return Stamps(name, numbers, times, len(known) - len(times), path.is_file())
+    return Stamps(name, path, numbers, times, len(known) - len(times))
 
 
 def complete(
     sensors: Sequence[Stamps], synced: bool, start_ns: int, periods_ns: Mapping[str, int]
-) -> list[str]:
-    """Give each frame a time, and say in a line for each sensor what was done.
+) -> tuple[list[str], list[DamagedFile]]:
+    """Give each frame a time, and say what was done for each sensor.
 
     Times that are missing are those of another sensor's frame of the same number (of a synced
     drive, where equal numbers are one turn of the scanner); else they are counted on from the
@@ -89,21 +102,25 @@ def complete(
     Args:
         sensors: in the order in which the others are asked; their ``times`` are completed.
         periods_ns: by the sensors' names.
+
+    Returns:
+        A line for each sensor without a file of times, and the files that do not tell all.
     """
-    notes = []
+    notes, damaged = [], []
     known = {one.name: dict(one.times) for one in sensors}
     for one in sensors:
-        lacking = [number for number in one.numbers if number not in one.times]
-        if not lacking:
+        if not one.lacking:
             continue
-        sources = _borrow(one, lacking, known) if synced else []
-        rest = [number for number in lacking if number not in one.times]
-        if rest:
-            sources.append(_count(one, rest, known, synced, start_ns, periods_ns[one.name]))
-        some = f"{len(lacking)} of {len(one.numbers)} times are missing"
-        what = some if one.has_file else "no times, as there is no timestamps.txt"
-        notes.append(f"{one.name}: {what}; frames without one are stamped {', '.join(sources)}")
-    return notes
+        gaps = one.gaps
+        sources = _borrow(one, one.lacking, known) if synced else []
+        if one.lacking:
+            sources.append(_count(one, one.lacking, known, synced, start_ns, periods_ns[one.name]))
+        stamped = f"frames without one are stamped {', '.join(sources)}"
+        if one.path.exists():
+            damaged.append(DamagedFile(one.path, f"{gaps}; {stamped}"))
+        else:
+            notes.append(f"{one.name}: no times, as there is no {one.path.name}; {stamped}")
+    return notes, damaged
 
 
 def _borrow(one: Stamps, lacking: Sequence[int], known: Mapping[str, Times]) -> list[str]:

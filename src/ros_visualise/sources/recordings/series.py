@@ -53,7 +53,7 @@ class SeriesRecording:
         self.path, self.format, self.size = path, format, size
         series = [one for one in series if len(one.stamps_ns)]
         self.notes = list(notes)
-        self.loss = loss or Loss()
+        self.loss = Loss() if loss is None else loss
         self.topics: Mapping[str, TopicInfo] = {
             one.topic: TopicInfo(
                 TopicType(type_name(one.kind), latched=one.latched), len(one.stamps_ns)
