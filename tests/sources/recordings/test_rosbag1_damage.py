@@ -155,7 +155,9 @@ class TestNeverClosed:
         data, written = made
         recording = reopen(without_index(data))
         assert contents(recording) == written
-        assert not recording.loss
+        (note,) = recording.loss.notes
+        assert note == f"never finished by its recorder; messages that are there: {len(written)}"
+        assert (recording.loss.messages, recording.loss.bytes) == (0, 0)
         assert (recording.format, recording.compression) == ("rosbag 2.0, unindexed", compression)
         found = {name: topic.messages for name, topic in recording.topics.items()}
         assert found == Counter(message.topic for message in written)
@@ -271,7 +273,8 @@ class TestDamagedChunk:
         found = contents(recording)
         assert Counter(m.data for m in found) == Counter(m.data for m in written)
         assert not is_closed or found == written
-        assert not recording.loss
+        assert recording.loss.messages == 0
+        assert bool(recording.loss) != is_closed  # without its end it is never whole
 
     @pytest.mark.parametrize("stamp_bit", [0, 7, 33])
     def test_a_bit_of_a_stamp_in_its_index(self, made, reopen, stamp_bit):

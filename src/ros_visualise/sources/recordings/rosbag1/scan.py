@@ -25,6 +25,7 @@ class Scan:
         self._layout = Layout(indexed=False)
         self._bare: int | None = None
         self._needed = index_position  # the file was at least as long
+        self._has_end = index_position > 0  # its recorder came to write the index
         self._damages: list[tuple[int, int, str]] = []  # from where to where, and what it is
 
     def run(self, position: int) -> Layout:
@@ -53,7 +54,7 @@ class Scan:
             return record.end
         self._end_bare(position)
         if record.op == Op.CHUNK_INFO:  # these come last of all: nothing is missing
-            self._needed = 0
+            self._needed, self._has_end = 0, True
         if record.op != Op.CHUNK:
             return record.end
         return self._take_chunk(record, position)
@@ -183,5 +184,8 @@ class Scan:
             here, whole = self._size / 1e6, self._needed / 1e6
             digits = 1 if whole >= 1 else 4
             notes.append(f"cut off after {here:.{digits}f} of {whole:.{digits}f} MB or more")
+        elif not self._has_end:
+            found = sum(chunk.messages for chunk in self._layout.chunks)
+            notes.append(f"never finished by its recorder; messages that are there: {found}")
         else:
             notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in at_end[:1]]
