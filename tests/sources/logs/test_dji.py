@@ -110,6 +110,20 @@ def test_what_is_missing_is_no_fix(opened):
     assert math.isnan(fixes[3].altitude)
 
 
+@pytest.mark.parametrize("name", ["mavic_mini.SRT", "mavic_pro.SRT"])
+def test_a_cut_anywhere_within_a_subtitle_is_said(recordings, tmp_path, name):
+    data = (recordings / "trajectory" / "dji_srt" / name).read_bytes()
+    start = data.index(b"\n20\n") + 1
+    end = data.index(b"\n\n21\n")
+    cut = tmp_path / "cut.SRT"
+    for kept in range(start + 3, end - 2, 3):
+        cut.write_bytes(data[:kept])
+        recording = open_recording(cut)
+        assert recording.loss.notes == ["cut off within the last subtitle"], data[start:kept]
+    cut.write_bytes(data[:end])
+    assert not open_recording(cut).loss
+
+
 def test_a_file_that_is_cut_is_read_to_there(recordings, tmp_path):
     data = (recordings / "trajectory" / "dji_srt" / "mavic_pro.SRT").read_bytes()
     cut = tmp_path / "cut.SRT"

@@ -212,3 +212,21 @@ def test_any_bytes_may_be_wrong(tmp_path: Path) -> None:
         assert len(entries) >= there - recording.loss.messages, number
         assert recording.stamps_ns().keys() == recording.topics.keys()
         recording.close()
+
+
+@pytest.mark.parametrize(("place", "byte"), [(0, 0x45), (9, 77), (22, 0xFF)])
+def test_a_message_that_its_chunk_hides_is_said(tmp_path: Path, place: int, byte: int) -> None:
+    """Its kind, its channel or its time is wrong, and there is no checksum to tell."""
+    path = tmp_path / "a.mcap"
+    write_mcap(path, numbered(range(1000, 1100)), enable_crcs=False)
+    content = bytearray(path.read_bytes())
+    message = content.index(b"number 50") - 8 - 31
+    assert content[message] == Opcode.MESSAGE
+    content[message + place] = byte
+    path.write_bytes(content)
+    recording = open_mcap(path)
+    for _ in range(2):
+        assert len(list(recording.read())) in (99, 100)
+        lost = 100 - len(list(recording.read()))
+        assert (recording.loss.messages, len(recording.loss.notes)) == (lost, lost)
+    recording.close()

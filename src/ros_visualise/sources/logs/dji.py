@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Header, NavSatFix
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.logs.srt import Subtitle, decode_srt, parse_srt
+from ros_visualise.sources.logs.srt import Subtitle, decode_srt, ends_cut, parse_srt
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series
@@ -35,7 +35,8 @@ def open_srt(path: str | Path) -> SeriesRecording:
     """
     path = Path(path)
     data = path.read_bytes()
-    subtitles = list(parse_srt(decode_srt(data)))
+    text = decode_srt(data)
+    subtitles = list(parse_srt(text))
     if not any(one.has_fix for one in subtitles):
         raise OpenError(f"{path}: no places in these subtitles; DJI's have them if GPS was on")
     stamps_ns, clock, notes = _stamps_ns(subtitles)
@@ -50,7 +51,7 @@ def open_srt(path: str | Path) -> SeriesRecording:
 
     series = [Series("/gps/fix", NavSatFix, stamps_ns, fix)]
     notes += more_notes
-    loss = _loss(subtitles)
+    loss = _loss(subtitles, ends_cut(text))
     return SeriesRecording(path, f"DJI SRT ({clock})", len(data), series, notes, loss=loss)
 
 
@@ -93,11 +94,11 @@ def _altitudes(subtitles: Sequence[Subtitle]) -> tuple[list[float], list[str]]:
     return heights, ["it says no altitudes"]
 
 
-def _loss(subtitles: Sequence[Subtitle]) -> Loss:
+def _loss(subtitles: Sequence[Subtitle], is_cut: bool) -> Loss:
     numbers = [one.number for one in subtitles]
     loss = Loss(sum(max(0, b - a - 1) for a, b in pairwise(numbers)))
     if loss.messages:
         loss.notes.append(f"{loss.messages} subtitles are missing or damaged")
-    if not subtitles[-1].has_fix and all(one.has_fix for one in subtitles[:-1]):
+    if is_cut:
         loss.notes.append("cut off within the last subtitle")
     return loss

@@ -19,6 +19,7 @@ _SUBTITLE = re.compile(
 _DATE = re.compile(
     r"(\d{4})[.-](\d\d)[.-](\d\d)[ T](\d\d):(\d\d):(\d\d)(?:[.,:](\d{3}))?(?:[.,:](\d{3}))?"
 )
+_FIGURES = re.compile(r"[-+.\d]+")
 _GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[,)]")
 _LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
 _LONGITUDE = re.compile(rf"\[\s*long(?:i|ti)tude\s*:?\s*{_NUMBER}\s*\]")
@@ -67,12 +68,31 @@ def begins_srt(head: bytes) -> bool:
 
 def parse_srt(text: str) -> Iterator[Subtitle]:
     """The subtitles of a file, whichever of DJI's styles it is in."""
-    found = list(_SUBTITLE.finditer(text))
-    for one, following in zip_longest(found, found[1:]):
+    for one, said in _split(text):
         number, hours, minutes, seconds = map(int, one.groups()[:4])
         begin_s = 60 * (60 * hours + minutes) + seconds
         begin_ns = begin_s * _NS + int(one[5].ljust(3, "0")) * 1_000_000
-        yield _parse(number, begin_ns, text[one.end() : following.start() if following else None])
+        yield _parse(number, begin_ns, said)
+
+
+def ends_cut(text: str) -> bool:
+    """Whether the last subtitle is only a part of what another one is, or a further one begins."""
+    *others, last = (_form(said) for _, said in _split(text))
+    return last not in others and any(
+        whole.startswith(last) or last.startswith(f"{whole}\n") for whole in set(others)
+    )
+
+
+def _form(said: str) -> str:
+    """What it says but for its figures and blanks."""
+    return re.sub(r"\s*\n\s*", "\n", _FIGURES.sub("0", said)).strip()
+
+
+def _split(text: str) -> Iterator[tuple[re.Match[str], str]]:
+    """Each subtitle's number and times, and what it says."""
+    found = list(_SUBTITLE.finditer(text))
+    for one, following in zip_longest(found, found[1:]):
+        yield one, text[one.end() : following.start() if following else None]
 
 
 def _parse(number: int, begin_ns: int, text: str) -> Subtitle:

@@ -105,10 +105,12 @@ class McapFile:
             if query.asks_for(channel) and channel.definitions
         }
         found, is_whole = messages(records, wanted, query.start_ns, query.stop_ns)
-        if not is_whole:
-            there, _ = messages(records, ANY_CHANNEL, *EVER)
-            missing = max(0, int(self._rows[piece]["messages"]) - len(there))
-            self._lose(piece, "its records contradict each other", missing)
+        known = int(self._rows[piece]["messages"])
+        is_short = len(found) < known and self._is_all(piece, query, wanted)
+        if is_short or not is_whole:
+            there = found if is_short else messages(records, ANY_CHANNEL, *EVER)[0]
+            why = "its records contradict each other"
+            self._lose(piece, why, max(0, known - len(there)))
         return McapPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
@@ -120,6 +122,13 @@ class McapFile:
         """As `Storage.close`."""
         with self._lock:
             self._file.close()
+
+    def _is_all(self, piece: int, query: Query, wanted: Collection[int]) -> bool:
+        """Whether all that a piece holds, by its index, is asked for."""
+        row = self._rows[piece]
+        is_in_time = query.start_ns <= row["start_ns"] and row["end_ns"] < query.stop_ns
+        held = self._channel_sets[row["channels"]] if row["channels"] != UNKNOWN else None
+        return bool(is_in_time and held is not None and held.issubset(wanted))
 
     def _scan(self) -> Index:
         found = Loss()
