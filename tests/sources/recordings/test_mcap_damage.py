@@ -230,3 +230,14 @@ def test_a_message_that_its_chunk_hides_is_said(tmp_path: Path, place: int, byte
         lost = 100 - len(list(recording.read()))
         assert (recording.loss.messages, len(recording.loss.notes)) == (lost, lost)
     recording.close()
+
+
+def test_an_index_that_points_beyond_the_file_is_not_believed(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    write_mcap(path, numbered(range(1000, 1100)), enable_crcs=False)
+    content = bytearray(path.read_bytes())
+    indexes = [part for part in parts(path) if part.kind == Opcode.CHUNK_INDEX]
+    length_at = indexes[len(indexes) // 2].start + 9 + 8 + 8 + 8
+    content[length_at + 5] = 0x40
+    path.write_bytes(content)
+    assert stamps(open_mcap(path)) == [*range(1000, 1100)]

@@ -132,7 +132,8 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
         and statistics.message_count == sum(index.counts.values())
         and (UNKNOWN in known or int(known.sum()) == statistics.message_count)
         and index.counts.keys() <= index.channels.keys()
-        and all(_is_there(file, size, rows[i]) for i in {0, chunks - 1})
+        and bool(((rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])).all())
+        and all(_is_there(file, rows[i]) for i in {0, chunks - 1})
     )
     return index if is_whole else None
 
@@ -222,10 +223,8 @@ def read_statistics(body: bytes) -> Statistics | None:
     return statistics
 
 
-def _is_there(file: BinaryIO, size: int, row: np.void) -> bool:
+def _is_there(file: BinaryIO, row: np.void) -> bool:
     """Whether a chunk is where the index has it."""
-    if not 0 < row["offset"] <= size - row["length"]:
-        return False
     file.seek(int(row["offset"]))
     head = file.read(CHUNK_HEAD_BYTES)
     try:
