@@ -1,11 +1,12 @@
 """ROS 2 bags whose files are cut off or damaged."""
 
 import random
+import shutil
 import sqlite3
 from pathlib import Path
 
 import pytest
-from made_mcaps import Written, numbered, parts, write_bag, written
+from made_mcaps import Written, numbered, parts, text, write_bag, written
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from ros_visualise.errors import OpenError
@@ -216,3 +217,46 @@ def test_damaged_compressed_bags_raise_nothing(tmp_path: Path, mode: Compression
         assert stamps_ns == sorted(stamps_ns)
         assert len(stamps_ns) <= 300
         recording.close()
+
+
+def killed(bag: Path, folder: Path, mode: str, stop: str) -> Path:
+    """A bag as it is left when its writer is killed, which also wrote messages of its own."""
+    writer = sqlite3.connect(bag / "bag.db3", isolation_level=None)
+    for said in (f"journal_mode = {mode}", "cache_size = 4", "wal_autocheckpoint = 0"):
+        writer.execute(f"PRAGMA {said}").fetchall()
+    writer.execute("BEGIN")
+    for number in range(200):
+        values = (1, 5000 + number, text("one more " * 30))
+        writer.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", values)
+    writer.execute(stop)
+    shutil.copytree(bag, folder)
+    writer.close()
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("mode", "stop", "left"),
+    [("wal", "COMMIT", "wal"), ("wal", "SELECT 1", "wal"), ("delete", "SELECT 1", "journal")],
+)
+def test_a_database_whose_writer_was_killed_is_said(
+    tmp_path: Path, mode: str, stop: str, left: str
+) -> None:
+    messages = write_bag(tmp_path / "bag", numbered(range(400)))
+    recording = open_rosbag2(killed(tmp_path / "bag", tmp_path / "killed", mode, stop))
+    found = written(recording.read())
+    assert set(messages) <= set(found)
+    assert len(found) - len(messages) == (200 if stop == "COMMIT" else len(found) - 400)
+    notes = " ".join(recording.loss.notes)
+    assert (
+        f"bag.db3: never finished by its recorder, which left bag.db3-{left} beside it; " in notes
+    )
+    recording.close()
+
+
+@pytest.mark.parametrize("mode", ["persist", "truncate", "delete"])
+def test_a_journal_that_is_done_with_is_no_loss(tmp_path: Path, mode: str) -> None:
+    write_bag(tmp_path / "bag", numbered(range(400)))
+    recording = open_rosbag2(killed(tmp_path / "bag", tmp_path / "whole", mode, "COMMIT"))
+    assert len(written(recording.read())) == 600
+    assert not recording.loss
+    recording.close()

@@ -23,6 +23,7 @@ from ros_visualise.sources.recordings.sqlite3_tables import (
     connect,
     damage_by_name,
     has_index,
+    left_beside,
 )
 from ros_visualise.sources.recordings.storage import (
     Channel,
@@ -84,9 +85,10 @@ class SqliteFile:
         self.counts, spans_ns = self._survey()
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
-        if unknown:
-            loss.messages += unknown
-            add_note(loss, f"{label}{unknown} messages of topics that it does not name")
+        self._lose(unknown, f"{unknown} messages of topics that it does not name")
+        if left := left_beside(path):
+            why = f"never finished by its recorder, which left {left} beside it"
+            add_note(loss, f"{label}{why}; messages that are there: {sum(self.counts.values())}")
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
         """As `Storage.select`."""

@@ -30,9 +30,8 @@ def connect(path: Path) -> sqlite3.Connection:
     Raises:
         OpenError: it is no database.
     """
-    left = path.with_name(f"{path.name}-wal")
     modes = ["mode=ro&immutable=1"] * 2
-    if left.is_file() and left.stat().st_size:
+    if left_beside(path).endswith("-wal"):
         modes.insert(0, "mode=ro")
     for attempt, mode in enumerate(modes, 1):
         database = sqlite3.connect(
@@ -50,6 +49,19 @@ def connect(path: Path) -> sqlite3.Connection:
         else:
             return database
     raise OpenError(f"{path}: no ROS 2 bag that can be read: {reason}; copy it again")
+
+
+def left_beside(path: Path) -> str:
+    """The file that a writer left beside its database when it was killed; empty: there is none.
+
+    Source: "Temporary Files Used By SQLite", sqlite.org/tempfiles.html, sections 2.1 and 2.2.
+    """
+    for kind in ("wal", "journal"):
+        file = path.with_name(f"{path.name}-{kind}")
+        with suppress(OSError), file.open("rb") as journal:
+            if any(journal.read(8)):  # zeros are what some writers leave when they are done
+                return file.name
+    return ""
 
 
 @damage_by_name()
