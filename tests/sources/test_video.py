@@ -252,6 +252,46 @@ def test_a_cut_mp4_plays_as_far_as_it_goes(tmp_path: Path) -> None:
     assert "cut off" in info["lost"]["notes"][0]
 
 
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("v.mkv", {}),
+        ("v.avi", {"codec": "mpeg4", "pix_fmt": "yuv420p"}),
+        (
+            "v.mp4",
+            {
+                "codec": "mjpeg",
+                "pix_fmt": "yuvj420p",
+                "container_options": {"movflags": "faststart"},
+            },
+        ),
+    ],
+)
+def test_a_file_that_lacks_its_last_images_is_said(
+    tmp_path: Path, name: str, options: dict[str, Any]
+) -> None:
+    """Also where it ends hardly earlier than its header says."""
+    path = write_video(tmp_path / name, numbered(40), **options)
+    data = path.read_bytes()
+    assert sources.info(path)["lost"]["notes"] == []
+    for missing in (1, 400, len(data) // 8):
+        path.write_bytes(data[:-missing])
+        video = Video(path)
+        assert len(times_ms(video)) <= 40
+        size = len(data)
+        assert video.faults[-1].endswith(f" s, cut off after {size - missing} of {size} bytes")
+        (note,) = sources.info(path)["lost"]["notes"]
+        assert note.endswith(f" s, cut off after {size - missing} of {size} bytes")
+
+
+@pytest.mark.parametrize("trailer", [b"\0" * 50, b"SEFT1234" * 9, b"\xff" * 7])
+def test_what_a_camera_puts_behind_its_file_is_no_loss(tmp_path: Path, trailer: bytes) -> None:
+    for name in ("v.mkv", "v.avi", "v.mp4"):
+        path = write_video(tmp_path / name, numbered(5), codec="mjpeg", pix_fmt="yuvj420p")
+        path.write_bytes(path.read_bytes() + trailer)
+        assert sources.info(path)["lost"]["notes"] == []
+
+
 def test_a_header_that_promises_too_much_ends_at_the_real_end(tmp_path: Path) -> None:
     path = write_video(tmp_path / "v.avi", numbered(10), codec="mjpeg", pix_fmt="yuvj420p")
     content = bytearray(path.read_bytes())

@@ -20,6 +20,7 @@ from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.convert import Converter, Size, upright_size
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
+from ros_visualise.sources.promised import promised_bytes
 
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
@@ -143,10 +144,15 @@ class Video:
         """Note what was missing or damaged."""
         late_ns = (self.info.promised_ns or 0) - end_ns
         lacks_frames = from_start and decoder.packets < (self.info.frames or 0)
+        size, promised = self._path.stat().st_size, promised_bytes(self._path)
         faults = []
         if decoder.damaged:
             faults.append(f"{decoder.damaged} damaged packets were skipped")
-        if decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
+        if size < promised:
+            faults.append(
+                f"it ends at {end_ns / 1e9:.2f} s, cut off after {size} of {promised} bytes"
+            )
+        elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(
                 f"it ends at {end_ns / 1e9:.2f} s, before its header says: is it cut off?"
             )

@@ -116,7 +116,7 @@ def test_a_video_that_ends_early_is_told_of(tmp_path, tell):
     found = json.loads(tell(path, as_json=True, status=1))
     assert found["messages"] < 20
     (why,) = found["lost"]["notes"]
-    assert "before its header says: is it cut off?" in why
+    assert "cut off after" in why
     *_, amount, told = tell(path, status=1).splitlines()
     assert amount.startswith("lost:  ")
     assert told.strip() == why

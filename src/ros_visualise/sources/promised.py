@@ -1,0 +1,74 @@
+"""How long a video file says that it is, by its outermost boxes, which FFmpeg does not compare.
+
+Source: ISO/IEC 14496-12, section 4.2; Microsoft, AVI RIFF File Reference; RFC 8794, 4 to 7.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import BinaryIO
+
+_BOX = struct.Struct(">I4s")
+_LONG = struct.Struct(">Q")
+_RIFF = struct.Struct("<4sI")
+_BOXES = {b"ftyp", b"styp", b"moov", b"moof", b"mdat", b"mfra", b"free", b"skip", b"wide", b"uuid"}
+_EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
+
+
+def promised_bytes(path: Path) -> int:
+    """Where its last box ends; 0 where it does not tell."""
+    with path.open("rb") as file:
+        head = file.read(_BOX.size)
+        if head[4:] == b"ftyp":
+            return _end_of_boxes(file)
+        if head.startswith(b"RIFF"):
+            return _end_of_riffs(file)
+        return _end_of_segment(file) if head.startswith(_EBML) else 0
+
+
+def _end_of_boxes(file: BinaryIO) -> int:
+    """MP4 and its like; a length of 1 stands for a long one, 0 for all the rest."""
+    end = 0
+    while len(head := _read(file, end, _BOX.size + _LONG.size)) >= _BOX.size:
+        length, kind = _BOX.unpack_from(head)
+        if length == 1 and len(head) == _BOX.size + _LONG.size:
+            (length,) = _LONG.unpack_from(head, _BOX.size)
+        if kind not in _BOXES or length < _BOX.size:
+            break
+        end += length
+    return end
+
+
+def _end_of_riffs(file: BinaryIO) -> int:
+    """AVI, of one part or of several; one that was never finished has no length."""
+    end = 0
+    while len(head := _read(file, end, _RIFF.size)) == _RIFF.size:
+        kind, length = _RIFF.unpack(head)
+        if kind != b"RIFF" or not length:
+            break
+        end += _RIFF.size + length
+    return end
+
+
+def _end_of_segment(file: BinaryIO) -> int:
+    """Matroska and WebM; the length of a live stream is not known."""
+    header_bytes, at = _number(file, len(_EBML))
+    start = at + (header_bytes or 0)
+    if _read(file, start, len(_SEGMENT)) != _SEGMENT:
+        return 0
+    length, at = _number(file, start + len(_SEGMENT))
+    return 0 if length is None else at + length
+
+
+def _number(file: BinaryIO, place: int) -> tuple[int | None, int]:
+    """A number whose first bits say how long it is, or None; and where it ends."""
+    first = _read(file, place, 1)
+    size = 9 - first[0].bit_length() if first and first[0] else 1
+    value = int.from_bytes(_read(file, place, size), "big") & (1 << 7 * size) - 1
+    return None if value == (1 << 7 * size) - 1 else value, place + size
+
+
+def _read(file: BinaryIO, place: int, size: int) -> bytes:
+    file.seek(place)
+    return file.read(size)
