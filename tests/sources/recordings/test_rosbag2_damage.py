@@ -219,6 +219,24 @@ def test_damaged_compressed_bags_raise_nothing(tmp_path: Path, mode: Compression
         recording.close()
 
 
+@pytest.mark.parametrize("tenth", [3, 5, 7, 9])
+def test_a_cut_of_a_database_without_an_index_is_said(tmp_path: Path, tenth: int) -> None:
+    messages, file = made(tmp_path / "bag")
+    database = sqlite3.connect(file)
+    database.execute("DROP INDEX timestamp_idx")
+    database.execute("VACUUM")
+    database.close()
+    recording = open_rosbag2(file)
+    assert written(recording.read()) == messages
+    assert not recording.loss
+    recording.close()
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * tenth // 10 + tenth])
+    recording = open_rosbag2(file)
+    assert 0 < len(written(recording.read())) < len(messages)
+    assert recording.loss.notes[0].startswith("cut off or damaged, read where it can be: ")
+    recording.close()
+
+
 def killed(bag: Path, folder: Path, mode: str, stop: str) -> Path:
     """A bag as it is left when its writer is killed, which also wrote messages of its own."""
     writer = sqlite3.connect(bag / "bag.db3", isolation_level=None)

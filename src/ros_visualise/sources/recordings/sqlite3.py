@@ -219,20 +219,25 @@ class SqliteFile:
         """Find the rows one by one from now on, instead of by SQLite's index."""
         if self._rows is not None:
             return self._rows
-        rows, gap = self._scan()
-        rows = self._without_cut(rows)
+        found, gap, is_whole = self._scan()
+        rows, missing = self._without_cut(found)
         self._rows = rows[np.lexsort((rows["id"], rows["stamp_ns"]))]
-        self._lose(gap, "rows in its midst are damaged")
-        if error is not None:
-            add_note(self._loss, f"{self._label}cut off or damaged, read where it can be: {error}")
+        self._loss.messages += gap + len(found) - len(rows)
+        self._loss.bytes += missing
+        if error is not None or missing or not is_whole:
+            why = error or "its end is missing"
+            add_note(self._loss, f"{self._label}cut off or damaged, read where it can be: {why}")
         return self._rows
 
-    def _without_cut(self, rows: _Rows) -> _Rows:
-        """Rows without those that SQLite fills up with zeros, where the file ends in a page."""
+    def _without_cut(self, rows: _Rows) -> tuple[_Rows, int]:
+        """Rows without those that SQLite fills up with zeros, where the file ends in a page.
+
+        Also how many bytes are missing there.
+        """
         [(page,)] = self._select("PRAGMA page_size")
-        self._loss.bytes += missing_bytes(self.path, page)
+        missing = missing_bytes(self.path, page)
         if self.size % page == 0:
-            return rows
+            return rows, missing
         cut = cut_rows(self.path, page)
         for number in rows["id"][::-1].tolist() if not cut else ():
             data = self._data(number)
@@ -240,8 +245,7 @@ class SqliteFile:
                 cut = {number} if data.endswith(b"\0") else set()
                 break
         is_cut = np.isin(rows["id"], list(cut))
-        self._lose(int(is_cut.sum()), "cut off within its last message")
-        return rows[~is_cut]
+        return rows[~is_cut], missing
 
     def _lose(self, messages: int, why: str) -> None:
         if messages:
@@ -256,16 +260,16 @@ class SqliteFile:
             return None
         return found[0][0] if found and isinstance(found[0][0], bytes) else None
 
-    def _scan(self) -> tuple[_Rows, int]:
-        """All rows that can be found, and how many lie between those that cannot."""
+    def _scan(self) -> tuple[_Rows, int, bool]:
+        """All rows that can be found, how many lie between that cannot, and if all was read."""
         sql = "SELECT id, timestamp, topic_id FROM messages NOT INDEXED"
         rows, is_whole = self._fetch(f"{sql} ORDER BY id")
         if is_whole:
-            return rows, 0
+            return rows, 0, True
         after = int(rows["id"][-1]) if len(rows) else 0
         tail, _ = self._fetch(f"{sql} WHERE id > {after} ORDER BY id DESC")
         gap = int(tail["id"][-1]) - after - 1 if len(tail) else 0
-        return np.concatenate([rows, tail[::-1]]), gap
+        return np.concatenate([rows, tail[::-1]]), gap, False
 
     def _fetch(self, sql: str) -> tuple[_Rows, bool]:
         """Rows until the file's end or damage; whether it was the end."""
