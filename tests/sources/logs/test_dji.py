@@ -122,6 +122,9 @@ def test_a_cut_anywhere_within_a_subtitle_is_said(recordings, tmp_path, name):
         assert recording.loss.notes == ["cut off within the last subtitle"], data[start:kept]
     cut.write_bytes(data[:end])
     assert not open_recording(cut).loss
+    for rest in (bytes(500), b"\n\n" + bytes(9), b"\xff\xfe\xfd"):
+        cut.write_bytes(data[:end] + rest)
+        assert open_recording(cut).loss.notes == ["cut off within the last subtitle"]
 
 
 def test_a_file_that_is_cut_is_read_to_there(recordings, tmp_path):

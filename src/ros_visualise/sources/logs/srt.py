@@ -19,6 +19,7 @@ _SUBTITLE = re.compile(
 _DATE = re.compile(
     r"(\d{4})[.-](\d\d)[.-](\d\d)[ T](\d\d):(\d\d):(\d\d)(?:[.,:](\d{3}))?(?:[.,:](\d{3}))?"
 )
+_NO_TEXT = re.compile("[\0\ufffd]")
 _FIGURES = re.compile(r"[-+.\d]+")
 _GPS = re.compile(rf"\bGPS\s*\(\s*{_NUMBER}\s*,\s*{_NUMBER}\s*[,)]")
 _LATITUDE = re.compile(rf"\[\s*latitude\s*:?\s*{_NUMBER}\s*\]")
@@ -76,8 +77,10 @@ def parse_srt(text: str) -> Iterator[Subtitle]:
 
 
 def ends_cut(text: str) -> bool:
-    """Whether the last subtitle is only a part of what another one is, or a further one begins."""
+    """Whether the last subtitle is a part of what another one is, or what follows it is none."""
     *others, last = (_form(said) for _, said in _split(text))
+    if _NO_TEXT.search(last):
+        return True
     return last not in others and any(
         whole.startswith(last) or last.startswith(f"{whole}\n") for whole in set(others)
     )
