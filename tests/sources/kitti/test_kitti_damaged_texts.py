@@ -1,6 +1,7 @@
 """Calibration, times and poses that are cut off or changed: what they cost is said, and counts."""
 
 import json
+import os
 
 import pytest
 from kitti_reading import messages, replace_file
@@ -92,6 +93,23 @@ def test_a_file_that_may_not_be_read_is_said(opened, changeable):
     path.mkdir()
     (note,) = opened(changeable).loss.notes
     assert note == "../calib_imu_to_velo.txt: Is a directory; left out: imu_link -> velodyne"
+
+
+def test_a_folder_that_may_not_be_read_is_said(opened, changeable, monkeypatch):
+    """The tests may be run by somebody who may read everything."""
+    closed = changeable / "image_03/data"
+    scandir, access = os.scandir, os.access
+
+    def refuse(path):
+        if path == closed:
+            raise PermissionError
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", refuse)
+    monkeypatch.setattr(os, "access", lambda path, mode: path != closed and access(path, mode))
+    recording = opened(changeable)
+    assert recording.loss.notes == ["image_03/data: you may not read it; try chmod u+rX"]
+    assert not recording.notes
 
 
 def test_what_nobody_asks_for_may_be_damaged(opened, changeable):

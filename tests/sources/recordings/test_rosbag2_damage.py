@@ -278,3 +278,26 @@ def test_a_journal_that_is_done_with_is_no_loss(tmp_path: Path, mode: str) -> No
     assert len(written(recording.read())) == 600
     assert not recording.loss
     recording.close()
+
+
+@pytest.mark.parametrize(
+    ("names", "missing"),
+    [
+        (("bag_0", "bag_2"), ["bag_1.db3 is missing"]),
+        (("bag_1", "bag_2"), ["bag_0.db3 is missing"]),
+        (("bag_0", "bag_1"), []),
+        (("2024_05", "2024_07_b"), []),
+        (("bag_20240101", "bag_20240103"), []),
+    ],
+)
+def test_a_gap_in_the_numbers_of_a_split_bag_is_said(
+    tmp_path: Path, names: tuple[str, ...], missing: list[str]
+) -> None:
+    for number, name in enumerate(names):
+        write_bag(tmp_path / name, numbered(range(10 * number, 10 * number + 10)))
+        (tmp_path / "all").mkdir(exist_ok=True)
+        (tmp_path / name / f"{name}.db3").rename(tmp_path / "all" / f"{name}.db3")
+    recording = open_rosbag2(tmp_path / "all")
+    assert len(written(recording.read())) == 20
+    assert recording.loss.notes == missing
+    recording.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,7 +79,11 @@ def open_drive(folder: Path) -> SeriesRecording:
     if not drive.parts:
         raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")
     empty = sorted(name for name in PARTS - drive.parts.keys() if (folder / name).is_dir())
-    drive.notes += [f"{name}: holds no frames; unpack it again if it should" for name in empty]
+    for name in empty:
+        if not os.access(data := folder / name / "data", os.R_OK | os.X_OK) and data.exists():
+            drive.lose(DamagedFile(data, "you may not read it; try chmod u+rX"))
+        else:
+            drive.notes.append(f"{name}: holds no frames; unpack it again if it should")
     unsynced = _is_unsynced(drive)
     times = _stamp(drive, synced=not unsynced)
     start_ns = min(int(one.min()) for one in times.values())

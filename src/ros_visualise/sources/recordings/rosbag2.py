@@ -99,6 +99,8 @@ def _files(folder: Path, metadata: _Metadata, loss: Loss) -> list[Path]:
             add_note(loss, f"{name} is missing")
     if len(found) < len(names) or not names:
         found += _others(folder, found)
+    for name in _left_out(found) if not names else ():
+        add_note(loss, f"{name} is missing")
     if not found:
         raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
     return found
@@ -109,6 +111,19 @@ def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
     there = {item for item in folder.iterdir() if item.is_file() and _kind(item) in kinds}
     packed_twins = {f for f in there if f.suffix == _PACKED and f.with_suffix("") in there}
     return sorted(there - packed_twins - set(named), key=_natural)
+
+
+def _left_out(files: Sequence[Path]) -> list[str]:
+    """The names between those of a bag that was split: ``bag_1.db3`` of ``bag_0`` and ``bag_2``."""
+    parts = [re.fullmatch(r"(.*_)(\d+)(\..*)", file.name) for file in files]
+    numbers = {(part[1], part[3], int(part[2])) for part in parts if part}
+    if len(numbers) < len(files) or len({number[:2] for number in numbers}) != 1:
+        return []
+    [(stem, suffix, _), *_] = numbers
+    last = max(number for *_, number in numbers)
+    if last >= 2 * len(files):  # these count something else, such as days
+        return []
+    return [f"{stem}{n}{suffix}" for n in range(last) if (stem, suffix, n) not in numbers]
 
 
 def _kind(file: Path) -> str:
