@@ -106,7 +106,7 @@ class McapFile:
         }
         found, is_whole = messages(records, wanted, query.start_ns, query.stop_ns)
         known = int(self._rows[piece]["messages"])
-        is_short = len(found) < known and self._is_all(piece, query, wanted)
+        is_short = bool(records) and len(found) < known and self._is_all(piece, query, wanted)
         if is_short or not is_whole:
             there = found if is_short else messages(records, ANY_CHANNEL, *EVER)[0]
             why = "its records contradict each other"
