@@ -292,6 +292,18 @@ def test_what_a_camera_puts_behind_its_file_is_no_loss(tmp_path: Path, trailer: 
         assert sources.info(path)["lost"]["notes"] == []
 
 
+@pytest.mark.parametrize("bit", range(8))
+def test_many_images_that_a_decoder_hides_are_said(tmp_path: Path, bit: int) -> None:
+    """With a wrong bit in what is told of all of them, it leaves some out without an error."""
+    path = write_video(tmp_path / "v.mp4", numbered(40), codec="libx264", pix_fmt="yuv420p")
+    data = bytearray(path.read_bytes())
+    data[data.index(b"avcC") + 13] ^= 1 << bit
+    path.write_bytes(data)
+    video = Video(path)
+    shown = len(times_ms(video))
+    assert shown >= 36 or video.faults
+
+
 def test_a_header_that_promises_too_much_ends_at_the_real_end(tmp_path: Path) -> None:
     path = write_video(tmp_path / "v.avi", numbered(10), codec="mjpeg", pix_fmt="yuvj420p")
     content = bytearray(path.read_bytes())

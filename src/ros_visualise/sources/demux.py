@@ -60,6 +60,7 @@ class Decoder:
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
         self._container, self._stream = container, stream
         self.packets = self.damaged = 0
+        self.expected = self.decoded = 0  # frames of the packets that were decoded
         self.end: int | None = None  # where the last packet ends, in ticks of the stream
         self.broken = False  # reading failed before the end
 
@@ -71,6 +72,8 @@ class Decoder:
             except FFmpegError:
                 self.damaged += 1
                 continue
+            self.expected += packet is not None and not packet.is_discard
+            self.decoded += len(decoded)
             yield from decoded
 
     def count(self) -> int:

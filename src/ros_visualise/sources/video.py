@@ -25,6 +25,7 @@ from ros_visualise.sources.promised import promised_bytes
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
 _SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
+_SHOWN = 0.9  # of the packets, at least: some codecs have a few that show nothing
 _SHORT_NS = 500_000_000  # a file that ends this much before its promised end was cut
 
 
@@ -148,6 +149,9 @@ class Video:
         faults = []
         if decoder.damaged:
             faults.append(f"{decoder.damaged} damaged packets were skipped")
+        if from_start and decoder.decoded < _SHOWN * decoder.expected:
+            hidden = decoder.expected - decoder.decoded
+            faults.append(f"{hidden} of {decoder.expected} images could not be decoded")
         if size < promised:
             faults.append(
                 f"it ends at {end_ns / 1e9:.2f} s, cut off after {size} of {promised} bytes"
