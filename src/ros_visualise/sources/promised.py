@@ -1,6 +1,7 @@
 """How long a video file says that it is, by its outermost boxes, which FFmpeg does not compare.
 
-Source: ISO/IEC 14496-12, section 4.2; Microsoft, AVI RIFF File Reference; RFC 8794, 4 to 7.
+Source: ISO/IEC 14496-12, section 4.2, and 13818-1, 2.4.3; Microsoft, AVI RIFF File Reference;
+RFC 8794, sections 4 to 7.
 """
 
 from __future__ import annotations
@@ -13,17 +14,20 @@ _BOX = struct.Struct(">I4s")
 _LONG = struct.Struct(">Q")
 _RIFF = struct.Struct("<4sI")
 _BOXES = {b"ftyp", b"styp", b"moov", b"moof", b"mdat", b"mfra", b"free", b"skip", b"wide", b"uuid"}
+_SYNC, _PACKET_BYTES = b"\x47", 188  # of MPEG-TS, which ends with a whole packet
 _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
 def promised_bytes(path: Path) -> int:
-    """Where its last box ends; 0 where it does not tell."""
+    """Where its last box or packet ends at least; 0 where it does not tell."""
     with path.open("rb") as file:
         head = file.read(_BOX.size)
         if head[4:] == b"ftyp":
             return _end_of_boxes(file)
         if head.startswith(b"RIFF"):
             return _end_of_riffs(file)
+        if head.startswith(_SYNC) and _read(file, _PACKET_BYTES, 1) == _SYNC:
+            return -(-path.stat().st_size // _PACKET_BYTES) * _PACKET_BYTES
         return _end_of_segment(file) if head.startswith(_EBML) else 0
 
 

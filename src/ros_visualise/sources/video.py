@@ -153,9 +153,8 @@ class Video:
             hidden = decoder.expected - decoder.decoded
             faults.append(f"{hidden} of {decoder.expected} images could not be decoded")
         if size < promised:
-            faults.append(
-                f"it ends at {end_ns / 1e9:.2f} s, cut off after {size} of {promised} bytes"
-            )
+            what = f"cut off after {size} of {promised} bytes or more"
+            faults.append(f"it ends at {end_ns / 1e9:.2f} s, {what}")
         elif decoder.broken or late_ns > (1e9 / self.info.fps if lacks_frames else _SHORT_NS):
             faults.append(
                 f"it ends at {end_ns / 1e9:.2f} s, before its header says: is it cut off?"
