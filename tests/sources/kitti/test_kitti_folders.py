@@ -134,6 +134,15 @@ def test_without_calibration_what_it_tells_is_left_out(opened, changeable):
     assert len(recording.notes) == 3
 
 
+def test_turns_without_a_file_of_their_times_are_a_remark(opened, changeable):
+    (changeable / "velodyne_points/timestamps_end.txt").unlink()
+    recording = opened(changeable)
+    assert "/velodyne_points/scan_end" not in recording.topics
+    said = "velodyne_points: no timestamps_end.txt, so without /velodyne_points/scan_end"
+    assert recording.notes == [said]
+    assert not recording.loss
+
+
 def test_scans_of_unsynced_drives_are_texts(opened, changeable):
     bins = sorted((changeable / "velodyne_points/data").iterdir())
     expected = np.fromfile(bins[0], "<f4").reshape(-1, 4)[:1000]

@@ -78,12 +78,7 @@ def open_drive(folder: Path) -> SeriesRecording:
     drive = _Drive(folder, scans, samples, {c: files for c, files in images.items() if files})
     if not drive.parts:
         raise OpenError(f"{folder}: holds no frames that can be read; unpack the drive again")
-    empty = sorted(name for name in PARTS - drive.parts.keys() if (folder / name).is_dir())
-    for name in empty:
-        if not os.access(data := folder / name / "data", os.R_OK | os.X_OK) and data.exists():
-            drive.lose(DamagedFile(data, "you may not read it; try chmod u+rX"))
-        else:
-            drive.notes.append(f"{name}: holds no frames; unpack it again if it should")
+    _say_empty(drive)
     unsynced = _is_unsynced(drive)
     times = _stamp(drive, synced=not unsynced)
     start_ns = min(int(one.min()) for one in times.values())
@@ -98,6 +93,16 @@ def open_drive(folder: Path) -> SeriesRecording:
     size = sum(files.size for files in drive.parts.values())
     lost: list[tuple[DamagedFile, int]] = [(error, _OXTS_TOPICS) for error in damaged]
     return SeriesRecording(folder, "KITTI raw", size, series, drive.notes, lost, drive.loss)
+
+
+def _say_empty(drive: _Drive) -> None:
+    """Say which sensors' folders have no frames."""
+    for name in sorted(PARTS - drive.parts.keys()):
+        data = drive.folder / name / "data"
+        if data.exists() and not os.access(data, os.R_OK | os.X_OK):
+            drive.lose(DamagedFile(data, "you may not read it; try chmod u+rX"))
+        elif data.parent.is_dir():
+            drive.notes.append(f"{name}: holds no frames; unpack it again if it should")
 
 
 def _is_unsynced(drive: _Drive) -> bool:
@@ -193,6 +198,8 @@ def _turn(drive: _Drive, stamps_ns: npt.NDArray[np.int64], what: str) -> Series:
     if told.lacking and path.exists():
         why = f"{told.gaps}; left out: so many messages of {topic}"
         drive.lose(DamagedFile(path, why), len(told.lacking))
+    elif told.lacking and path.with_name("timestamps.txt").exists():
+        drive.notes.append(f"velodyne_points: no {path.name}, so without {topic}")
     known = [(index, times[number]) for index, number in enumerate(numbers) if number in times]
     of_scans = np.array([stamps_ns[index] for index, _ in known], np.int64)
 
