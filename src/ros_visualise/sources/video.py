@@ -25,7 +25,8 @@ from ros_visualise.sources.promised import promised_bytes
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
 _SEEK_EARLIER_NS = (0, 2_000_000_000, 10_000_000_000)
-_SHOWN = 0.9  # of the packets, at least: some codecs have a few that show nothing
+_SILENT = 0.1  # of the packets, at most: some codecs have a few that show nothing
+_MOST_SILENT = 2  # where there are few
 _SHORT_NS = 500_000_000  # a file that ends this much before its promised end was cut
 
 
@@ -149,8 +150,8 @@ class Video:
         faults = []
         if decoder.damaged:
             faults.append(f"{decoder.damaged} damaged packets were skipped")
-        if from_start and decoder.decoded < _SHOWN * decoder.expected:
-            hidden = decoder.expected - decoder.decoded
+        hidden = decoder.expected - decoder.decoded
+        if from_start and hidden > max(_MOST_SILENT, _SILENT * decoder.expected):
             faults.append(f"{hidden} of {decoder.expected} images could not be decoded")
         if size < promised:
             what = f"cut off after {size} of {promised} bytes or more"
