@@ -1,0 +1,78 @@
+"""What people read in a terminal. Names come from files of strangers: they are shown, never obeyed.
+
+All that goes to standard output or error for people goes through here, but progress bars, which
+hold no names. JSON has escapes of its own.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from types import TracebackType
+
+from ros_visualise.errors import RosVisualiseError
+
+
+def shown(text: str) -> str:
+    r"""Text in which everything but printable characters is escaped: ``\x1b``, ``\n``, ``\u202e``.
+
+    So no terminal takes it for a command, it stays one line, and it reads in the order in which it
+    is written. To do it again changes nothing.
+    """
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def say(line: str) -> None:
+    """Print a line on standard error. That nobody is there to read it is no error."""
+    with suppress(OSError):
+        print(_encodable(shown(line), sys.stderr.encoding), file=sys.stderr, flush=True)
+
+
+def answer(lines: Iterable[str]) -> None:
+    """Print what was asked for on standard output, at once.
+
+    Raises:
+        BrokenPipeError: whoever read it has seen enough.
+        RosVisualiseError: it cannot be written, as on a full disk.
+    """
+    text = "\n".join(map(shown, lines))
+    try:
+        print(_encodable(text, sys.stdout.encoding), flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else it is tried at exit
+        if isinstance(error, BrokenPipeError):
+            raise
+        raise RosVisualiseError(f"standard output: {error.strerror}") from None
+
+
+def say_what_is_logged() -> None:
+    """Print on standard error what is logged from now on, from warnings on."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(Shown("ros-visualise: %(message)s"))
+    logging.basicConfig(handlers=[handler], level=logging.WARNING)
+
+
+class Shown(logging.Formatter):
+    """Formats log records with their texts `shown`; a traceback keeps its lines."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
+        """The record's own line."""
+        return shown(super().formatMessage(record))
+
+    def formatException(  # noqa: N802
+        self,
+        ei: tuple[type[BaseException], BaseException, TracebackType | None]
+        | tuple[None, None, None],
+    ) -> str:
+        """The lines of a traceback."""
+        return "\n".join(map(shown, super().formatException(ei).split("\n")))
+
+
+def _encodable(text: str, encoding: str | None) -> str:
+    known = encoding or "ascii"
+    return text.encode(known, "backslashreplace").decode(known)
