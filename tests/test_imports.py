@@ -11,7 +11,7 @@ import ros_visualise
 
 ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
-    {"errors", "data", "params", "geometry", "rate"},
+    {"errors", "data", "params", "geometry", "printing", "rate", "signals"},
     {"messages", "vision"},
     {"sources", "sinks", "simulation"},
     {"declarations"},
@@ -22,6 +22,7 @@ LAYERS = [
     {"ui"},
     {"commands", "executables"},
     {"cli", "options"},
+    {"entry"},
     {"__main__"},
 ]
 ROS = {"rospy", "rosgraph", "roslib", "tf2_ros", "dynamic_reconfigure", "genpy", "rclpy"}

@@ -2,6 +2,6 @@
 
 import sys
 
-from ros_visualise.cli import main
+from ros_visualise.entry import main
 
 sys.exit(main())

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
-import signal
-import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -14,6 +11,8 @@ from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.options import add_playing_options, not_negative, positive, seed
+from ros_visualise.printing import say, say_what_is_logged
+from ros_visualise.signals import interrupt
 
 _RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
@@ -31,21 +30,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status.
 
     0 done; 1 the work failed or lost something; 2 wrong usage or an input that cannot be opened;
-    130 stopped by Ctrl-C.
+    130 stopped by Ctrl-C, which is raised as a KeyboardInterrupt while nothing is written yet.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):  # a shell's background jobs ignore SIGINT
-        signal.signal(number, signal.default_int_handler)
     try:
         args = _parser().parse_args(arguments)
-        status: int = import_module(f"ros_visualise.commands.{args.module}").run(args)
+        command = import_module(f"ros_visualise.commands.{args.module}")
+        say_what_is_logged()
+        interrupt()
+        status: int = command.run(args)
         return status
     except RosVisualiseError as error:
-        print(f"ros-visualise: {error}", file=sys.stderr)
+        say(f"ros-visualise: {error}")
         return error.exit_status
-    except KeyboardInterrupt:
-        return 130
     except BrokenPipeError:  # whoever read the output has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
 
 
@@ -54,7 +51,8 @@ class _Parser(argparse.ArgumentParser):
         found = re.search("invalid choice: '(.*?)'", message)
         if found and Path(found[1]).exists():
             message = f"to play {found[1]}: {self.prog} {_command_for(Path(found[1]))} {found[1]}"
-        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+        say(f"{self.prog}: {message}; see {self.prog} --help")
+        self.exit(2)
 
 
 def _command_for(path: Path) -> str:

@@ -18,6 +18,7 @@ from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
+from ros_visualise.printing import say
 from ros_visualise.rate import WallClock
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.clock import ClockPublisher, ros_clock
@@ -56,7 +57,7 @@ def run_own() -> None:
     try:
         declared = _own(session.arguments())
     except RosVisualiseError as error:  # before it takes the name of one that runs
-        print(error, file=sys.stderr)
+        say(str(error))
         sys.exit(error.exit_status)
     _run(declared.name, lambda: _run_alone(declared))
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
-import signal
-import sys
 import threading
 from argparse import Namespace
 from contextlib import closing
@@ -25,6 +22,8 @@ from ros_visualise.errors import (
     UsageError,
 )
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.printing import answer, say
+from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sinks.names import check_targets, parse_target
@@ -37,7 +36,6 @@ _NS = 1_000_000_000
 
 def run(args: Namespace) -> int:
     """Copy a recording into a new file, and say what was lost."""
-    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     target = parse_target(args.output)[0]
     check_targets([target], args.input)
     encoding = encoding_of(target, args.profile)
@@ -51,18 +49,19 @@ def run(args: Namespace) -> int:
         if unwritable and not types:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
             raise OpenError(f"{args.input}: nothing of it can be written: {reasons}")
-        recorder = open_recorder(
-            args.output,
-            types,
-            args.overwrite,
-            profile=args.profile,
-            compression=args.compression,
-            live=False,
-        )
-        part = Part(tuple(types), part.start_ns, part.stop_ns)
-        conversion = Conversion(recording, part, recorder)
-        interrupted, error = _watch(conversion)
-        return _finish(args, conversion, unwritable, interrupted, error)
+        with noticed() as wish:
+            recorder = open_recorder(
+                args.output,
+                types,
+                args.overwrite,
+                profile=args.profile,
+                compression=args.compression,
+                live=False,
+            )
+            part = Part(tuple(types), part.start_ns, part.stop_ns)
+            conversion = Conversion(recording, part, recorder)
+            interrupted, error = _watch(conversion, wish)
+            return _finish(args, conversion, unwritable, interrupted, error)
 
 
 def _choose_part(recording: Recording, args: Namespace) -> Part:
@@ -101,10 +100,10 @@ def _passes(kind: TopicType, encoder: Encoder) -> bool:
     return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 
-def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
+def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, Exception | None]:
     """Run it, and show how far it is; whether it was interrupted, and what ended it early."""
     errors: list[Exception] = []
-    done = threading.Event()  # Python takes a thread for ended whose join() Ctrl-C interrupted
+    done = threading.Event()
 
     def work() -> None:
         try:
@@ -125,15 +124,11 @@ def _watch(conversion: Conversion) -> tuple[bool, Exception | None]:
         dynamic_ncols=True,
         leave=False,
     ) as bar:
-        try:
-            while not done.wait(_SPIN_S):
-                bar.update(conversion.messages - bar.n)
-        except KeyboardInterrupt:
-            interrupted = True
-            for number in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(number, signal.SIG_IGN)
-            conversion.stop()
-        done.wait()
+        while not done.wait(_SPIN_S):
+            bar.update(conversion.messages - bar.n)
+            if wish.asked and not interrupted:
+                interrupted = True
+                conversion.stop()
     if errors and not isinstance(errors[0], RosVisualiseError):
         raise errors[0]
     return interrupted, errors[0] if errors else None
@@ -163,22 +158,21 @@ def _finish(
     if conversion.recorder.path != target and not isinstance(error, RecordingError):
         notes.append(f"{target} is as it was; the new one is {conversion.recorder.path}")
     for note in notes:
-        print(f"ros-visualise: {note}", file=sys.stderr)
+        say(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
-        print(f"ros-visualise: {args.input}: {_describe_empty(args)}", file=sys.stderr)
+        say(f"ros-visualise: {args.input}: {_describe_empty(args)}")
     report = _report(conversion, unwritable, notes)
     _say_result(report)
     if args.json:
-        print(json.dumps(report))
-    return 130 if interrupted else int(bool(notes))
+        answer([json.dumps(report)])
+    return STOPPED if interrupted else int(bool(notes))
 
 
 def _say_result(report: dict[str, Any]) -> None:
     if Path(report["path"]).exists():
-        print(
+        say(
             f"{report['path']}: {counted(report['messages'], 'message')}"
-            f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}",
-            file=sys.stderr,
+            f" on {counted(len(report['topics']), 'topic')}, {sized(report['bytes'])}"
         )
 
 

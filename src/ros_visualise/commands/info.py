@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ from typing import Any
 from ros_visualise import sources
 from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.commands.wording import counted, sized
+from ros_visualise.printing import answer, shown
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
@@ -19,15 +19,14 @@ _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 
 def run(args: Namespace) -> int:
     """Print what a file holds; 1 if something of it is lost."""
-    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     found = interruptible(lambda: sources.info(args.input))
-    print(json.dumps(found) if args.json else "\n".join(_lines(found)))
+    answer([json.dumps(found)] if args.json else _lines(found))
     return int(bool(found["lost"]["notes"]))
 
 
 def _lines(found: dict[str, Any]) -> Iterator[str]:
     """The lines of ``rosbag info``; of a video, those that it has, and its images'."""
-    written = _written_in_ros1 if found["format"].startswith("rosbag ") else str
+    written = _written_in_ros1 if found["format"].startswith("rosbag ") else shown
     rows: list[tuple[str, list[str]]] = [
         ("path", [found["path"]]),
         ("format", [found["format"]]),
@@ -60,6 +59,7 @@ def _types(types: dict[str, str], written: Callable[[str], str]) -> list[str]:
 
 
 def _topics(topics: dict[str, dict[str, Any]], written: Callable[[str], str]) -> list[str]:
+    topics = {shown(name): topic for name, topic in topics.items()}
     name_width = max(map(len, topics), default=0)
     count_width = max((len(str(topic["messages"])) for topic in topics.values()), default=0)
     rates = {name: _rate(topic["hz"]) for name, topic in topics.items()}
@@ -87,7 +87,7 @@ def _lost(lost: dict[str, Any]) -> list[str]:
 
 
 def _written_in_ros1(type_name: str) -> str:
-    return type_name.replace("/msg/", "/")
+    return shown(type_name.replace("/msg/", "/"))
 
 
 def _rate(hz: float | None) -> str:

@@ -4,29 +4,32 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
+from collections.abc import Iterator
 from typing import Any
 
 from ros_visualise import nodes as registry
 from ros_visualise.messages import type_name
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import Spec, specs
+from ros_visualise.printing import answer
 
 
 def run(args: Namespace) -> int:
     """Print every node, its topics and its parameters."""
     described = {found.name: _describe(found) for found in registry.find_all()}
-    if args.json:
-        print(json.dumps(described))
-        return 0
+    answer([json.dumps(described)] if args.json else _lines(described))
+    return 0
+
+
+def _lines(described: dict[str, Any]) -> Iterator[str]:
     for name, node in described.items():
-        print(f"{name}: {node['doc']}")
+        yield f"{name}: {node['doc']}"
         for way in ("inputs", "outputs"):
             if node[way]:
-                print(f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items()))
+                yield f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items())
         for param, about in node["params"].items():
-            print(f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}")
-        print()
-    return 0
+            yield f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}"
+        yield ""
 
 
 def _describe(found: NodeType | SourceType) -> dict[str, Any]:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import signal
-import sys
 from argparse import Namespace
 from typing import Any
 
@@ -14,8 +12,10 @@ from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
+from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target, record_folder
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
@@ -28,7 +28,6 @@ def run(args: Namespace) -> int:
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
     record_folder(args.record_dir)
-    logging.basicConfig(format="ros-visualise: %(message)s", level=logging.WARNING)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, ViewOptions(args.host, args.port, args.allow_origin))
@@ -50,25 +49,29 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     runtime.record_dir = args.record_dir
-    interrupted = False
+    with noticed() as wish:
+        stopped = _play(args, runtime, view, wish)
+        report = runtime.report()
+        _say_summary(report)
+        if args.json:
+            answer([json.dumps(report, default=str)])
+    return STOPPED if stopped else int(runtime.failed or _lost(report))
+
+
+def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> bool:
+    """Until the end, with all recordings closed; whether somebody asked for it before."""
     try:
         recordings = _start_recordings(runtime, args.record, args.overwrite)
         view.open(runtime)  # before anything that holds can have passed
         runtime.start()
         while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
+            if wish.asked:
+                return True
             view.spin(_SPIN_S)
-    except KeyboardInterrupt:
-        interrupted = True
+        return False
     finally:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
         view.close()
         runtime.stop()
-    report = runtime.report()
-    _say_summary(report)
-    if args.json:
-        print(json.dumps(report, default=str))
-    return 130 if interrupted else int(runtime.failed or _lost(report))
 
 
 def _start_recordings(
@@ -101,11 +104,11 @@ def _lost(report: dict[str, Any]) -> bool:
 def _say_summary(report: dict[str, Any]) -> None:
     for name, topic in report["topics"].items():
         rates = f"{topic['hz'] or 0:g} Hz by the stamps, {topic['wall_hz'] or 0:g} per second"
-        print(f"{name}: {counted(topic['messages'], 'message')}, {rates}", file=sys.stderr)
+        say(f"{name}: {counted(topic['messages'], 'message')}, {rates}")
     for name, node in report["nodes"].items():
         for reason, count in node["dropped"].items():
-            print(f"{name}: {count} of {node['received']} left out by {reason}", file=sys.stderr)
+            say(f"{name}: {count} of {node['received']} left out by {reason}")
     for name, recording in report["recordings"].items():
         dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
         messages = counted(recording["messages"], "message")
-        print(f"{name}: {messages} recorded{dropped}", file=sys.stderr)
+        say(f"{name}: {messages} recorded{dropped}")

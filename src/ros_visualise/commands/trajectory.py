@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from argparse import Namespace
 from contextlib import closing
 from dataclasses import asdict
@@ -13,6 +12,7 @@ from ros_visualise.commands.interruptible import interruptible
 from ros_visualise.commands.wording import counted
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry.travel import Travel
+from ros_visualise.printing import answer, say, shown
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets
@@ -33,9 +33,10 @@ def run(args: Namespace) -> int:
         figure = plot_trajectory(found.path, _title(found, figures))
         files[args.plot] = FIGURE_FORMATS[args.plot.suffix.lower()](figure)
     save(files, args.overwrite)
-    print(json.dumps(_report(found, figures, args)) if args.json else _summary(found, figures))
+    report = [json.dumps(_report(found, figures, args))]
+    answer(report if args.json else _summary(found, figures))
     for note in loss.notes:
-        print(f"ros-visualise: {args.input}: {note}", file=sys.stderr)
+        say(f"ros-visualise: {args.input}: {note}")
     return 1 if loss or found.left_out.get("damaged") else 0
 
 
@@ -65,7 +66,7 @@ def _figures(found: Trajectory) -> dict[str, Any]:
 
 
 def _title(found: Trajectory, figures: dict[str, Any]) -> str:
-    return f"{found.topic}: {figures['length_m']:.2f} m in {figures['duration_s']:.1f} s"
+    return f"{shown(found.topic)}: {figures['length_m']:.2f} m in {figures['duration_s']:.1f} s"
 
 
 def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict[str, Any]:
@@ -82,7 +83,7 @@ def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict
     }
 
 
-def _summary(found: Trajectory, figures: dict[str, Any]) -> str:
+def _summary(found: Trajectory, figures: dict[str, Any]) -> list[str]:
     frame = found.path.header.frame_id
     poses = counted(figures["poses"], "pose")
     lines = [
@@ -104,4 +105,4 @@ def _summary(found: Trajectory, figures: dict[str, Any]) -> str:
         )
     if found.without_attitude:
         lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
-    return "\n".join(lines)
+    return lines

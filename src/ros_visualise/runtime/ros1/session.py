@@ -16,6 +16,8 @@ import rospkg
 import rospy
 
 from ros_visualise.errors import OpenError
+from ros_visualise.printing import Shown, say
+from ros_visualise.signals import STOPPED, interrupt
 
 _CHECK_S = 0.5
 _PACKAGE = "package://"
@@ -36,13 +38,18 @@ def begin(name: str) -> None:
     would stay behind.
     """
     _return_to_where_it_was_typed()
+    _wait_for_master()
     try:
-        _wait_for_master()
+        interrupt()
         rospy.init_node(name)
     except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
-        sys.exit(130)
+        sys.exit(STOPPED)
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGINT))  # of which rospy knows not
     log = logging.getLogger("ros_visualise")
-    log.addHandler(_ToRosout())
+    to_rosout = _ToRosout()
+    to_rosout.setFormatter(Shown())
+    log.addHandler(to_rosout)
     log.setLevel(logging.INFO)
     threading.Thread(target=_watch_master, name="master watch", daemon=True).start()
 
@@ -104,16 +111,11 @@ def _return_to_where_it_was_typed() -> None:
 
 
 def _wait_for_master() -> None:
-    asked = threading.Event()  # rosgraph would swallow a KeyboardInterrupt
-    signal.signal(signal.SIGINT, lambda *_: asked.set())  # a shell's background jobs ignore it
     if not rosgraph.is_master_online():
         uri = rosgraph.get_master_uri()
-        print(f"no ROS master at {uri} yet, waiting; start one with: roscore", file=sys.stderr)
-    while not (asked.is_set() or rosgraph.is_master_online()):
-        asked.wait(_CHECK_S)
-    if asked.is_set():
-        raise KeyboardInterrupt
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+        say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
+    while not rosgraph.is_master_online():
+        time.sleep(_CHECK_S)
 
 
 def _watch_master() -> None:

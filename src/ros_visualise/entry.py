@@ -1,0 +1,28 @@
+"""Where processes begin: from the first line on, whatever is still imported, Ctrl-C ends them."""
+
+import _signal  # not signal, whose own imports could be interrupted
+
+_signal.signal(_signal.SIGINT, _signal.SIG_DFL)
+
+from ros_visualise.signals import STOPPED, ignore, leave_at_once  # noqa: E402
+
+leave_at_once()
+
+
+def main() -> int:
+    """``ros-visualise``; the exit status, see `ros_visualise.cli.main`."""
+    try:
+        from ros_visualise import cli
+
+        status = cli.main()
+        ignore()  # nothing is left to be ended
+    except KeyboardInterrupt:
+        return STOPPED
+    return status
+
+
+def run_executable(name: str, *arguments: str) -> None:
+    """A function ``run_...`` of `ros_visualise.executables`, by the rest of its name."""
+    from ros_visualise import executables
+
+    getattr(executables, f"run_{name}")(*arguments)

@@ -1,0 +1,98 @@
+"""What ends a process from outside: Ctrl-C, SIGTERM, and SIGHUP, which a closed terminal sends.
+
+All three mean the same, and the exit status is `STOPPED` for each. Only the first one counts:
+whoever is ending already is not disturbed. A process that was started with ``nohup`` goes on when
+its terminal is closed.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+from typing import Any
+
+STOPPED = 130
+"""Exit status of a process that was asked to end before it had done its work."""
+
+_ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+def leave_at_once() -> None:
+    """End the process where it stands, from now on: while there is nothing yet to clean up.
+
+    A KeyboardInterrupt would become a traceback, or another error, inside an import. Ctrl-C is
+    heard also where it was ignored, as in a shell's background jobs.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _handle(lambda *_: os._exit(STOPPED))
+
+
+def interrupt() -> None:
+    """Raise a KeyboardInterrupt in the main thread, from now on; once."""
+
+    def raise_once(number: int, _: FrameType | None) -> None:
+        ignore()
+        _leave_terminal()
+        raise KeyboardInterrupt
+
+    _handle(raise_once)
+
+
+class Wish:
+    """Whether somebody ``asked`` for the end."""
+
+    asked = False
+
+
+@contextmanager
+def noticed() -> Iterator[Wish]:
+    """Within this, somebody's wish to end is but noted; nothing is interrupted.
+
+    For work that has files to close: it has to look at the wish now and then.
+    """
+    wish = Wish()
+
+    def note(number: int, _: FrameType | None) -> None:
+        _leave_terminal()
+        wish.asked = True
+
+    before = _handle(note)
+    try:
+        yield wish
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_IGN if wish.asked else handler)
+
+
+def ignore() -> None:
+    """Go on to the end, whatever is asked."""
+    _handle(signal.SIG_IGN)
+
+
+def _handle(handler: Callable[[int, FrameType | None], Any] | signal.Handlers) -> dict[Any, Any]:
+    """Have a handler called; what was there before. What is ignored stays ignored."""
+    known = [signal.Signals[name] for name in _ENDING if hasattr(signal, name)]  # not on Windows
+    heard = [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
+    return {number: signal.signal(number, handler) for number in heard}
+
+
+def _leave_terminal() -> None:
+    """Where output went to a terminal that is gone it goes nowhere, and raises no errors."""
+    for descriptor in (1, 2):
+        with suppress(OSError):
+            if not _is_gone(descriptor):
+                continue
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, descriptor)
+            os.close(nowhere)
+
+
+def _is_gone(descriptor: int) -> bool:
+    try:
+        os.write(descriptor, b"")
+    except OSError:
+        return True
+    return False

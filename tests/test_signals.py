@@ -1,0 +1,166 @@
+"""Ctrl-C at any moment, a second one, and terminals that are closed."""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import termios
+import time
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from rosbags.rosbag1 import Reader
+
+from ros_visualise.data import Header, Image
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+COMMAND = [sys.executable, "-m", "ros_visualise"]
+CAMERA = ["camera", "test", "--view", "none", "--size", "64x48"]
+PATIENCE_S = 30.0
+
+INTERRUPTED_IMPORT = """
+import os, signal, sys
+
+class Finder:
+    def find_spec(self, name, *_):
+        if name == {module!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Finder())
+from ros_visualise.entry import main
+sys.argv[1:] = {arguments!r}
+sys.exit(main())
+"""
+
+
+class Terminal:
+    """A command with a terminal of its own, as a shell gives it one."""
+
+    def __init__(self, *command, **options):
+        self.master, slave = os.openpty()
+        self.process = subprocess.Popen(
+            [str(part) for part in command],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+            **options,
+        )
+        os.close(slave)
+
+    def close(self):
+        os.close(self.master)
+
+    def wait(self):
+        return self.process.wait(PATIENCE_S)
+
+
+def wait_for_messages(process, path):
+    """Until something stands in a recording."""
+    give_up = time.monotonic() + PATIENCE_S
+    while not (path.exists() and path.stat().st_size > 100_000):
+        assert process.poll() is None
+        assert time.monotonic() < give_up
+        time.sleep(0.02)
+
+
+def count(path):
+    """Messages of an MCAP file that was closed."""
+    with path.open("rb") as file:
+        statistics = make_reader(file).get_summary().statistics
+    assert statistics.message_count > 0
+    return statistics.message_count
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "ros_visualise.signals",
+        "ros_visualise.cli",
+        "argparse",
+        "ros_visualise.commands.play",
+        "numpy",
+        "numpy.linalg",
+        "cv2",
+        "av.container",
+        "viser",
+        "ros_visualise.ui.page",
+    ],
+)
+def test_ctrl_c_during_an_import_ends_without_a_word(module):
+    code = INTERRUPTED_IMPORT.format(module=module, arguments=["demo", "landscape", "--port", "1"])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=PATIENCE_S)
+    assert done.returncode in (130, -signal.SIGINT)  # a shell has 130 for either
+    assert done.stderr == b""
+
+
+def test_a_closed_terminal_ends_as_ctrl_c_does(tmp_path):
+    path = tmp_path / "out.mcap"
+    terminal = Terminal(*COMMAND, *CAMERA, "--json", "--record", path)
+    wait_for_messages(terminal.process, path)
+    terminal.close()
+    assert terminal.wait() == 130
+    assert count(path)
+
+
+def test_a_closed_terminal_ends_a_conversion(tmp_path):
+    source, path = tmp_path / "long.mcap", tmp_path / "out.bag"
+    noise = np.random.default_rng(0).integers(0, 255, (700, 700), np.uint8)
+    with open_recorder(str(source), {"/i": TopicType("sensor_msgs/msg/Image")}) as recorder:
+        for number in range(60):  # which take bzip2 a while
+            recorder.write("/i", Image(noise, "mono8", Header(number)))
+    terminal = Terminal(*COMMAND, "convert", source, path, "--compression", "bz2")
+    wait_for_messages(terminal.process, path)
+    terminal.close()
+    assert terminal.wait() == 130
+    with Reader(path) as bag:
+        assert 0 < bag.message_count < 60
+
+
+def test_nohup_goes_on_without_its_terminal(tmp_path):
+    path = tmp_path / "out.mcap"
+    command = ["nohup", *COMMAND, *CAMERA, "--frames", "90", "--record", path]
+    terminal = Terminal(*command, cwd=tmp_path)
+    wait_for_messages(terminal.process, path)
+    terminal.close()
+    assert terminal.wait() == 0
+    assert count(path) > 90
+
+
+def test_output_to_a_terminal_that_is_gone_harms_no_recording(tmp_path):
+    path = tmp_path / "out.mcap"
+    terminal = Terminal("env", "--ignore-signal=HUP", *COMMAND, *CAMERA, "--json", "--record", path)
+    wait_for_messages(terminal.process, path)
+    terminal.close()
+    time.sleep(0.3)  # in which the progress bar is drawn
+    terminal.process.send_signal(signal.SIGINT)
+    assert terminal.wait() == 130
+    assert count(path)
+
+
+def test_a_run_that_ends_by_itself_needs_no_terminal(tmp_path):
+    path = tmp_path / "out.mcap"
+    record = ["--frames", "60", "--record", path]
+    terminal = Terminal("env", "--ignore-signal=HUP", *COMMAND, *CAMERA, *record)
+    wait_for_messages(terminal.process, path)
+    terminal.close()
+    assert terminal.wait() == 0
+    assert count(path) > 60
+
+
+def test_a_second_ctrl_c_disturbs_nothing(tmp_path):
+    path = tmp_path / "out.mcap"
+    process = subprocess.Popen(
+        [*COMMAND, *CAMERA, "--record", path], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    wait_for_messages(process, path)
+    while process.poll() is None:
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.002)
+    assert b"Traceback" not in process.communicate()[1]
+    assert process.returncode == 130
+    assert count(path)
