@@ -47,19 +47,25 @@ class Wish:
     asked = False
 
 
-@contextmanager
-def noticed() -> Iterator[Wish]:
-    """Within this, somebody's wish to end is but noted; nothing is interrupted.
+def note(wish: Wish) -> dict[Any, Any]:
+    """Note that somebody asks for the end, and interrupt nothing, from now on.
 
-    For work that has files to close: it has to look at the wish now and then.
+    For work that has something to close; it has to look at the wish now and then. The handlers
+    that there were before.
     """
-    wish = Wish()
 
-    def note(number: int, _: FrameType | None) -> None:
+    def hear(number: int, _: FrameType | None) -> None:
         _leave_terminal()
         wish.asked = True
 
-    before = _handle(note)
+    return _handle(hear)
+
+
+@contextmanager
+def noticed() -> Iterator[Wish]:
+    """Within this, it is noted that somebody asks for the end; see `note`."""
+    wish = Wish()
+    before = note(wish)
     try:
         yield wish
     finally:

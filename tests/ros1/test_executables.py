@@ -270,6 +270,16 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
     assert (rest, node.returncode) == ("", 130)
 
 
+def test_a_closed_terminal_ends_a_node_as_ctrl_c_does(start):
+    ended = []
+    for number in (signal.SIGINT, signal.SIGHUP):
+        node = start("filters", f"__name:=ended_by_{number}")
+        node.send_signal(number)
+        said = node.communicate(timeout=60)[0]
+        ended.append((node.returncode, "Traceback" in said))
+    assert ended == [(0, False), (0, False)]
+
+
 def test_a_node_of_ones_own(start, hear, publish):
     heard = hear("posterize", Image)
     example = f"{ROOT / 'examples' / '01_own_filter.py'}:posterize"

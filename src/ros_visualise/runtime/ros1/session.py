@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-import signal
 import sys
 import threading
 import time
@@ -17,10 +16,12 @@ import rospy
 
 from ros_visualise.errors import OpenError
 from ros_visualise.printing import Shown, say
-from ros_visualise.signals import STOPPED, interrupt
+from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
 _CHECK_S = 0.5
 _PACKAGE = "package://"
+
+_wish = Wish()
 
 _SAY = {
     logging.DEBUG: rospy.logdebug,
@@ -39,13 +40,12 @@ def begin(name: str) -> None:
     """
     _return_to_where_it_was_typed()
     _wait_for_master()
+    interrupt()
     try:
-        interrupt()
-        rospy.init_node(name)
+        rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
     except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
         sys.exit(STOPPED)
-    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        signal.signal(signal.SIGHUP, signal.getsignal(signal.SIGINT))  # of which rospy knows not
+    note(_wish)
     log = logging.getLogger("ros_visualise")
     to_rosout = _ToRosout()
     to_rosout.setFormatter(Shown())
@@ -86,7 +86,7 @@ def find_file(url: str) -> str:
 
 def is_over() -> bool:
     """Whether this node has to end."""
-    return bool(rospy.is_shutdown())
+    return _wish.asked or bool(rospy.is_shutdown())
 
 
 def end(reason: str) -> None:
