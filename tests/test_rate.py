@@ -3,9 +3,10 @@ from itertools import pairwise
 
 import pytest
 
-from ros_visualise.rate import Pacer
+from ros_visualise.rate import Pacer, Steady
 
 INPUT_HZ = 30
+MS = 1_000_000
 PERIOD_NS = 1e9 / INPUT_HZ
 
 
@@ -70,3 +71,18 @@ def test_when_time_jumps_back_the_next_message_passes():
 
 def test_equal_stamps_do_not_stop_it():
     assert passed([5, 5, 5], 10) == [5]
+
+
+def test_steady_times_leave_out_the_steps_of_a_clock_and_keep_the_jitter():
+    steady = Steady()
+    monotonic = [33 * number for number in range(9)]
+    late = [0, 5, 30, 0, 9, 0, 0, 120, 0]
+    set_by = [0, 0, 0, -3_600_000, -3_600_000, -3_599_700, 7_000, 7_000, 7_000]
+    times, steps = [], []
+    for at, jitter, step in zip(monotonic, late, set_by, strict=True):
+        times.append(steady.of((10_000_000 + at - jitter + step) * MS, at * MS) // MS)
+        steps.append(steady.step_ns // MS)
+    assert times == sorted(times)
+    assert [times[0], times[1]] == [10_000_000, 10_000_028]
+    assert max(abs(t - 10_000_000 - at) for t, at in zip(times, monotonic, strict=True)) <= 160
+    assert [number for number, step in enumerate(steps) if step] == [3, 5, 6]

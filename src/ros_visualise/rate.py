@@ -9,6 +9,8 @@ from typing import Protocol
 MAX_RATE = 100
 """The highest speed at which anything is played; 0 stands for as fast as it goes."""
 
+_STEP_NS = 200_000_000  # less is the jitter of messages, or a clock that is slewed
+
 
 class Clock(Protocol):
     """What tells the time and waits for it."""
@@ -42,6 +44,29 @@ class WallClock:
         timeout_s = None if until_ns is None else (until_ns - time.monotonic_ns()) / 1e9
         if timeout_s is None or timeout_s > 0:
             condition.wait(timeout_s)
+
+
+class Steady:
+    """Takes out of times the steps that the clock on the wall makes when somebody sets it.
+
+    Attributes:
+        step_ns: how far it had been set, ahead or back, when it was asked last; 0 else.
+    """
+
+    def __init__(self) -> None:
+        self.step_ns = 0
+        self._last: tuple[int, int] | None = None
+        self._steps_ns = self._newest_ns = 0
+
+    def of(self, time_ns: int, monotonic_ns: int) -> int:
+        """That time without the steps, never before the last; the monotonic one goes with it."""
+        last_ns, last_monotonic_ns = self._last or (time_ns, monotonic_ns)
+        apart_ns = (time_ns - last_ns) - (monotonic_ns - last_monotonic_ns)
+        self.step_ns = apart_ns if abs(apart_ns) > _STEP_NS else 0
+        self._steps_ns += self.step_ns
+        self._last = time_ns, monotonic_ns
+        self._newest_ns = max(self._newest_ns, time_ns - self._steps_ns)
+        return self._newest_ns
 
 
 class Pacer:

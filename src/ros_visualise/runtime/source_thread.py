@@ -12,6 +12,7 @@ from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source, SourceType
 from ros_visualise.params import Parameters
+from ros_visualise.rate import Steady
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
@@ -54,6 +55,7 @@ class SourceThread:
         self._outputs = outputs
         self._on_message = on_message
         self._stats = NodeStats()
+        self._steady = Steady()
         self._reopened = 0
         self._source = self._open()
 
@@ -61,11 +63,12 @@ class SourceThread:
         """Until the source ends or the playback is closed."""
         try:
             for number, (port, message) in enumerate(self._messages()):
+                arrival_ns = time.monotonic_ns()
                 packet = Packet(
                     number,
                     message,
-                    time.monotonic_ns(),
-                    log_ns=recorded_ns(message),
+                    arrival_ns,
+                    log_ns=self._log_ns(message, arrival_ns),
                     turns=self._playback.turns + self._reopened,
                 )
                 self._stats.received = self._stats.processed = number + 1
@@ -96,6 +99,11 @@ class SourceThread:
     def close(self) -> None:
         """Let go of what is open."""
         self._source.close()
+
+    def _log_ns(self, message: Any, arrival_ns: int) -> int:
+        """When to record it: live, time goes on evenly, also where the stamps' clock is set."""
+        log_ns = recorded_ns(message)
+        return self._steady.of(log_ns, arrival_ns) if self._type.live else log_ns
 
     def _say_lost(self) -> None:
         """What could not be read; it is known at the end."""

@@ -12,7 +12,7 @@ from av.video.frame import VideoFrame
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
-from ros_visualise.rate import Clock, WallClock
+from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.sources.convert import Converter, Size
 from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
 
@@ -24,6 +24,9 @@ _IDLE_S = 0.1
 
 class Camera:
     """A live camera: always its newest image; reported and reopened when it fails.
+
+    Stamps are times of the clock on the wall, also after somebody has set it, as NTP does: they
+    step with it, ahead or back, as those of all other machines' messages. That is said once.
 
     Args:
         uri: a device (``/dev/video0`` or ``0``), a URL, ``test``, or ``lavfi:GRAPH``.
@@ -48,6 +51,7 @@ class Camera:
         self._timeout_s = timeout_s
         self._clock = clock or WallClock()
         self._converter = Converter(size)
+        self._steady = Steady()
         self._changed = threading.Condition()
         self._newest: tuple[int, Image] | None = None
         self._failure: OpenError | None = None
@@ -117,7 +121,12 @@ class Camera:
                         break
                     if self._address.is_paced and frame.time is not None:
                         self._wait_until(start_ns + round(frame.time * 1e9))
-                    self._publish(stamps.of(frame, self._clock.now_ns()), frame)
+                    now_ns = self._clock.now_ns()
+                    self._steady.of(now_ns, self._clock.monotonic_ns())
+                    if self._steady.step_ns:
+                        self._say_step(self._steady.step_ns / 1e9)
+                        stamps = Stamps(self._address)
+                    self._publish(stamps.of(frame, now_ns), frame)
         except OpenError as error:
             self._note(failure=None if self._opened else error)
             return str(error)
@@ -135,6 +144,11 @@ class Camera:
                 log.info("camera %s: it is back", self._address.name)
             self._reported = False
             self._changed.notify_all()
+
+    def _say_step(self, step_s: float) -> None:
+        way = "ahead" if step_s > 0 else "back"
+        name = self._address.name
+        log.warning("camera %s: the clock was set %s by %.1f s", name, way, abs(step_s))
 
     def _report(self, reason: str) -> None:
         with self._changed:

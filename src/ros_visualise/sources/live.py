@@ -85,10 +85,11 @@ def what_failed(error: Exception) -> str:
 
 
 class Stamps:
-    """Times of capture on the wall clock.
+    """Times of capture on the wall clock, as long as nobody sets it: then begin anew.
 
     A network stream does not tell them: there they are the stream's own times, shifted by the
-    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone.
+    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone. Those
+    of a device that are far from its arrivals are not of now.
     """
 
     def __init__(self, address: Address) -> None:
@@ -101,7 +102,8 @@ class Stamps:
         stamp_ns = arrival_ns
         if frame.pts is not None and frame.time_base is not None:
             own_ns = round(frame.pts * frame.time_base * 10**9)
-            stamp_ns = own_ns if self._is_device else self._shifted(own_ns, arrival_ns)
+            is_now = self._is_device and abs(arrival_ns - own_ns) < _LOST_NS
+            stamp_ns = own_ns if is_now else self._shifted(own_ns, arrival_ns)
         self._last_ns = max(stamp_ns, self._last_ns + 1)
         return self._last_ns
 

@@ -10,6 +10,7 @@ from typing import Any
 import rospy
 
 from ros_visualise.data import Image
+from ros_visualise.rate import Steady
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.ros1.topics import ImageInput, Input
@@ -78,8 +79,9 @@ class Relay:
 class Arrivals:
     """Numbers and times the messages of all recorded topics as they arrive.
 
-    They are written in this order and under the graph's time, as ``rosbag record`` does it. Nobody
-    on a ROS graph tells which message was made from which, nor that none will come.
+    They are written in this order and under the graph's time, as ``rosbag record`` does it, but
+    that it goes on evenly where the clock on the wall is set. Nobody on a ROS graph tells which
+    message was made from which, nor that none will come.
     """
 
     def __init__(self, recording: RecorderThread) -> None:
@@ -88,14 +90,18 @@ class Arrivals:
         }
         self._recording = recording
         self._number = 0
+        self._steady = None if rospy.get_param("/use_sim_time", False) else Steady()
         self._lock = threading.Lock()
 
     def put(self, topic: str, message: Any) -> None:
         """A message has arrived; none of the other topics has one for its number."""
         with self._lock:
             self._number += 1
-            now_ns = rospy.Time.now().to_nsec() or None  # none yet: /clock has not begun
-            packet = Packet(self._number, None, time.monotonic_ns(), log_ns=now_ns)
+            now_ns, arrival_ns = rospy.Time.now().to_nsec(), time.monotonic_ns()
+            if self._steady is not None:
+                now_ns = self._steady.of(now_ns, arrival_ns)
+            log_ns = now_ns or None  # none yet: /clock has not begun
+            packet = Packet(self._number, None, arrival_ns, log_ns=log_ns)
             for name, inbox in self._recording.inboxes.items():
                 inbox.put(packet._replace(message=message) if name == topic else packet)
 
