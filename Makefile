@@ -1,11 +1,12 @@
 # `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
+# `make fuzz` gives damaged input to the commands; ARGS=--help tells how.
 # make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
 PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
-.PHONY: demo test clean
+.PHONY: demo test fuzz clean
 
 demo: .venv/.ready
 	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
@@ -15,6 +16,9 @@ test: .venv-test/.ready
 	.venv-test/bin/ruff check
 	.venv-test/bin/mypy
 	.venv-test/bin/pytest -n 2 --dist loadfile $(TESTS)
+
+fuzz: .venv-test/.ready
+	PYTHONPATH=tests:tests/sources/recordings .venv-test/bin/python -m fuzz $(ARGS)
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'

@@ -1,0 +1,61 @@
+"""How many messages somebody else's reader finds, be it before it gives up."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from pathlib import Path
+from typing import Any
+
+import av
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+from rosbags.rosbag1 import Reader
+
+
+def count(path: Path, kind: str) -> int | None:
+    """At least so many there are; None where there is no other reader of that kind."""
+    if kind not in _READERS:
+        return None
+    found = 0
+    with suppress(Exception):  # readers of others raise whatever they like
+        for _ in _READERS[kind](path):
+            found += 1
+    return found
+
+
+def _bag(path: Path) -> Iterator[Any]:
+    with Reader(path) as reader:
+        yield from reader.messages()
+
+
+def _mcap(path: Path) -> Iterator[Any]:
+    with path.open("rb") as file:
+        reader = StreamReader(file, record_size_limit=2**30)
+        yield from (record for record in reader.records if isinstance(record, Message))
+
+
+def _mcap_folder(path: Path) -> Iterator[Any]:
+    for file in sorted(path.glob("*.mcap")):
+        yield from _mcap(file)
+
+
+def _sqlite_folder(path: Path) -> Iterator[Any]:
+    for file in sorted(path.glob("*.db3")):
+        with closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as base:
+            yield from base.execute("SELECT m.data FROM messages m JOIN topics t ON topic_id=t.id")
+
+
+def _video(path: Path) -> Iterator[Any]:
+    with av.open(str(path)) as container:
+        for packet in container.demux(video=0):
+            with suppress(av.FFmpegError):
+                yield from packet.decode()
+
+
+_READERS = {
+    "bag": _bag,
+    "mcap": _mcap,
+    "mcap_folder": _mcap_folder,
+    "db3": _sqlite_folder,
+    "video": _video,
+}
