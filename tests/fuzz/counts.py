@@ -46,10 +46,13 @@ def _sqlite_folder(path: Path) -> Iterator[Any]:
 
 
 def _video(path: Path) -> Iterator[Any]:
+    """Its frames; of several for the same time, one can be shown."""
+    times = set()
     with av.open(str(path)) as container:
         for packet in container.demux(video=0):
             with suppress(av.FFmpegError):
-                yield from packet.decode()
+                times |= {frame.pts for frame in packet.decode()}
+    yield from times
 
 
 _READERS = {
