@@ -1,15 +1,20 @@
 """How many messages somebody else's reader finds, be it before it gives up."""
 
+import math
 import sqlite3
+import struct
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
 import av
+import cv2
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag1 import Reader
+
+_MOST_PIXELS = 2**24  # OpenCV believes what is said
 
 
 def count(path: Path, kind: str) -> int | None:
@@ -55,10 +60,41 @@ def _video(path: Path) -> Iterator[Any]:
     yield from times
 
 
+def _drive(path: Path) -> Iterator[Any]:
+    """Each of the sensors' files that is whole is a message or more."""
+    for file in path.rglob("*"):
+        whole = False
+        if file.stem.isdigit() and file.suffix in _IS_WHOLE:
+            with suppress(ValueError, struct.error):
+                whole = _IS_WHOLE[file.suffix](file)
+        if whole:
+            yield file
+
+
+def _is_image(file: Path) -> bool:
+    width, height = struct.unpack(">II", file.read_bytes()[16:24])
+    return width * height < _MOST_PIXELS and cv2.imread(str(file), -1) is not None
+
+
+def _is_scan(file: Path) -> bool:
+    size = file.stat().st_size
+    return size > 0 and size % 16 == 0
+
+
+def _is_oxts(file: Path) -> bool:
+    return (
+        file.parent.name == "data"
+        and sum(map(math.isfinite, map(float, file.read_text().split()))) == 30
+    )
+
+
+_IS_WHOLE = {".png": _is_image, ".bin": _is_scan, ".txt": _is_oxts}
 _READERS = {
     "bag": _bag,
     "mcap": _mcap,
     "mcap_folder": _mcap_folder,
     "db3": _sqlite_folder,
     "video": _video,
+    "kitti": _drive,
+    "kitti_odometry": _drive,
 }
