@@ -54,6 +54,8 @@ def run(*arguments: object) -> Done:
     """A command in this process."""
     output, errors = io.StringIO(), io.StringIO()
     line = [str(argument) for argument in arguments]
+    handlers = logging.getLogger().handlers
+    before = handlers.copy()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
         try:
             status = main(line)
@@ -62,7 +64,7 @@ def run(*arguments: object) -> Done:
         except BaseException:
             status = -1
             traceback.print_exc()
-        logging.getLogger().handlers.clear()
+        handlers[:] = before  # one that a command added writes to what ends here
     return Done(line[0], status, output.getvalue(), errors.getvalue())
 
 
