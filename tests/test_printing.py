@@ -36,15 +36,15 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def bag(folder):
+def bag(folder, tmp_path_factory):
     """Odometry, and a type that nobody knows; wherever a text is, an evil one."""
-    path = folder / "evil.mcap"
+    path = tmp_path_factory.mktemp("plain") / "evil.mcap"  # which is no name to record to
     header = [Header(number, f"map{EVIL}") for number in range(3)]
     with open_recorder(str(path), {f"/odom{EVIL}": TopicType("nav_msgs/msg/Odometry")}) as recorder:
         for one in header:
             odometry = Odometry(np.zeros(3), np.array([0, 0, 0, 1.0]), header=one)
             recorder.write(f"/odom{EVIL}", odometry)
-    return path
+    return path.rename(folder / path.name)
 
 
 @pytest.fixture(scope="module")
@@ -89,9 +89,9 @@ def test_what_converting_says_is_shown(unknown, folder):
     assert SHOWN in text
 
 
-def test_what_a_trajectory_says_is_shown(bag, folder):
-    picture = folder / "picture.svg"
-    status, text = run("trajectory", bag, folder / "out.tum", "--plot", picture)
+def test_what_a_trajectory_says_is_shown(bag, tmp_path):
+    picture = tmp_path / "picture.svg"
+    status, text = run("trajectory", bag, tmp_path / "out.tum", "--plot", picture)
     assert status == 0
     assert f"/odom{SHOWN}: 3 poses in the frame map{SHOWN}" in text
     assert "\x1b" not in picture.read_text()

@@ -40,7 +40,7 @@ class Done:
             found.append(f"exit status {self.status}")
         if "Traceback" in self.errors:
             found.append("a traceback")
-        if self.status in (1, 2) and not self.errors:
+        if self.status in (1, 2) and not (self.errors or "notes" in self.output):
             found.append(f"{self.status} without a word")
         lines = self.errors.splitlines()
         if self.status == 2 and not all(line.startswith("ros-visualise: ") for line in lines):
