@@ -11,7 +11,10 @@ import ros_visualise
 
 ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
-    {"errors", "data", "params", "geometry", "printing", "rate", "signals"},
+    {
+        *("errors", "data", "params", "geometry", "rate"),
+        *("limits", "yaml_files", "printing", "signals"),
+    },
     {"messages", "vision"},
     {"sources", "sinks", "simulation"},
     {"declarations"},

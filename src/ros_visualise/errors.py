@@ -5,6 +5,7 @@
   - DamagedMessage             a recorded message cannot be read
   - UnsupportedImage           a node cannot process images of this encoding
   - NoTransform                where two frames are to one another is not known
+  - TooLarge                   a part of an input would take more memory than it may
   - UsageError                 wrong usage                                  (exit status 2)
     - ParameterError           no such parameter, or a value out of its range
     - OpenError                an input or a target that cannot be opened
@@ -38,6 +39,10 @@ class UnsupportedImage(RosVisualiseError):
 
 class NoTransform(RosVisualiseError):
     """A frame is not known, or not where it was to another one at a time."""
+
+
+class TooLarge(RosVisualiseError, ValueError):
+    """A part of an input would take more memory than it may."""
 
 
 class UsageError(RosVisualiseError):

@@ -64,7 +64,7 @@ def test_a_file_gives_way_points(tmp_path: Path):
         ("", "keys and values"),
         ("shape: [", "is no YAML: "),
         ("a: 1\nb: c: d", "in line 2"),
-        ("a: " + 500 * "[", "nested too deeply"),
+        ("a: " + 500 * "[", "nested more than 50 deep in line 1"),
         ("\0", "is no YAML: give a text file"),
     ],
 )

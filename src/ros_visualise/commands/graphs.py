@@ -9,9 +9,6 @@ from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-
 from ros_visualise import nodes as registry
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph, parse_node
@@ -24,6 +21,7 @@ from ros_visualise.pipelines import (
 )
 from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 
@@ -154,13 +152,13 @@ def _topic(name: str | None) -> str | None:
 
 def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
     try:
-        values = YAML(typ="safe").load(path.read_text())
+        values = load_yaml(path)
     except OSError as error:
         raise OpenError(
             f"{path}: {error.strerror}; give a YAML file as NODE: {{PARAM: VALUE}}"
         ) from None
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise OpenError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
+    except BadYaml as error:
+        raise OpenError(f"{path}: not YAML: {error}") from None
     values = {} if values is None else values
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
         raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")

@@ -9,13 +9,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
-
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
 from ros_visualise.simulation.worlds.rooms import Room
+from ros_visualise.yaml_files import BadYaml, load_yaml
 
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
 _EIGHT_POINTS = 120
@@ -143,19 +141,14 @@ def read_mission(path: str | Path, rooms: Mapping[str, Room] | None = None) -> M
 
 def _load(path: str | Path) -> Any:
     try:
-        return YAML(typ="safe", pure=True).load(Path(path))
+        return load_yaml(Path(path))
     except FileNotFoundError:
         advice = f"give a YAML file or one of {', '.join(SHAPES)}"
         raise OpenError.missing(path, advice) from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}: give a YAML file") from None
-    except MarkedYAMLError as error:
-        line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
-        raise OpenError(f"{path}: is no YAML: {error.problem}{line}") from None
-    except (YAMLError, UnicodeDecodeError, ValueError):
-        raise OpenError(f"{path}: is no YAML: give a text file of keys and values") from None
-    except RecursionError:
-        raise OpenError(f"{path}: is nested too deeply: a mission is keys and values") from None
+    except BadYaml as error:
+        raise OpenError(f"{path}: is no YAML: {error}") from None
 
 
 def _read(name: str, value: Any) -> Any:

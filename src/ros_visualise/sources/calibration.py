@@ -10,13 +10,12 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from ros_visualise.data import CameraInfo, Floats, Image
 from ros_visualise.errors import OpenError
 from ros_visualise.vision.calibration import resized
 from ros_visualise.vision.reshape import Size
+from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 
@@ -81,11 +80,11 @@ def read_calibration(url: str) -> CameraInfo:
     """
     path = _path(url)
     try:
-        values = YAML(typ="safe").load(path.read_text())
+        values = load_yaml(path)
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}; {_WANTED}") from None
-    except (YAMLError, UnicodeDecodeError):
-        raise OpenError(f"{path}: not YAML as ROS writes it; {_WANTED}") from None
+    except BadYaml as error:
+        raise OpenError(f"{path}: not YAML as ROS writes it: {error}; {_WANTED}") from None
     try:
         return _parse(values)
     except ValueError as error:

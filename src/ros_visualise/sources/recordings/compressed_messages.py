@@ -6,11 +6,12 @@ from collections.abc import Callable, Collection, Iterator
 
 import numpy as np
 import numpy.typing as npt
-import zstandard
 
+from ros_visualise.errors import TooLarge
 from ros_visualise.sources.recordings import Entry, Loss
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_note
+from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_all
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
 
@@ -52,17 +53,20 @@ class CompressedMessages:
         message = entry.message
         if message.data[:4] == _ZSTD:  # no CDR begins like that
             try:
-                message.data = zstandard.ZstdDecompressor().decompressobj().decompress(message.data)
-            except (zstandard.ZstdError, MemoryError):
-                self._lose(entry)
+                message.data = unpack_all("zstd", message.data)
+            except DamagedData:
+                self._lose(entry, "messages whose zstd data is damaged")
+                return False
+            except TooLarge as error:
+                self._lose(entry, f"{entry.topic}: a message {error}")
                 return False
         return True
 
-    def _lose(self, entry: Entry) -> None:
+    def _lose(self, entry: Entry, why: str) -> None:
         if (entry.topic, entry.stamp_ns) not in self._lost:
             self._lost.add((entry.topic, entry.stamp_ns))
             self._loss.messages += 1
-            add_note(self._loss, "messages whose zstd data is damaged")
+            add_note(self._loss, why)
 
 
 class _DecompressedPiece:

@@ -8,16 +8,17 @@ from __future__ import annotations
 import io
 import struct
 import zlib
-from collections.abc import Callable, Container
+from collections.abc import Container
 from operator import itemgetter
 from typing import NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
+
+from ros_visualise.errors import TooLarge
+from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
@@ -95,16 +96,28 @@ def decompress(record: bytes, check: bool = True) -> Records:
         Damaged: its data cannot be decompressed, or is not what its checksum says.
     """
     head = chunk_head(record)
-    if head.compression not in _DECOMPRESS:
+    if head.compression not in COMPRESSIONS:
         raise Damaged(f"its compression is {head.compression}; only lz4 and zstd can be read")
     packed = memoryview(record)[head.data_offset :]
-    if len(record) < head.end:
-        return _whole_records(_DECOMPRESS_CUT[head.compression](packed))
-    data = _DECOMPRESS[head.compression](packed, head.uncompressed_size)
+    is_cut = len(record) < head.end
+    data: Records = packed
+    if head.compression:
+        data = _unpack(head, packed, is_cut)
+    if is_cut:
+        return _whole_records(data)
     is_changed = check and head.crc and zlib.crc32(data) != head.crc
     if len(data) != head.uncompressed_size or is_changed:
         raise Damaged("its data is not what its checksum says")
     return data
+
+
+def _unpack(head: ChunkHead, packed: memoryview, is_cut: bool) -> bytes:
+    try:
+        if is_cut:
+            return unpack_all(head.compression, packed)
+        return unpack(head.compression, packed, head.uncompressed_size)
+    except (TooLarge, DamagedData) as error:
+        raise Damaged(str(error)) from error
 
 
 def messages(
@@ -184,52 +197,3 @@ def _whole_records(records: Records) -> Records:
             break
         following += HEAD_BYTES + HEAD.unpack_from(records, position)[1]
     return records[:position]
-
-
-def _plain(data: memoryview, _: int) -> memoryview:
-    return data
-
-
-def _unpack_lz4(data: memoryview, _: int) -> bytes:
-    try:
-        return bytes(lz4.frame.decompress(data))
-    except (RuntimeError, MemoryError, EOFError):
-        raise Damaged("its lz4 data is damaged") from None
-
-
-def _unpack_zstd(data: memoryview, size: int) -> bytes:
-    try:
-        if zstandard.frame_content_size(data) not in (size, -1):
-            raise Damaged("its zstd data is damaged")
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
-    except (zstandard.ZstdError, MemoryError, OverflowError, ValueError):
-        raise Damaged("its zstd data is damaged") from None
-
-
-_DECOMPRESS: dict[str, Callable[[memoryview, int], Records]] = {
-    "": _plain,
-    "lz4": _unpack_lz4,
-    "zstd": _unpack_zstd,
-}
-
-
-def _unpack_cut_lz4(data: memoryview) -> bytes:
-    try:
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(data))
-    except (RuntimeError, MemoryError, EOFError):
-        raise Damaged("its lz4 data is damaged") from None
-
-
-def _unpack_cut_zstd(data: memoryview) -> bytes:
-    try:
-        return zstandard.ZstdDecompressor().decompressobj().decompress(data)
-    except (zstandard.ZstdError, MemoryError):
-        raise Damaged("its zstd data is damaged") from None
-
-
-_DECOMPRESS_CUT: dict[str, Callable[[memoryview], Records]] = {
-    "": lambda data: data,
-    "lz4": _unpack_cut_lz4,
-    "zstd": _unpack_cut_zstd,
-}
-"""What there is of blocks that are whole."""

@@ -45,7 +45,8 @@ def open_recording(path: str | Path) -> Recording:
         raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
     if recording.loss and not any(topic.messages for topic in recording.topics.values()):
         recording.close()
-        raise OpenError(f"{path}: no message of it can be read; copy or record it again")
+        why = f" ({recording.loss.notes[0]})" if recording.loss.notes else ""
+        raise OpenError(f"{path}: no message of it can be read; copy or record it again{why}")
     return recording
 
 

@@ -12,10 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import zstandard
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from ros_visualise.errors import OpenError
+from ros_visualise.limits import check_disk
 from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
 from ros_visualise.sources.recordings.mcap import McapFile
@@ -23,6 +22,7 @@ from ros_visualise.sources.recordings.merging import MergedRecording
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.sqlite3 import SqliteFile
 from ros_visualise.sources.recordings.storage import Storage, add_note
+from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ _FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
     ".db3": SqliteFile,
     ".mcap": McapFile,
 }
-_BLOCK_BYTES = 1 << 20
+_BLOCK_BYTES = 8 << 20
 
 
 @dataclass(frozen=True)
@@ -76,14 +76,16 @@ def open_rosbag2(path: Path) -> Recording:
 
 def _read_metadata(path: Path) -> _Metadata:
     try:
-        content = YAML(typ="safe").load(path.read_text(errors="replace"))
+        content = load_yaml(path)
         about = content["rosbag2_bagfile_information"]
         names = tuple(map(str, about.get("relative_file_paths") or ()))
         mode = str(about.get("compression_mode") or "").lower().replace("none", "")
         messages = about.get("message_count")
     except FileNotFoundError:
         log.warning("%s: metadata.yaml is missing; the files tell what it would say", path.parent)
-    except (OSError, YAMLError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except BadYaml as error:
+        log.warning("%s: cannot be read: %s; the files tell what it would say", path, error)
+    except (OSError, KeyError, TypeError, AttributeError):
         log.warning("%s: cannot be read; the files tell what it would say", path)
     else:
         return _Metadata(names, messages if isinstance(messages, int) else None, mode)
@@ -169,9 +171,12 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
         with file.open("rb") as packed, target.open("wb") as unpacked:
             reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
             while block := reader.read(_BLOCK_BYTES):
+                check_disk(Path(folder), len(block))
                 unpacked.write(block)
     except zstandard.ZstdError:
         add_note(loss, f"{file.name}: its zstd data is damaged")
+    except OpenError as error:
+        raise OpenError(f"{file}: unpacked, it {error}") from None
     except OSError as error:
         raise OpenError(f"{file}: {error.strerror}; make room for it unpacked") from None
     return target

@@ -5,12 +5,12 @@ Source: the bag format 2.0, https://wiki.ros.org/Bags/Format/2.0
 
 from __future__ import annotations
 
-import bz2
 import struct
 from enum import IntEnum
-from typing import Any, BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple
 
-import lz4.frame  # type: ignore[import-untyped]
+from ros_visualise.errors import TooLarge
+from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MAGIC = b"#ROSBAG V2.0\n"
 
@@ -23,7 +23,7 @@ _MESSAGE_HEADERS = (  # of roscpp and of rospy: before and after the connection'
     (b"\x26\0\0\0\x04\0\0\0op=\x02\x09\0\0\0conn=", b"\x0d\0\0\0time="),
 )
 MESSAGE_HEADER_SIZE = 42
-_DECOMPRESSORS = {"bz2": bz2.BZ2Decompressor, "lz4": lz4.frame.LZ4FrameDecompressor}
+_COMPRESSIONS = ("bz2", "lz4")
 
 Fields = dict[bytes, bytes]
 
@@ -137,18 +137,14 @@ def decompress(compression: str, data: bytes, size: int, cut: bool = False) -> b
     """The ``size`` bytes that a chunk holds; of one that is cut off, those that are there.
 
     Raises:
-        Damaged: it is something else, or the compression is not known.
+        Damaged: it is something else or too much, or the compression is not known.
     """
-    if compression not in _DECOMPRESSORS:
+    if compression not in _COMPRESSIONS:
         raise Damaged(f"compressed by {compression or 'nothing'}, which is not known here")
-    decompressor: Any = _DECOMPRESSORS[compression]()
     try:
-        found: bytes = decompressor.decompress(data, -1 if cut else size + 1)
-    except (OSError, ValueError, EOFError, RuntimeError, MemoryError) as error:
-        raise Damaged(f"its {compression} data is damaged") from error
-    if not cut and (len(found) != size or not decompressor.eof):
-        raise Damaged(f"its {compression} data is not as long as it says")
-    return found
+        return unpack_all(compression, data) if cut else unpack(compression, data, size)
+    except (TooLarge, DamagedData) as error:
+        raise Damaged(str(error)) from error
 
 
 def _number(data: bytes) -> int:

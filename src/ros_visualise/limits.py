@@ -1,0 +1,78 @@
+"""What one input may take of the machine: no size that it declares is believed before it is here.
+
+All limits follow from one number, `--max-memory`: with it, an input of little size does not bring
+the whole process above that. A part of it that is unpacked, and the pixels of one image, may take
+an eighth each, for a few of them are held at the same time: one is read while others are processed.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from pathlib import Path
+
+from ros_visualise.errors import OpenError, TooLarge
+
+DEFAULT_MEMORY = 2 << 30
+
+_GIB, _MIB = 1 << 30, 1 << 20
+_SHARE = 8
+_PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
+_RESERVE = 0.05  # of a disk, stays free beside temporary files
+_max_memory = DEFAULT_MEMORY
+
+
+def set_max_memory(size: int) -> None:
+    """Let this process take so many bytes."""
+    global _max_memory
+    _max_memory = size
+
+
+def unpacked_limit(packed: int) -> int:
+    """The bytes that may be made of so many packed ones."""
+    return max(_max_memory // _SHARE, _PLAUSIBLE * packed)
+
+
+def check_unpacked(size: int, packed: int) -> None:
+    """Look at what is said to unpack to so many bytes, or did.
+
+    Raises:
+        TooLarge: it may not.
+    """
+    if size > unpacked_limit(packed):
+        raise TooLarge(f"unpacks to {_written(size)} or more, {_advice(size)}")
+
+
+def check_image(width: int, height: int, pixel_bytes: int) -> None:
+    """Look at the size of an image before its pixels are made.
+
+    Raises:
+        TooLarge: they would take too much.
+    """
+    size = width * height * pixel_bytes
+    if size > _max_memory // _SHARE:
+        raise TooLarge(f"an image of {width}x{height} takes {_written(size)}, {_advice(size)}")
+
+
+def check_disk(folder: Path, size: int) -> None:
+    """Look whether a temporary file of so many bytes leaves a disk some room.
+
+    Raises:
+        OpenError: it does not.
+    """
+    disk = shutil.disk_usage(folder)
+    if size > disk.free - _RESERVE * disk.total:
+        raise OpenError(
+            f"needs {_written(size)} or more in {folder}, where {_written(disk.free)} are free;"
+            " make room, or set TMPDIR to a folder on a larger disk"
+        )
+
+
+def _advice(size: int) -> str:
+    needed = math.ceil(size * _SHARE / _GIB)
+    limit = _written(_max_memory // _SHARE)
+    return f"and {limit} are allowed; if you trust it, add --max-memory {needed}G"
+
+
+def _written(size: float) -> str:
+    return f"{size / _GIB:.1f} GiB" if size >= _GIB else f"{size / _MIB:.0f} MiB"

@@ -1,0 +1,70 @@
+"""Unpacking what recordings compress: to no more than was said, and no more than is allowed."""
+
+from __future__ import annotations
+
+import bz2
+from collections.abc import Callable
+
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+
+from ros_visualise.limits import check_unpacked, unpacked_limit
+
+Packed = bytes | memoryview
+
+_FAULTS = (OSError, ValueError, EOFError, RuntimeError, MemoryError, zstandard.ZstdError)
+
+
+class DamagedData(Exception):
+    """The data is not what its compression makes, or not as long as it says."""
+
+
+def unpack(compression: str, packed: Packed, size: int) -> bytes:
+    """What is said to be so many bytes.
+
+    Args:
+        compression: one of `COMPRESSIONS`.
+
+    Raises:
+        TooLarge: it may not be so many.
+        DamagedData: it cannot be unpacked, or is of another length.
+    """
+    check_unpacked(size, len(packed))
+    found = _unpack(compression, packed, size + 1)
+    if len(found) != size:
+        raise DamagedData(f"its {compression} data is not as long as it says")
+    return found
+
+
+def unpack_all(compression: str, packed: Packed) -> bytes:
+    """What there is, where nobody says how much, or where it may be cut off.
+
+    Raises:
+        TooLarge: it is more than it may be.
+        DamagedData: it cannot be unpacked.
+    """
+    found = _unpack(compression, packed, unpacked_limit(len(packed)) + 1)
+    check_unpacked(len(found), len(packed))
+    return found
+
+
+def _unpack(compression: str, packed: Packed, most: int) -> bytes:
+    try:
+        return COMPRESSIONS[compression](packed, most)
+    except _FAULTS as error:
+        raise DamagedData(f"its {compression} data is damaged") from error
+
+
+def _bz2(packed: Packed, most: int) -> bytes:
+    return bz2.BZ2Decompressor().decompress(packed, most)
+
+
+def _lz4(packed: Packed, most: int) -> bytes:
+    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, most))
+
+
+def _zstd(packed: Packed, most: int) -> bytes:
+    return zstandard.ZstdDecompressor().stream_reader(packed).read(most)
+
+
+COMPRESSIONS: dict[str, Callable[[Packed, int], bytes]] = {"bz2": _bz2, "lz4": _lz4, "zstd": _zstd}

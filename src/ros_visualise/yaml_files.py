@@ -1,0 +1,83 @@
+"""YAML files, read so that none can take more than a moment and a little memory.
+
+What names a part again (``*name``) counts as large as that part: a few lines can stand for billions
+of values, for which programs then look one by one.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.events import AliasEvent, ScalarEvent
+
+_MOST_BYTES = 4 << 20  # the metadata of a bag of 10,000 files has less
+_MOST_VALUES = 200_000
+_DEEPEST = 50
+_LONGEST_PLAIN = 1 << 16  # of what may be a number, which takes long to make of many digits
+
+
+class BadYaml(ValueError):
+    """A file is no YAML, or too large; says why."""
+
+
+def load_yaml(path: Path) -> Any:
+    """The values in a file.
+
+    Raises:
+        OSError: it cannot be read.
+        BadYaml: it is no YAML, or too large.
+    """
+    with path.open("rb") as file:
+        data = file.read(_MOST_BYTES + 1)
+    if len(data) > _MOST_BYTES:
+        raise BadYaml(f"more than {_MOST_BYTES >> 20} MiB; leave out what is not needed")
+    yaml = YAML(typ="safe", pure=True)  # in Python alone, so that Ctrl-C need not wait for it
+    yaml.Composer = _Composer
+    try:
+        return yaml.load(data.decode())
+    except MarkedYAMLError as error:
+        line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise BadYaml(f"{error.problem}{line}") from None
+    except (YAMLError, ValueError, RecursionError):  # such as a number of a million digits
+        raise BadYaml("give a text file of keys and values") from None
+
+
+class _Composer(Composer):
+    """Counts the values while they are put together, and stops where they are too many."""
+
+    def __init__(self, loader: Any = None) -> None:
+        super().__init__(loader=loader)
+        self._values = self._depth = 0
+        self._sizes: dict[str, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.parser.peek_event()
+        before = self._values
+        self._values += self._size(event)
+        self._depth += 1
+        if self._depth > _DEEPEST:
+            raise _refused(f"nested more than {_DEEPEST} deep", event)
+        if self._values > _MOST_VALUES:
+            raise _refused(f"more than {_MOST_VALUES} values", event)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if event.anchor and not isinstance(event, AliasEvent):
+            self._sizes[event.anchor] = self._values - before
+        return node
+
+    def _size(self, event: Any) -> int:
+        """The values that an event stands for: a part that is named within itself, for too many."""
+        if isinstance(event, AliasEvent) and event.anchor in self.anchors:
+            return self._sizes.get(event.anchor, _MOST_VALUES)
+        is_plain = isinstance(event, ScalarEvent) and event.implicit[0]
+        if is_plain and len(event.value) > _LONGEST_PLAIN:
+            raise _refused(f"a value of more than {_LONGEST_PLAIN} letters without quotes", event)
+        return 1
+
+
+def _refused(why: str, event: Any) -> MarkedYAMLError:
+    return MarkedYAMLError(problem=why, problem_mark=event.start_mark)
