@@ -17,6 +17,7 @@ DEFAULT_MEMORY = 2 << 30
 
 _GIB, _MIB = 1 << 30, 1 << 20
 _SHARE = 8
+_FRAME_SHARE = 40
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _RESERVE = 0.05  # of a disk, stays free beside temporary files
 _max_memory = DEFAULT_MEMORY
@@ -54,6 +55,38 @@ def check_image(width: int, height: int, pixel_bytes: int) -> None:
         raise TooLarge(f"an image of {width}x{height} takes {_written(size)}, {_advice(size)}")
 
 
+def check_frame(width: int, height: int, pixel_bits: int) -> None:
+    """Look at the size of a film's frames before one is decoded.
+
+    Raises:
+        TooLarge: a decoder, which may keep 16 of them beside the images, would take too much.
+    """
+    size = width * height * pixel_bits // 8
+    if size > _max_memory // _FRAME_SHARE:
+        what = f"frames of {width}x{height} take {_written(size)} each"
+        raise TooLarge(f"{what}, {_advice(size, _FRAME_SHARE)}")
+
+
+def frame_pixels(pixel_bits: int) -> int:
+    """The most pixels that a film's frame may have."""
+    return _max_memory // _FRAME_SHARE * 8 // max(1, pixel_bits)
+
+
+def frames_at_once(width: int, height: int, pixel_bits: int) -> int:
+    """How many frames of that size a decoder may work on at the same time."""
+    return max(1, _max_memory // 2 // _SHARE * 8 // max(1, width * height * pixel_bits))
+
+
+def check_file(size: int) -> None:
+    """Look at the size of a file that is read as a whole.
+
+    Raises:
+        TooLarge: it would take too much.
+    """
+    if size > _max_memory // _SHARE:
+        raise TooLarge(f"a file of {_written(size)}, {_advice(size)}")
+
+
 def check_disk(folder: Path, size: int) -> None:
     """Look whether a temporary file of so many bytes leaves a disk some room.
 
@@ -68,9 +101,9 @@ def check_disk(folder: Path, size: int) -> None:
         )
 
 
-def _advice(size: int) -> str:
-    needed = math.ceil(size * _SHARE / _GIB)
-    limit = _written(_max_memory // _SHARE)
+def _advice(size: int, share: int = _SHARE) -> str:
+    needed = math.ceil(size * share / _GIB)
+    limit = _written(_max_memory // share)
     return f"and {limit} are allowed; if you trust it, add --max-memory {needed}G"
 
 

@@ -13,7 +13,8 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 
 from ros_visualise.data import ENCODINGS, Deferred, Image, Pixels
-from ros_visualise.errors import UsageError
+from ros_visualise.errors import TooLarge, UsageError
+from ros_visualise.limits import check_image
 
 Size = tuple[int, int]
 
@@ -30,7 +31,7 @@ def parse_size(text: str) -> Size | None:
     """``WxH`` in pixels; None for an empty text.
 
     Raises:
-        UsageError: it is not of that form.
+        UsageError: it is not of that form, or too large.
     """
     if not text:
         return None
@@ -40,6 +41,10 @@ def parse_size(text: str) -> Size | None:
         raise UsageError(
             f"size={text}: give WIDTHxHEIGHT in pixels, such as 640x480, at most {_MAX_SIDE} each"
         )
+    try:
+        check_image(width, height, ENCODINGS["bgr8"][1])
+    except TooLarge as error:
+        raise UsageError(f"size={text}: {error}") from None
     return width, height
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +14,10 @@ from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_frame, frame_pixels, frames_at_once
+
+_UNKNOWN_BITS = 24  # of a pixel
 
 
 class NoVideo(OpenError):
@@ -51,7 +55,26 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
     if streams[0].codec_context is None:
         raise OpenError(f"{path}: of a codec that is not known here; convert it: ffmpeg -i IN OUT")
     streams[0].thread_type = "AUTO"
+    try:
+        limit_frames(streams[0])
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
     return streams[0]
+
+
+def limit_frames(stream: VideoStream) -> None:
+    """See that decoding takes no more memory than it may, also where frames grow on the way.
+
+    Raises:
+        TooLarge: it would, with frames of the size that the file says.
+    """
+    codec = stream.codec_context
+    bits = codec.format.padded_bits_per_pixel if codec.format else _UNKNOWN_BITS
+    check_frame(codec.width, codec.height, bits)
+    threads = frames_at_once(codec.width, codec.height, bits)
+    if threads < (os.cpu_count() or 1):
+        codec.thread_count = threads
+    codec.options = {"max_pixels": str(frame_pixels(bits))}
 
 
 class Decoder:

@@ -12,8 +12,9 @@ from av.container import InputContainer
 from av.error import ExitError, FFmpegError
 from av.video.frame import VideoFrame
 
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.sources.convert import Size
+from ros_visualise.sources.demux import limit_frames
 
 _OPEN_S = 10.0  # a stream may take that long until its first keyframe
 _LOST_NS = 1_000_000_000
@@ -61,7 +62,7 @@ def open_live(address: Address, timeout_s: float) -> InputContainer:
     """A camera, opened by FFmpeg.
 
     Raises:
-        OpenError: it cannot be opened, or sends no video.
+        OpenError: it cannot be opened, or sends no video, or too large a one.
     """
     waits = (max(_OPEN_S, timeout_s), timeout_s)
     try:
@@ -73,6 +74,11 @@ def open_live(address: Address, timeout_s: float) -> InputContainer:
     if not container.streams.video:
         container.close()
         raise OpenError(f"{address.name}: sends no video; {_TRY_TEST}")
+    try:
+        limit_frames(container.streams.video[0])
+    except TooLarge as error:
+        container.close()
+        raise OpenError(f"{address.name}: {error}") from None
     container.streams.video[0].thread_type = "SLICE"  # threads by frame would keep frames back
     return container
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ros_visualise.data import ENCODINGS, MEASUREMENTS, CompressedImage, Image, Pixels
 from ros_visualise.vision.color import encoding_of, is_bayer, order_of, to_bgr
+from ros_visualise.vision.pictures import check_picture
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _LARGEST_JPEG = 65500  # pixels along a side
@@ -107,8 +108,9 @@ def _encode(suffix: str, pixels: Pixels, options: list[int]) -> Pixels:
 def _decode(file: Pixels, format_name: str) -> Pixels:
     """The picture in a file: gray, or colour in the order B, G, R, perhaps with alpha."""
     data = np.ascontiguousarray(file, np.uint8)
+    raw = data.tobytes()
     pixels: Any = None
-    if _is_whole(data):
+    if _is_whole(raw) and check_picture(raw):
         with contextlib.suppress(cv2.error):
             pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     if pixels is None:
@@ -123,9 +125,8 @@ def _broken(format_name: str, size: int) -> str:
     return f"compressed image {format_name!r}: its {size} bytes are broken"
 
 
-def _is_whole(data: Pixels) -> bool:
+def _is_whole(raw: bytes) -> bool:
     """Not empty, and a JPEG has its end; OpenCV would fill up what lacks with gray."""
-    raw = data.tobytes()
     return bool(raw) and (not raw.startswith(_JPEG_START) or _JPEG_END in raw)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import threading
 import zlib
@@ -14,11 +15,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
+from ros_visualise.errors import TooLarge
+from ros_visualise.limits import check_image
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.series import DamagedFile
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHUNK = 12  # length, type and CRC around a chunk's data
+_COLOR_BYTES = 3  # of a pixel
 _PATIENCE = 8
 
 
@@ -99,7 +103,9 @@ def decode(path: Path, data: bytes, color: bool) -> Pixels:
         DamagedFile: OpenCV cannot decode it.
     """
     flags = (cv2.IMREAD_COLOR if color else cv2.IMREAD_GRAYSCALE) | cv2.IMREAD_IGNORE_ORIENTATION
-    pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    pixels: Pixels | None = None
+    with contextlib.suppress(cv2.error):
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     if pixels is None:
         raise DamagedFile(path, "OpenCV cannot decode it")
     return pixels
@@ -109,7 +115,7 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
     """Height and width of a PNG that is whole, by its own checksums, without decoding it.
 
     Raises:
-        DamagedFile: it is not.
+        DamagedFile: it is not, or its pixels would take too much.
 
     Source: W3C, Portable Network Graphics Specification, section 5.
     """
@@ -129,6 +135,10 @@ def check_png(path: Path, data: bytes) -> tuple[int, int]:
     width, height = read_size(data)
     if not width or not height:
         raise DamagedFile(path, "a PNG image without a size")
+    try:
+        check_image(width, height, _COLOR_BYTES)
+    except TooLarge as error:
+        raise DamagedFile(path, str(error)) from None
     return height, width
 
 

@@ -7,6 +7,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from ros_visualise.errors import TooLarge
+from ros_visualise.limits import check_file
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 
@@ -33,11 +35,14 @@ class Files:
         """The bytes of a file.
 
         Raises:
-            DamagedFile: it is empty, gone, or may not be read.
+            DamagedFile: it is empty, gone, too large, or may not be read.
         """
         path = self.path(index)
         try:
+            check_file(path.stat().st_size)
             data = path.read_bytes()
+        except TooLarge as error:
+            raise DamagedFile(path, str(error)) from None
         except OSError as error:
             raise DamagedFile(path, error.strerror or str(error)) from None
         if not data:
