@@ -10,7 +10,14 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.options import add_playing_options, not_negative, positive, seed
+from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
+from ros_visualise.options import (
+    add_memory_option,
+    add_playing_options,
+    not_negative,
+    positive,
+    seed,
+)
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
 
@@ -34,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     try:
         args = _parser().parse_args(arguments)
+        set_max_memory(getattr(args, "max_memory", DEFAULT_MEMORY))
         command = import_module(f"ros_visualise.commands.{args.module}")
         say_what_is_logged()
         interrupt()
@@ -148,6 +156,7 @@ def _add_asking(commands: Any) -> None:
     info.set_defaults(module="info")
     info.add_argument("input", metavar="FILE")
     info.add_argument("--json", action="store_true", help="as one JSON object")
+    add_memory_option(info)
     _add_convert(commands)
     _add_trajectory(commands)
     nodes = commands.add_parser("nodes", help="every node, its topics and its parameters")
@@ -181,6 +190,7 @@ def _add_convert(commands: Any) -> None:
     )
     convert.add_argument("--overwrite", action="store_true", help="replace DST if it exists")
     convert.add_argument("--json", action="store_true", help="say what it is as one JSON object")
+    add_memory_option(convert)
 
 
 def _add_trajectory(commands: Any) -> None:
@@ -199,6 +209,7 @@ def _add_trajectory(commands: Any) -> None:
     way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png, .svg or .pdf")
     way.add_argument("--overwrite", action="store_true", help="replace files that exist")
     way.add_argument("--json", action="store_true", help="say what it is as one JSON object")
+    add_memory_option(way)
 
 
 class _Version(argparse.Action):

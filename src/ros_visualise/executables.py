@@ -14,6 +14,7 @@ from pathlib import Path
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.graph import Graph, Node, parse_node
+from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
@@ -40,7 +41,7 @@ log = logging.getLogger(__name__)
 _SPIN_S = 0.1
 _OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock"),
+    *("image_transport", "start", "duration", "clock", "max_memory"),
 )
 """Private parameters that every executable reads once, beside those that its node declares."""
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
@@ -80,6 +81,7 @@ def run_viewer() -> None:
 def _run(name: str, work: Callable[[], int]) -> None:
     session.begin(name)
     try:
+        set_max_memory(parse_memory(str(session.option("max_memory", DEFAULT_MEMORY))))
         status = work()
     except RosVisualiseError as error:
         log.critical("%s", error)

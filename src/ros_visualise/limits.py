@@ -8,12 +8,16 @@ an eighth each, for a few of them are held at the same time: one is read while o
 from __future__ import annotations
 
 import math
+import re
 import shutil
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.errors import OpenError, TooLarge, UsageError
 
 DEFAULT_MEMORY = 2 << 30
+
+_LEAST_MEMORY = 64 << 20
+_UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 _GIB, _MIB = 1 << 30, 1 << 20
 _SHARE = 8
@@ -21,6 +25,19 @@ _FRAME_SHARE = 40
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _RESERVE = 0.05  # of a disk, stays free beside temporary files
 _max_memory = DEFAULT_MEMORY
+
+
+def parse_memory(text: str) -> int:
+    """Bytes, as ``4G`` or ``500M``.
+
+    Raises:
+        UsageError: it is no size, or less than anything needs.
+    """
+    found = re.fullmatch(r"(\d{1,15}(?:\.\d{1,6})?) ?([KMGT]?)(?:i?B)?", text, re.IGNORECASE)
+    size = int(float(found[1]) * _UNITS[found[2].upper()]) if found else 0
+    if size < _LEAST_MEMORY:
+        raise UsageError(f"{text!r}: give bytes as 4G or 500M, at least {_LEAST_MEMORY >> 20}M")
+    return size
 
 
 def set_max_memory(size: int) -> None:

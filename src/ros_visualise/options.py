@@ -7,6 +7,8 @@ from argparse import ArgumentParser, ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
 
+from ros_visualise.errors import UsageError
+from ros_visualise.limits import DEFAULT_MEMORY, parse_memory
 from ros_visualise.rate import MAX_RATE
 
 
@@ -33,12 +35,31 @@ _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
 _port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
 
 
+def _memory(text: str) -> int:
+    try:
+        return parse_memory(text)
+    except UsageError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def add_memory_option(parser: ArgumentParser) -> None:
+    """How much memory an input may take, for each command that reads one."""
+    parser.add_argument(
+        "--max-memory",
+        type=_memory,
+        default=DEFAULT_MEMORY,
+        metavar="SIZE",
+        help=f"what a small input may grow to in memory ({DEFAULT_MEMORY >> 30}G)",
+    )
+
+
 def add_playing_options(parser: ArgumentParser) -> None:
     """All that can be asked of a command that plays a source through nodes."""
     _add_viewing(parser)
     _add_pace(parser)
     _add_nodes(parser)
     _add_output(parser)
+    add_memory_option(parser)
 
 
 def _add_viewing(parser: ArgumentParser) -> None:

@@ -11,7 +11,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.messages.expansion import check_expansion
 
 Encoding = Literal["ros1", "cdr"]
 """How messages stand as bytes: as ROS 1 sends them, or as ROS 2 does (plain CDR)."""
@@ -21,6 +22,8 @@ _HEADER = "std_msgs/msg/Header"
 _TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
+_LONGEST = 256 << 10  # the library parses 100 KiB in a second; the longest real ones have that
+_COMMENT = re.compile(r"\s*#")
 _BOUND = re.compile(r"^(\s*string)<=\d+(?=\s+[A-Z]\w*\s*=)", re.MULTILINE)
 _EMPTY = re.compile(r"^(\s*string\s+[A-Z]\w*\s*=)[ \t]*$", re.MULTILINE)
 
@@ -31,9 +34,21 @@ def parse(text: str, type_name: str) -> dict[str, Any]:
     Raises:
         Exception: the text is no definition; the library's parser raises what it happens to meet.
     """
-    # the library knows neither bounds nor emptiness of constants
-    text = _EMPTY.sub(r'\1 ""', _BOUND.sub(r"\1", text))
+    # the library takes long for comments, and knows neither bounds nor emptiness of constants
+    lines = [line for line in text.split("\n") if line.strip() and not _COMMENT.match(line)]
+    text = _EMPTY.sub(r'\1 ""', _BOUND.sub(r"\1", "\n".join(lines) + "\n"))
+    check_length(text)
     return dict(get_types_from_msg(text, type_name))
+
+
+def check_length(text: str) -> None:
+    """Look at a definition before it is parsed.
+
+    Raises:
+        TooLarge: that would take long.
+    """
+    if len(text) > _LONGEST:
+        raise TooLarge(f"its definition is longer than {_LONGEST >> 10} KiB")
 
 
 def parts_of(fields: Iterable[tuple[str, Any]]) -> set[str]:
@@ -84,11 +99,14 @@ class Definitions:
                 return
             try:
                 found = parse(text, type_name)
+                check_expansion(type_name, {**self._store.fielddefs, **found})
                 changed = {n: t for n, t in found.items() if self._store.fielddefs.get(n) != t}
                 for name in changed:
                     self._store.fielddefs.pop(name, None)
                 self._store.register(changed)
                 self._store.cache.clear()  # readers of the types as they were before
+            except TooLarge as error:
+                raise DamagedMessage(f"{type_name}: {error}") from error
             except Exception as error:  # the library's parser raises what it happens to meet
                 raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
             self._given[type_name] = text

@@ -27,7 +27,7 @@ _NAMED = {
 KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
 """The recordings that there are, for people."""
 
-_LISTED = 3  # of the recordings in a folder, so many are named
+_LISTED = 3  # of the recordings in a folder, or of what is lost, so many are named
 
 
 def open_recording(path: str | Path) -> Recording:
@@ -45,8 +45,8 @@ def open_recording(path: str | Path) -> Recording:
         raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
     if recording.loss and not any(topic.messages for topic in recording.topics.values()):
         recording.close()
-        why = f" ({recording.loss.notes[0]})" if recording.loss.notes else ""
-        raise OpenError(f"{path}: no message of it can be read; copy or record it again{why}")
+        why = "; ".join(recording.loss.notes[:_LISTED])
+        raise OpenError(f"{path}: no message of it can be read; copy or record it again ({why})")
     return recording
 
 

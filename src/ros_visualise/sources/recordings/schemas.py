@@ -12,8 +12,15 @@ from rosbags.typesys import (
     get_typestore,
 )
 
-from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parse, parts_of
+from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.messages.definitions import (
+    Definitions,
+    Encoding,
+    Undecoded,
+    check_length,
+    parse,
+    parts_of,
+)
 
 _TRANSIENT_LOCAL = re.compile(r"durability['\"]?\s*:\s*['\"]?(1|transient_local)\b", re.IGNORECASE)
 
@@ -109,6 +116,8 @@ def is_latched(offered_qos_profiles: str) -> bool:
 def _parse(type_name: str, text: str) -> _Types:
     try:
         return parse(text, type_name)
+    except TooLarge as error:
+        raise DamagedMessage(f"{type_name}: {error}") from error
     except Exception as error:  # the library's parser raises what it happens to meet
         raise DamagedMessage(f"{type_name}: its definition cannot be read") from error
 
@@ -117,10 +126,13 @@ def _idl_to_msg(type_name: str, text: str) -> str:
     """The same definition in ROS's own language."""
     store = get_typestore(Stores.ROS2_JAZZY)
     try:
+        check_length(text)
         types = get_types_from_idl(_NOT_IDL.sub("", text))
         for name in types:
             store.fielddefs.pop(name, None)
         store.register(types)
         return store.generate_msgdef(type_name, ros_version=2)[0]
+    except TooLarge as error:
+        raise DamagedMessage(f"{type_name}: {error}") from error
     except Exception as error:  # the library's parser raises what it happens to meet
         raise DamagedMessage(f"{type_name}: its IDL definition cannot be read") from error
