@@ -43,6 +43,8 @@ def unpack_all(compression: str, packed: Packed) -> bytes:
         TooLarge: it is more than it may be.
         DamagedData: it cannot be unpacked.
     """
+    if compression == "zstd":
+        check_unpacked(_told_size(packed), len(packed))
     found = _unpack(compression, packed, unpacked_limit(len(packed)) + 1)
     check_unpacked(len(found), len(packed))
     return found
@@ -53,6 +55,14 @@ def _unpack(compression: str, packed: Packed, most: int) -> bytes:
         return COMPRESSIONS[compression](packed, most)
     except _FAULTS as error:
         raise DamagedData(f"its {compression} data is damaged") from error
+
+
+def _told_size(packed: Packed) -> int:
+    """What a zstd frame says of its own size; -1 where it says nothing."""
+    try:
+        return zstandard.frame_content_size(packed)
+    except zstandard.ZstdError:
+        return -1
 
 
 def _bz2(packed: Packed, most: int) -> bytes:

@@ -1,0 +1,124 @@
+"""Small inputs that stand for gigabytes are refused by their heads, and take little memory."""
+
+import json
+import struct
+import subprocess
+import sys
+import zlib
+
+import av
+import pytest
+
+from ros_visualise import limits
+from ros_visualise.data import CompressedImage
+from ros_visualise.errors import OpenError, TooLarge, UsageError
+from ros_visualise.vision.compression import decompress
+
+MB = 1 << 20
+
+
+def chunk(kind, data):
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def png(width, height):
+    """The head of such a picture, and a kilobyte of its pixels."""
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    pixels = zlib.compress(bytes(1000))
+    parts = chunk(b"IHDR", head) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
+    return b"\x89PNG\r\n\x1a\n" + parts
+
+
+def tiff(width, height):
+    tags = ((256, 4, width), (257, 4, height), (258, 3, 8), (259, 3, 1), (262, 3, 1), (273, 4, 8))
+    tags += ((277, 3, 1), (278, 4, height), (279, 4, 100))
+    entries = b"".join(struct.pack("<HHII", tag, kind, 1, value) for tag, kind, value in tags)
+    return b"II*\0\x6c\0\0\0" + bytes(100) + struct.pack("<H", len(tags)) + entries + bytes(4)
+
+
+def jpeg(width, height):
+    import cv2
+    import numpy as np
+
+    data = cv2.imencode(".jpg", np.zeros((8, 8, 3), np.uint8))[1].tobytes()
+    at = data.index(b"\xff\xc0") + 5
+    return data[:at] + struct.pack(">HH", height, width) + data[at + 4 :]
+
+
+def pgm(width, height):
+    return b"P5\n%d %d\n255\n" % (width, height) + bytes(100)
+
+
+@pytest.fixture
+def little_memory():
+    limits.set_max_memory(64 * MB)  # 8 MB for an image, or for what is unpacked
+    yield
+    limits.set_max_memory(limits.DEFAULT_MEMORY)
+
+
+def peak_of(*arguments):
+    """A command: exit status, what it said, and the bytes that it took at most."""
+    code = (
+        "import json, resource, subprocess, sys\n"
+        "done = subprocess.run([sys.executable, '-m', 'ros_visualise', *sys.argv[1:]],"
+        " capture_output=True, text=True, timeout=100)\n"
+        "peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss << 10\n"
+        "print(json.dumps([done.returncode, done.stderr, peak]))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)], capture_output=True, check=True
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("make", [png, jpeg, tiff, pgm])
+def test_a_picture_is_refused_by_its_head(make):
+    import numpy as np
+
+    data = np.frombuffer(make(32000, 32000), np.uint8)
+    with pytest.raises(TooLarge, match=r"32000x32000 takes .* 256 MiB .* --max-memory \d+G"):
+        decompress(CompressedImage(data, "picture"))
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [("4G", 4 << 30), ("500M", 500 << 20), ("1.5GiB", 3 << 29), ("67108864", 64 * MB)],
+)
+def test_memory_is_given_in_bytes(text, size):
+    assert limits.parse_memory(text) == size
+
+
+@pytest.mark.parametrize("text", ["", "0", "-4G", "4X", "1M", "nan", "four"])
+def test_what_is_no_memory_is_refused(text):
+    with pytest.raises(UsageError, match="give bytes as 4G or 500M, at least 64M"):
+        limits.parse_memory(text)
+
+
+def test_a_size_to_scale_to_is_refused_in_one_line():
+    status, said, _ = peak_of("demo", "landscape", "--size", "16384x16384", "--view", "none")
+    assert status == 2
+    assert said.splitlines() == [
+        "ros-visualise: size=16384x16384: an image of 16384x16384 takes 768 MiB, and 256 MiB are"
+        " allowed; if you trust it, add --max-memory 6G"
+    ]
+
+
+@pytest.mark.parametrize("command", ["info", "video"])
+def test_a_film_of_large_frames_is_refused_before_one_is_decoded(tmp_path, command):
+    path = tmp_path / "film.avi"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 8400, 8400, "yuvj420p"
+        frame = av.VideoFrame(8400, 8400, "yuvj420p")
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    status, said, peak = peak_of(command, path)
+    assert (status, len(said.splitlines())) == (2, 1)
+    assert "film.avi: frames of 8400x8400 take 101 MiB each, and 51 MiB are allowed" in said
+    assert peak < 400 * MB
+
+
+def test_a_disk_keeps_room(tmp_path):
+    with pytest.raises(OpenError, match="are free; make room, or set TMPDIR"):
+        limits.check_disk(tmp_path, 2**60)
+    limits.check_disk(tmp_path, 1)
