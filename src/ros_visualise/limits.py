@@ -22,6 +22,7 @@ _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 _GIB, _MIB = 1 << 30, 1 << 20
 _SHARE = 8
 _FRAME_SHARE = 40
+_TEXT_SHARE = 32
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _RESERVE = 0.05  # of a disk, stays free beside temporary files
 _max_memory = DEFAULT_MEMORY
@@ -102,6 +103,16 @@ def check_file(size: int) -> None:
     """
     if size > _max_memory // _SHARE:
         raise TooLarge(f"a file of {_written(size)}, {_advice(size)}")
+
+
+def check_text(size: int) -> None:
+    """Look at the size of a file of text, whose lines become objects of many times their size.
+
+    Raises:
+        TooLarge: they would take too much.
+    """
+    if size > _max_memory // _TEXT_SHARE:
+        raise TooLarge(f"a text of {_written(size)}, {_advice(size, _TEXT_SHARE)}")
 
 
 def check_disk(folder: Path, size: int) -> None:

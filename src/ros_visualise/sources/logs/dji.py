@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Header, NavSatFix
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_text
 from ros_visualise.sources.logs.srt import Subtitle, decode_srt, ends_cut, parse_srt
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
@@ -31,9 +32,13 @@ def open_srt(path: str | Path) -> SeriesRecording:
     """Open a file of subtitles; those without a place become fixes whose status is that of none.
 
     Raises:
-        OpenError: nothing in it says a place.
+        OpenError: nothing in it says a place, or it is too large.
     """
     path = Path(path)
+    try:
+        check_text(path.stat().st_size)
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
     data = path.read_bytes()
     text = decode_srt(data)
     subtitles = list(parse_srt(text))

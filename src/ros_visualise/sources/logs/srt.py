@@ -8,13 +8,15 @@ import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import zip_longest
+from itertools import chain, pairwise
 
 _NS = 1_000_000_000
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 _START = re.compile(r"\s*\d+\s*\n[\d:,. ]+-->")
-_SUBTITLE = re.compile(
-    r"^\s*(\d+)\s*\n\s*(\d+):(\d\d):(\d\d)[,.](\d{1,3})\s*-->[^\n]*\n?", re.MULTILINE
+_SUBTITLE = re.compile(  # without bounds, it would take years where lines are empty
+    r"^[^\S\n]{0,9}(\d{1,9})\s{0,9}\n\s{0,9}(\d{1,4}):(\d\d):(\d\d)[,.](\d{1,3})"
+    r"\s{0,9}-->[^\n]*\n?",
+    re.MULTILINE,
 )
 _DATE = re.compile(
     r"(\d{4})[.-](\d\d)[.-](\d\d)[ T](\d\d):(\d\d):(\d\d)(?:[.,:](\d{3}))?(?:[.,:](\d{3}))?"
@@ -30,7 +32,7 @@ _RELATIVE = re.compile(
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Subtitle:
     """What one says; numbers that it does not say are no numbers (nan).
 
@@ -93,8 +95,8 @@ def _form(said: str) -> str:
 
 def _split(text: str) -> Iterator[tuple[re.Match[str], str]]:
     """Each subtitle's number and times, and what it says."""
-    found = list(_SUBTITLE.finditer(text))
-    for one, following in zip_longest(found, found[1:]):
+    for one, following in pairwise(chain(_SUBTITLE.finditer(text), [None])):
+        assert one is not None
         yield one, text[one.end() : following.start() if following else None]
 
 

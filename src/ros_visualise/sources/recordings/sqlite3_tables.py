@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -11,6 +12,9 @@ from typing import Any
 from ros_visualise.errors import DamagedMessage, OpenError
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
+
+_NAMES = ("messages", "topics", "message_definitions")
+_VIRTUAL = re.compile(r"\s*CREATE\s+VIRTUAL", re.IGNORECASE)
 
 
 @contextmanager
@@ -71,7 +75,7 @@ def channels(database: sqlite3.Connection, schemas: Schemas) -> dict[int, Channe
     Raises:
         sqlite3.DatabaseError: it is none, or damaged.
     """
-    tables = {name for (name,) in database.execute("SELECT name FROM sqlite_master")}
+    tables = {name for name in _NAMES if _is_table(database, name)}
     if not {"messages", "topics"} <= tables:
         raise sqlite3.DatabaseError("it has no tables of messages and topics")
     definitions = _definitions(database) if "message_definitions" in tables else {}
@@ -109,6 +113,16 @@ def _channel(
         kept = schemas.keep("cdr", type_name, text, given, str(damage))
         return Channel(name, type_name, kept, given, latched, str(damage))
     return Channel(name, type_name, known, given or digest(known, type_name), latched)
+
+
+def _is_table(database: sqlite3.Connection, name: str) -> bool:
+    """Whether there is such a table whose values are all stored; what is computed has no end."""
+    found = database.execute(
+        "SELECT type, sql FROM sqlite_master WHERE name = ?", (name,)
+    ).fetchall()
+    is_stored = [kind == "table" and not _VIRTUAL.match(str(sql)) for kind, sql in found]
+    columns = database.execute(f"PRAGMA table_xinfo({name})")
+    return is_stored == [True] and not any(column[-1] for column in columns)
 
 
 @damage_by_name()
