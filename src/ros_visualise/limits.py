@@ -1,8 +1,7 @@
 """What one input may take of the machine: no size that it declares is believed before it is here.
 
-All limits follow from one number, `--max-memory`: with it, an input of little size does not bring
-the whole process above that. A part of it that is unpacked, and the pixels of one image, may take
-an eighth each, for a few of them are held at the same time: one is read while others are processed.
+All limits are shares of one number, `--max-memory`, such that an input of little size does not
+bring the whole process above that.
 """
 
 from __future__ import annotations
@@ -20,9 +19,10 @@ _LEAST_MEMORY = 64 << 20
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 _GIB, _MIB = 1 << 30, 1 << 20
-_SHARE = 8
-_FRAME_SHARE = 40
-_TEXT_SHARE = 32
+_SHARE = 8  # a few images are held at the same time
+_UNPACKED_SHARE = 16  # small messages take several times their bytes
+_TEXT_SHARE = 32  # as do lines of text
+_FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _RESERVE = 0.05  # of a disk, stays free beside temporary files
 _max_memory = DEFAULT_MEMORY
@@ -49,7 +49,7 @@ def set_max_memory(size: int) -> None:
 
 def unpacked_limit(packed: int) -> int:
     """The bytes that may be made of so many packed ones."""
-    return max(_max_memory // _SHARE, _PLAUSIBLE * packed)
+    return max(_max_memory // _UNPACKED_SHARE, _PLAUSIBLE * packed)
 
 
 def check_unpacked(size: int, packed: int) -> None:
@@ -59,7 +59,7 @@ def check_unpacked(size: int, packed: int) -> None:
         TooLarge: it may not.
     """
     if size > unpacked_limit(packed):
-        raise TooLarge(f"unpacks to {_written(size)} or more, {_advice(size)}")
+        raise TooLarge(f"unpacks to {_written(size)} or more, {_advice(size, _UNPACKED_SHARE)}")
 
 
 def check_image(width: int, height: int, pixel_bytes: int) -> None:
@@ -70,7 +70,9 @@ def check_image(width: int, height: int, pixel_bytes: int) -> None:
     """
     size = width * height * pixel_bytes
     if size > _max_memory // _SHARE:
-        raise TooLarge(f"an image of {width}x{height} takes {_written(size)}, {_advice(size)}")
+        raise TooLarge(
+            f"an image of {width}x{height} takes {_written(size)}, {_advice(size, _SHARE)}"
+        )
 
 
 def check_frame(width: int, height: int, pixel_bits: int) -> None:
@@ -102,7 +104,7 @@ def check_file(size: int) -> None:
         TooLarge: it would take too much.
     """
     if size > _max_memory // _SHARE:
-        raise TooLarge(f"a file of {_written(size)}, {_advice(size)}")
+        raise TooLarge(f"a file of {_written(size)}, {_advice(size, _SHARE)}")
 
 
 def check_text(size: int) -> None:
@@ -129,7 +131,7 @@ def check_disk(folder: Path, size: int) -> None:
         )
 
 
-def _advice(size: int, share: int = _SHARE) -> str:
+def _advice(size: int, share: int) -> str:
     needed = math.ceil(size * share / _GIB)
     limit = _written(_max_memory // share)
     return f"and {limit} are allowed; if you trust it, add --max-memory {needed}G"
