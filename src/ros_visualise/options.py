@@ -49,7 +49,7 @@ def add_memory_option(parser: ArgumentParser) -> None:
         type=_memory,
         default=DEFAULT_MEMORY,
         metavar="SIZE",
-        help=f"what a small input may grow to in memory ({DEFAULT_MEMORY >> 30}G)",
+        help=f"so much may a small input grow to, as 4G ({DEFAULT_MEMORY >> 30}G)",
     )
 
 
