@@ -110,6 +110,15 @@ def test_packed_files_leave_the_disk_room(tmp_path, monkeypatch):
         open_recording(tmp_path / "bag")
 
 
+def test_of_a_packed_file_its_own_name_is_told(tmp_path):
+    write_bag(tmp_path / "bag", [Written("/a", 1, text("fine"))])
+    [file] = (tmp_path / "bag").glob("*.db3")
+    packed = file.rename(file.with_name(f"{file.name}.zstd"))
+    packed.write_bytes(zstandard.compress(bytes(9 * MB)))
+    with pytest.raises(OpenError, match=re.escape(f"{packed}: no ROS 2 bag that can be read")):
+        open_recording(tmp_path / "bag")
+
+
 MADE_OF = "=" * 80 + "\nMSG: "
 DIAMOND = "".join(f"p/A{n} a\np/A{n} b\n{MADE_OF}p/A{n}\n" for n in range(40)) + "uint8 x"
 DEEP = "".join(f"p/A{n} a\n{MADE_OF}p/A{n}\n" for n in range(99)) + "uint8 x"

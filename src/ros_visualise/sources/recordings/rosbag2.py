@@ -148,12 +148,15 @@ def _open_files(
     failures: list[str] = []
     for file in files:
         label = "" if file == path else f"{file.name}: "
+        unpacked = file
         try:
-            unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
+            if file.suffix == _PACKED:
+                unpacked = _unpack(file, loss, stack)
             storage = _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss, label)
         except OpenError as error:
-            failures.append(str(error))
-            add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))
+            why = str(error).replace(f"{unpacked}: ", f"{file}: ")
+            failures.append(why)
+            add_note(loss, why.replace(f"{file}: ", f"{file.name}: "))
             loss.bytes += file.stat().st_size
         else:
             stack.callback(storage.close)
