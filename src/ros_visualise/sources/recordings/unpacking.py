@@ -70,7 +70,8 @@ def _bz2(packed: Packed, most: int) -> bytes:
 
 
 def _lz4(packed: Packed, most: int) -> bytes:
-    return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, most))
+    context = lz4.frame.create_decompression_context()  # its class would copy what is packed
+    return bytes(lz4.frame.decompress_chunk(context, packed, max_length=most)[0])
 
 
 def _zstd(packed: Packed, most: int) -> bytes:
