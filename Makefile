@@ -4,6 +4,8 @@
 PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
+# What the simulated camera draws with; a Debian without a desktop lacks it.
+OPENGL := libegl1 libgl1-mesa-dri
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
 .PHONY: demo test fuzz clean
@@ -22,6 +24,8 @@ fuzz: .venv-test/.ready
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'
+	! command -v apt-get >/dev/null || dpkg -s $(OPENGL) >/dev/null 2>&1 || \
+		$(APT) install -y --no-install-recommends $(OPENGL)
 	$(call make_venv,$(PYTHON),.venv)
 	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]'
 	touch $@

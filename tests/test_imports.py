@@ -23,7 +23,7 @@ LAYERS = [
     {"pipelines"},
     {"runtime"},
     {"ui"},
-    {"commands", "executables"},
+    {"commands", "executables", "installation"},
     {"cli", "options"},
     {"entry"},
     {"__main__"},

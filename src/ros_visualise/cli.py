@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.options import (
     add_memory_option,
@@ -42,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         args = _parser().parse_args(arguments)
         set_max_memory(getattr(args, "max_memory", DEFAULT_MEMORY))
+        check_installation()
         command = import_module(f"ros_visualise.commands.{args.module}")
         say_what_is_logged()
         interrupt()

@@ -21,8 +21,8 @@ def main() -> int:
     return status
 
 
-def run_executable(name: str, *arguments: str) -> None:
-    """A function ``run_...`` of `ros_visualise.executables`, by the rest of its name."""
-    from ros_visualise import executables
+def run_executable(name: str) -> None:
+    """A ROS executable, by its name; see `ros_visualise.executables`."""
+    from ros_visualise.executables import run
 
-    getattr(executables, f"run_{name}")(*arguments)
+    run(name)

@@ -1,4 +1,4 @@
-"""What the ROS executables do; those in ``nodes/`` only call these functions."""
+"""The work of the ROS executables, each by its name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,6 @@ from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
-from ros_visualise.printing import say
 from ros_visualise.rate import WallClock
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.clock import ClockPublisher, ros_clock
@@ -48,34 +47,18 @@ _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
 _PATIENCE_S = 20.0
 
 
-def run_node(name: str) -> None:
-    """Run a built-in node or source."""
-    _run(name, lambda: _run_alone(find(name)))
+def run(name: str) -> None:
+    """Run one of `_OTHERS`, a node of one's own, or the built-in node or source of this name.
 
-
-def run_own() -> None:
-    """Run a node of one's own, given as FILE.py:NAME, under its own name."""
-    try:
-        declared = _own(session.arguments())
-    except RosVisualiseError as error:  # before it takes the name of one that runs
-        say(str(error))
-        sys.exit(error.exit_status)
-    _run(declared.name, lambda: _run_alone(declared))
-
-
-def run_pipeline() -> None:
-    """Run several nodes in one process; between them images pass by reference."""
-    _run("pipeline", _run_pipeline)
-
-
-def run_player() -> None:
-    """Play a recording onto the graph, with its time on /clock."""
-    _run("player", _run_player)
-
-
-def run_viewer() -> None:
-    """Show what nodes elsewhere on the graph publish, and their parameters."""
-    _run("viewer", _run_viewer)
+    Raises:
+        UsageError: no node of one's own is given, or more than one.
+        OpenError: it cannot be loaded.
+    """
+    if name == "node":
+        declared = _own(session.arguments())  # fails before it takes the name of one that runs
+        _run(declared.name, lambda: _run_alone(declared))
+    else:
+        _run(name, _OTHERS.get(name, lambda: _run_alone(find(name))))
 
 
 def _run(name: str, work: Callable[[], int]) -> None:
@@ -102,6 +85,7 @@ def _own(given: Sequence[str]) -> NodeType:
 
 
 def _run_pipeline() -> int:
+    """Run several nodes in one process; between them images pass by reference."""
     names = str(session.option("nodes", " ".join(IMAGE_NODES))).split()
     graph = chain([_named(name) for name in names], session.option("source", "") or None)
     namespaces = {node.name: node.name for node in graph.nodes}
@@ -109,6 +93,7 @@ def _run_pipeline() -> int:
 
 
 def _run_viewer() -> int:
+    """Show what nodes elsewhere on the graph publish, and their parameters."""
     name, options = _view_options("web")
     folder = _record_dir()
     runtime = RemoteRuntime(_wants_compressed())
@@ -126,6 +111,7 @@ def _run_viewer() -> int:
 
 
 def _run_player() -> int:
+    """Play a recording onto the graph, with its time on /clock."""
     path = session.find_file(str(session.option("path", "")))
     if not path:
         raise OpenError("give the recording, _path:=FILE")
@@ -300,3 +286,6 @@ def _wants_compressed() -> bool:
     if transport not in ("raw", "compressed"):
         raise UsageError(f"image_transport={transport}: choose raw or compressed")
     return bool(transport == "compressed")
+
+
+_OTHERS = {"pipeline": _run_pipeline, "player": _run_player, "viewer": _run_viewer}

@@ -1,0 +1,44 @@
+"""Whether what pip and the distribution installed is all there and fits together."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import redirect_stderr
+from importlib.util import find_spec
+from io import StringIO
+
+from ros_visualise.errors import OpenError
+
+_NEEDED = ("numpy", "av", "rosbags", "viser")
+_PIP = f"{sys.executable} -m pip install"
+
+
+def check_installation() -> None:
+    """Import OpenCV, which everything needs and which has to fit to NumPy.
+
+    Raises:
+        OpenError: it cannot be imported, or what pip brings is missing.
+    """
+    if missing := [name for name in _NEEDED if find_spec(name) is None]:
+        raise OpenError(
+            f"not installed: {', '.join(missing)}; in a workspace,"
+            f" {_PIP} -e 'src/ros_visualise[system,sim]'"
+        )
+    said = StringIO()
+    try:
+        with redirect_stderr(said):  # NumPy writes a page about what was built for another one
+            import cv2  # noqa: F401
+    except ImportError as error:
+        raise OpenError(_advice(error)) from None
+    sys.stderr.write(said.getvalue())
+
+
+def _advice(error: ImportError) -> str:
+    if error.name == "cv2":
+        return f"no OpenCV: apt install python3-opencv, or {_PIP} opencv-python-headless"
+    if "multiarray" in error.msg:
+        from numpy import __version__
+
+        return f"this OpenCV was not built for NumPy {__version__}: {_PIP} 'numpy<2'"
+    reason = error.msg.splitlines()[0]
+    return f"OpenCV does not load ({reason}): apt install libgl1 libglib2.0-0 libsm6 libxext6"
