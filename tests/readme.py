@@ -1,0 +1,102 @@
+"""The README's commands, as somebody new to the machine types them."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1]
+_README = (PACKAGE / "README.md").read_text()
+_ADDRESS = "https://github.com/OWNER/ros_visualise"
+_OF_THE_TESTS = re.compile("PIP_CONSTRAINT|PYTHON|VIRTUAL_ENV|CMAKE_|ROS|DISPLAY|WAYLAND_")
+_SUDO = """#!/bin/sh
+# What `sudo apt install ...` would do: tests/debian-packages.txt has been installed already.
+shift
+exec apt-get --simulate "$@"
+"""
+
+
+def block(command: str) -> str:
+    """The one block of shell commands that has this one in it."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", _README, re.MULTILINE | re.DOTALL)
+    [found] = [text for text in blocks if command in text]
+    return str(found)
+
+
+def quoted(beginning: str) -> str:
+    """The one command within the text that begins so."""
+    [found] = re.findall(f"`({re.escape(beginning)}[^`]*)`", _README)
+    return str(found)
+
+
+class Newcomer:
+    """Somebody with an empty home and nothing of the environment that the tests run in.
+
+    pip takes the newest packages that there are, from the network: without it a test is skipped,
+    and fails in CI. This repository, with what is not committed, lies under the README's address.
+    """
+
+    def __init__(self, home: Path, **environment: str) -> None:
+        self.home = home
+        self.environment = {
+            **{name: of for name, of in os.environ.items() if not _OF_THE_TESTS.match(name)},
+            **environment,
+            "HOME": str(home),
+            "PATH": f"{home}/bin:/usr/bin:/bin",
+            "GIT_CONFIG_COUNT": "1",
+            "GIT_CONFIG_KEY_0": f"url.file://{home}/repository.insteadOf",
+            "GIT_CONFIG_VALUE_0": _ADDRESS,
+        }
+        sudo = home / "bin" / "sudo"
+        sudo.parent.mkdir()
+        sudo.write_text(_SUDO)
+        sudo.chmod(0o755)
+        self._need_packages()
+        self._make_repository()
+
+    def run(self, script: str, folder: str = "", status: int = 0) -> str:
+        """What commands print that end with this status; the first that fails ends them."""
+        process = self.start(script, folder)
+        printed = process.communicate()[0]
+        assert process.returncode == status, f"{script}\n{printed}"
+        return printed
+
+    def start(self, script: str, folder: str = "") -> subprocess.Popen[str]:
+        """Commands that run until `stop`."""
+        return subprocess.Popen(
+            ["bash", "-e", "-c", script],
+            cwd=self.home / folder,
+            env=self.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,  # a job of its own, as in a terminal
+        )
+
+    def _need_packages(self) -> None:
+        asked = "-m pip --retries 0 download --quiet --no-deps --dest wheels hatchling"
+        try:
+            self.run(f"{sys.executable} {asked}")
+        except AssertionError as error:
+            fault = f"the newest packages cannot be downloaded, which this needs: {error}"
+            pytest.fail(fault) if os.environ.get("CI") else pytest.skip(fault)
+
+    def _make_repository(self) -> None:
+        git = f"git --git-dir=repository --work-tree='{PACKAGE}' -c user.name=A -c user.email=a@b"
+        self.run(
+            f"git init --quiet --bare repository; {git} add --all;"
+            f" {git} -c core.bare=false commit --quiet --message=All"
+        )
+
+
+def stop(process: subprocess.Popen[str]) -> str:
+    """End a job by Ctrl-C; what it printed."""
+    os.killpg(process.pid, signal.SIGINT)
+    return process.communicate(timeout=60)[0]
