@@ -5,7 +5,7 @@ PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
 # What the simulated camera draws with; a Debian without a desktop lacks it.
-OPENGL := libegl1 libopengl0 libgl1-mesa-dri
+OPENGL := libegl1 libgl1 libgl1-mesa-dri
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
 .PHONY: demo test fuzz clean

@@ -97,6 +97,7 @@ class Newcomer:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """End a job by Ctrl-C; what it printed."""
-    os.killpg(process.pid, signal.SIGINT)
+    """End a job by Ctrl-C, if it still runs; what it printed."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGINT)
     return process.communicate(timeout=60)[0]

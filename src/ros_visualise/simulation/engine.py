@@ -31,7 +31,7 @@ def load_mujoco() -> Any:
 def advise_opengl() -> str:
     """What to do where there is no OpenGL."""
     unset = "unset MUJOCO_GL, or " if os.environ.get("MUJOCO_GL") else ""
-    return f"{unset}apt install libegl1 libopengl0 libgl1-mesa-dri, or libosmesa6"
+    return f"{unset}apt install libegl1 libgl1 libgl1-mesa-dri, or libosmesa6"
 
 
 _INSTALL = "pip install 'ros_visualise[sim]'"
