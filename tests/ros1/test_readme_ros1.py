@@ -12,8 +12,8 @@ import pytest
 from readme import Newcomer, block, quoted, stop
 from ros_graph import wait_for
 
-SETUP = block("catkin_make -D")
-VENV = ("/usr/bin/python3 -m venv", "venv/bin/pip install", "catkin_make")
+*SETUP, LAUNCH = block("catkin_make -D").splitlines()
+OF_THE_VENV = ("/usr/bin/python3 -m venv", "venv/bin/pip install", "catkin_make")
 
 
 @pytest.fixture
@@ -27,32 +27,37 @@ def user(ros_master, recordings: Path, tmp_path: Path) -> Newcomer:
     return user
 
 
-def edges_come_out(user: Newcomer, script: str, hear) -> None:
+def set_up(user: Newcomer, lines: list[str]) -> None:
+    printed = user.run("\n".join(lines))
+    assert " 0 newly installed" in printed  # so tests/debian-packages.txt has the README's
+    assert "CMake Warning" not in printed, printed
+
+
+def watch_edges(user: Newcomer, launch: str, hear) -> None:
     from sensor_msgs.msg import Image
 
     edges = hear("/edges", Image)
-    job = user.start(script)
-    wait_for(lambda: len(edges.messages) > 9 or job.poll() is not None, "edges", 300)
-    printed = stop(job)
-    assert len(edges.messages) > 9, printed
-    assert "Traceback" not in printed, printed
-    assert "CMake Warning" not in printed, printed
-    assert " 0 newly installed" in printed  # so tests/debian-packages.txt has the README's
-    assert (edges.messages[0].width, edges.messages[0].height) == (640, 272)
+    job = user.start(f"source devel/setup.bash; {launch}", "catkin_ws")
+    try:
+        wait_for(lambda: len(edges.messages) > 9 or job.poll() is not None, "edges")
+    finally:
+        printed = stop(job)
+        print(printed)
+    assert "Traceback" not in printed
+    assert {(image.width, image.height) for image in edges.messages} == {(640, 272)}
     assert any(any(image.data) for image in edges.messages)
 
 
-def test_block_is_typed(user, hear):
-    edges_come_out(user, SETUP, hear)
+def test_set_up_as_it_is_written(user, hear):
+    set_up(user, SETUP)
+    watch_edges(user, LAUNCH, hear)
 
 
-def test_block_is_typed_without_a_venv(user, hear):
-    install = quoted("pip install --user")
-    lines = [line for line in SETUP.splitlines() if not line.startswith(VENV)]
-    at = next(n for n, line in enumerate(lines) if line.startswith("source devel"))
-    lines[at:at] = [install, "catkin_make"]
-    lines[-1] += " view:=none rviz:=false pipeline:=true"
-    edges_come_out(user, "\n".join(lines), hear)
+def test_set_up_without_a_venv(user, hear):
+    lines = [line for line in SETUP if not line.startswith(OF_THE_VENV)]
+    at = next(number for number, line in enumerate(lines) if line.startswith("source devel"))
+    set_up(user, [*lines[:at], quoted("pip install --user"), "catkin_make", *lines[at:]])
+    watch_edges(user, f"{LAUNCH} view:=none rviz:=false pipeline:=true", hear)
 
 
 @pytest.mark.parametrize(
