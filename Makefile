@@ -4,7 +4,8 @@
 PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
-# What the simulated camera draws with; a Debian without a desktop lacks it.
+# What the simulated camera draws with; a Debian without a desktop lacks it. Others may have their
+# own, so that it is no error where it cannot be installed.
 OPENGL := libegl1 libgl1 libgl1-mesa-dri
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
@@ -24,7 +25,7 @@ fuzz: .venv-test/.ready
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'
-	! command -v apt-get >/dev/null || dpkg -s $(OPENGL) >/dev/null 2>&1 || \
+	-! command -v apt-get >/dev/null || dpkg -s $(OPENGL) >/dev/null 2>&1 || \
 		$(APT) install -y --no-install-recommends $(OPENGL)
 	$(call make_venv,$(PYTHON),.venv)
 	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]'

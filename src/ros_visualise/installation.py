@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+import sysconfig
 from contextlib import redirect_stderr
 from importlib.util import find_spec
 from io import StringIO
+from pathlib import Path
 
 from ros_visualise.errors import OpenError
 
-_NEEDED = ("numpy", "av", "rosbags", "viser")
-_PIP = f"{sys.executable} -m pip install"
+_FROM_PIP = ("numpy", "av", "rosbags", "viser")
 
 
 def check_installation() -> None:
@@ -19,10 +20,10 @@ def check_installation() -> None:
     Raises:
         OpenError: it cannot be imported, or what pip brings is missing.
     """
-    if missing := [name for name in _NEEDED if find_spec(name) is None]:
+    if missing := [name for name in _FROM_PIP if find_spec(name) is None]:
         raise OpenError(
             f"not installed: {', '.join(missing)}; in a workspace,"
-            f" {_PIP} -e 'src/ros_visualise[system,sim]'"
+            f" {_pip_install()} -e 'src/ros_visualise[system,sim]'"
         )
     said = StringIO()
     try:
@@ -35,10 +36,18 @@ def check_installation() -> None:
 
 def _advice(error: ImportError) -> str:
     if error.name == "cv2":
-        return f"no OpenCV: apt install python3-opencv, or {_PIP} opencv-python-headless"
+        return f"no OpenCV: apt install python3-opencv, or {_pip_install()} opencv-python-headless"
     if "multiarray" in error.msg:
         from numpy import __version__
 
-        return f"this OpenCV was not built for NumPy {__version__}: {_PIP} 'numpy<2'"
+        return f"this OpenCV was not built for NumPy {__version__}: {_pip_install()} 'numpy<2'"
     reason = error.msg.splitlines()[0]
     return f"OpenCV does not load ({reason}): apt install libgl1 libglib2.0-0 libsm6 libxext6"
+
+
+def _pip_install() -> str:
+    """The command, as the distribution's own Python (PEP 668) or another takes it."""
+    is_managed = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").exists()
+    in_venv = sys.prefix != sys.base_prefix
+    options = " --user --break-system-packages" if is_managed and not in_venv else ""
+    return f"{sys.executable} -m pip install{options}"

@@ -1,4 +1,4 @@
-"""Where the distribution's OpenCV does not fit to pip's NumPy, one line says what to install."""
+"""What does not fit together, or was not installed, is one line that says what to install."""
 
 from __future__ import annotations
 
@@ -52,3 +52,16 @@ def test_catkin_says_it(mismatch, tmp_path):
     assert done.returncode == 0
     assert "CMake Warning at CMakeLists.txt:" in done.stderr
     assert f"ros-visualise: {ADVICE}\n" in done.stderr
+
+
+def test_missing_packages_are_named():
+    """To Debian's own Python, where nobody has called pip."""
+    source = str(NODES.parent / "src")
+    environment = {**os.environ, "PYTHONPATH": source, "PYTHONNOUSERSITE": "1"}
+    done = run(environment, "/usr/bin/python3", str(NODES / "filters"))
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert done.stderr.startswith("filters: not installed: ")
+    assert done.stderr.endswith(
+        "viser; in a workspace, /usr/bin/python3 -m pip install --user --break-system-packages"
+        " -e 'src/ros_visualise[system,sim]'\n"
+    )
