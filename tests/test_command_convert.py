@@ -312,7 +312,7 @@ def test_numbers_have_their_nouns(
         (["drive.bag", "r.bag", "--profile", "ros2"], "holds messages of ROS 1"),
         (["drive.bag", "r.mp4"], "--record r.mp4"),
         (["drive.bag", "r.txt"], "name ends in .mcap, .bag or .mp4"),
-        (["drive.bag", "there.bag"], "there.bag exists; add --overwrite"),
+        (["drive.bag", "there.bag"], "there.bag exists; choose another name"),
         (["drive.bag", "link.bag", "--overwrite"], "link.bag: is in use: it is what is read"),
         (["drive.bag", "drive.bag", "--overwrite"], "drive.bag: is in use: it is what is read"),
         (["none.bag", "r.mcap"], "none.bag: no such file"),

@@ -82,7 +82,7 @@ def test_targets_that_cannot_be_opened(tmp_path: Path, suffix: str) -> None:
     there.write_text("precious")
     (folder := tmp_path / f"folder{suffix}").mkdir()
     refused = {
-        there: rf"{there} exists; add --overwrite or choose another name",
+        there: rf"{there} exists; choose another name, or replace it with --overwrite",
         folder: "is a folder",
         tmp_path / "no" / f"r{suffix}": rf"there is no folder {tmp_path / 'no'}; create it first",
         there / f"r{suffix}": "cannot be written: Not a directory",
@@ -113,7 +113,7 @@ def test_a_missing_encoder_is_said_before_a_file_is_replaced(
 
 def test_a_ros2_folder_is_replaced_only_if_it_is_one(tmp_path: Path) -> None:
     open_recorder(f"{tmp_path}/r", TOPICS).close()
-    with pytest.raises(OpenError, match="exists; add --overwrite"):
+    with pytest.raises(OpenError, match="exists; choose another name"):
         open_recorder(f"{tmp_path}/r", TOPICS)
     open_recorder(f"{tmp_path}/r", TOPICS, overwrite=True).close()
     (tmp_path / "r" / "thesis.tex").write_text("precious")

@@ -8,6 +8,7 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.sinks.names import in_folder, record_folder
+from ros_visualise.ui.page import Page
 
 ELSEWHERE = [
     "",
@@ -57,13 +58,14 @@ def test_a_folder_that_is_none(tmp_path: Path) -> None:
         record_folder(Path(__file__))
 
 
-def test_a_browser_stays_in_the_folder(page, port, runtime, tmp_path: Path) -> None:
+def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     (folder := tmp_path / "recordings").mkdir()
     (folder / "link.mcap").symlink_to(tmp_path / "outside.mcap")
     (folder / "link").symlink_to(tmp_path, target_is_directory=True)
     (folder / "old.mcap").write_text("precious")
     before = {path: path.lstat().st_mtime_ns for path in tmp_path.rglob("*")}
-    runtime.record_dir = folder
+    page = Page(port=port, record_dir=folder)
+    page.open(runtime)
     client = Client(port)
     client.read_until(lambda: client.images >= 4)
     refused = {
@@ -93,3 +95,4 @@ def test_a_browser_stays_in_the_folder(page, port, runtime, tmp_path: Path) -> N
     with AnyReader([folder / "fine.mcap"]) as reader:
         assert set(reader.topics) == {"/edges", "/parameter_events"}
     client.socket.close()
+    page.close()

@@ -150,8 +150,11 @@ def wait_until(check):
         time.sleep(0.02)
 
 
-def test_recording_from_the_page(client, runtime, tmp_path):
-    runtime.record_dir = tmp_path
+def test_recording_from_the_page(port, runtime, tmp_path):
+    page = Page(port=port, record_dir=tmp_path)
+    page.open(runtime)
+    client = Client(port)
+    client.read_until(lambda: client.images >= 4)
     target = tmp_path / "run.mcap"
     client.set("file", target.name)
     client.set("● record", True)
@@ -163,6 +166,8 @@ def test_recording_from_the_page(client, runtime, tmp_path):
     client.set("file", target.name)
     client.set("● record", True)
     client.read_until(lambda: any("exists" in html for html in client.html))
+    client.socket.close()
+    page.close()
 
 
 def test_warnings_are_shown(client):

@@ -16,7 +16,7 @@ from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.signals import STOPPED, Wish, noticed
-from ros_visualise.sinks.names import check_targets, parse_target, record_folder
+from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 
@@ -27,10 +27,10 @@ def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost, see `_lost`."""
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
-    record_folder(args.record_dir)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
+    options = ViewOptions(args.host, args.port, args.allow_origin, args.record_dir)
     graph = interruptible(lambda: graph_of(args))
-    view = open_view(args.view, ViewOptions(args.host, args.port, args.allow_origin))
+    view = open_view(args.view, options)
     try:
         return _run(args, graph, view)
     finally:
@@ -48,7 +48,6 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     )
     playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
-    runtime.record_dir = args.record_dir
     with noticed() as wish:
         stopped = _play(args, runtime, view, wish)
         report = runtime.report()

@@ -26,7 +26,6 @@ from ros_visualise.runtime.ros1.playing import PlayingParams, playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
-from ros_visualise.sinks.names import record_folder
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
@@ -95,9 +94,7 @@ def _run_pipeline() -> int:
 def _run_viewer() -> int:
     """Show what nodes elsewhere on the graph publish, and their parameters."""
     name, options = _view_options("web")
-    folder = _record_dir()
     runtime = RemoteRuntime(_wants_compressed())
-    runtime.record_dir = folder
     try:
         watch(
             runtime,
@@ -189,9 +186,7 @@ def _run_graph(
     view = _open_view()
     try:
         graph = _configured(graph, namespaces, options)
-        folder = _record_dir()
         process = Process(graph, _playback(graph, view.stays), namespaces, _wants_compressed())
-        process.runtime.record_dir = folder
     except RosVisualiseError:
         view.close()
         raise
@@ -272,13 +267,10 @@ def _view_options(default: str) -> tuple[str, ViewOptions]:
         host=str(session.option("host", "127.0.0.1")),
         port=int(session.option("port", 8080)),
         origins=_named_in("allow_origin", "none"),
+        record_dir=Path(session.find_file(str(session.option("record_dir", ".")))),
         place=str(session.option("window", "")),
     )
     return str(session.option("view", default)), options
-
-
-def _record_dir() -> Path:
-    return record_folder(Path(session.find_file(str(session.option("record_dir", ".")))))
 
 
 def _wants_compressed() -> bool:

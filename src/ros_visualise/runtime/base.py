@@ -46,13 +46,7 @@ class Recording(Protocol):
 
 
 class Runtime(Protocol):
-    """A running graph, as page, windows and command line see it.
-
-    Attributes:
-        record_dir: the folder in which who looks on may record, under names and nowhere else.
-    """
-
-    record_dir: Path
+    """A running graph, as page, windows and command line see it."""
 
     @property
     def graph(self) -> Graph:

@@ -40,7 +40,6 @@ class LocalRuntime:
 
     def __init__(self, graph: Graph, playback: Playback | None) -> None:
         self.graph = graph
-        self.record_dir = Path()
         self.playback = playback
         self.parameters: Mapping[str, Parameters[Any]] = {
             node.name: Parameters(node.params) for node in graph.nodes

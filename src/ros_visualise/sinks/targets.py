@@ -216,7 +216,7 @@ def _locked(path: Path) -> Iterator[None]:
 
 def _not_written(path: Path, error: OSError) -> OpenError:
     if isinstance(error, FileExistsError):
-        return OpenError(f"{path} exists; add --overwrite or choose another name")
+        return OpenError(f"{path} exists; choose another name, or replace it with --overwrite")
     if isinstance(error, FileNotFoundError):
         return OpenError(f"{path}: there is no folder {path.parent}; create it first")
     return OpenError(f"{path}: cannot be written: {error.strerror}")

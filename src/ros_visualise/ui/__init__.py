@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from ros_visualise.errors import UsageError
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.sinks.names import record_folder
 
 
 class View(Protocol):
@@ -37,13 +39,21 @@ class ViewOptions:
     Attributes:
         host, port: where the page is served.
         origins: other sites whose pages may come in to the page.
+        record_dir: the folder in which the page records, under names and nowhere else.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
+
+    Raises:
+        OpenError: there is no such folder to record to.
     """
 
     host: str = "127.0.0.1"
     port: int = 8080
     origins: Collection[str] = ()
+    record_dir: Path = Path()
     place: str = ""
+
+    def __post_init__(self) -> None:
+        record_folder(self.record_dir)
 
 
 def open_view(name: str, options: ViewOptions) -> View:
@@ -56,7 +66,9 @@ def open_view(name: str, options: ViewOptions) -> View:
     if name == "web":
         from ros_visualise.ui.page import Page
 
-        return Page(options.host, options.port, origins=options.origins)
+        return Page(
+            options.host, options.port, origins=options.origins, record_dir=options.record_dir
+        )
     if name == "windows":
         from ros_visualise.ui.windows import Windows
 

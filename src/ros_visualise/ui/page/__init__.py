@@ -6,6 +6,7 @@ import logging
 import socket
 import threading
 from collections.abc import Collection
+from pathlib import Path
 
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.desk import Desk
@@ -24,6 +25,7 @@ class Page:
         host, port: where it listens. Beyond this machine its address has a token.
         title: of the page.
         origins: other sites whose pages may come in, as ``https://robot.example.org``.
+        record_dir: the folder in which it records, under names and nowhere else.
 
     Attributes:
         url: what to type into a browser on this machine.
@@ -41,7 +43,9 @@ class Page:
         port: int = 8080,
         title: str = _TITLE,
         origins: Collection[str] = (),
+        record_dir: Path = Path(),
     ) -> None:
+        self._record_dir = record_dir
         door = open_door(host, origins)
         self.url = url(host, port, door.token)
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
@@ -56,7 +60,7 @@ class Page:
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
-        self._desk = Desk(self._server, runtime)
+        self._desk = Desk(self._server, runtime, self._record_dir)
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
 

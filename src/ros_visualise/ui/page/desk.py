@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import viser
@@ -39,8 +40,8 @@ class Desk:
     Where the graph changes, what is the same in the new one stays as it is.
     """
 
-    def __init__(self, server: viser.ViserServer, runtime: Runtime) -> None:
-        self._server, self._runtime = server, runtime
+    def __init__(self, server: viser.ViserServer, runtime: Runtime, record_dir: Path) -> None:
+        self._server, self._runtime, self._record_dir = server, runtime, record_dir
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -97,7 +98,7 @@ class Desk:
             self._size = self._add_size(gui)
         self._choice = Choice(gui, self._windows_folder, self._worker)
         with gui.add_folder("recording"):
-            self._recorder = Recorder(gui, self._runtime, self._worker)
+            self._recorder = Recorder(gui, self._runtime, self._worker, self._record_dir)
         with gui.add_folder("graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("plots", expand_by_default=False)

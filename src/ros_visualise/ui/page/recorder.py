@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from datetime import datetime
 from html import escape
+from pathlib import Path
 
 import viser
 
@@ -22,8 +23,8 @@ class Recorder:
     replaced. One recording runs at a time, which ends before it fills the disk.
     """
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker) -> None:
-        self._runtime = runtime
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
+        self._runtime, self._folder = runtime, folder
         self._recording: Recording | None = None
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
         self._button = gui.add_button(_START)
@@ -48,7 +49,7 @@ class Recorder:
         if self._recording is not None:
             self._stop(self._recording)
             return
-        target = in_folder(self._runtime.record_dir, self._name.value)
+        target = in_folder(self._folder, self._name.value)
         self._recording = self._runtime.start_recording(target)
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)

@@ -54,7 +54,6 @@ class RemoteRuntime:
 
     def __init__(self, compressed: bool = False) -> None:
         self.graph = Graph(())
-        self.record_dir = Path()
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
