@@ -12,8 +12,10 @@ from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.nodes.fps_control import FpsControl
-from ros_visualise.params import param
+from ros_visualise.params import Parameters, param
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings.opening import open_recording
 
@@ -306,6 +308,103 @@ def test_a_stateful_node_is_reset_by_a_jump_ahead_and_by_a_source_that_is_opened
     run.runtime.parameters["counter"].update({"frames": 30})
     until(lambda: len(log) == 6)
     assert log == [0, "reset", 20, 21, "reset", 21]
+    run.runtime.stop()
+
+
+def test_two_inputs_may_listen_to_one_topic():
+    got = []
+
+    @node("both", inputs={"left": Image, "right": Image}, outputs={"image": Image})
+    class Both:
+        def __init__(self, params):
+            pass
+
+        def step(self, params, left=None, right=None):
+            got.append("left" if right is None else "right")
+
+    inputs = {"left": "/image_raw", "right": "/image_raw"}
+    both = Node("both", Both.declared, Both.declared.params(), inputs, {"image": "/out"})
+    source = Node("counter", counter.declared, CounterParams(), {}, {"image": "/image_raw"})
+    runtime = LocalRuntime(Graph((source, both)), Playback(rate=0))
+    runtime.start()
+    assert runtime.wait(20)
+    runtime.stop()
+    assert sorted(got) == ["left"] * FRAMES + ["right"] * FRAMES
+
+
+def test_a_node_of_two_ways_is_reset_once_by_one_seek():
+    log = []
+
+    @node("joined", inputs={"near": Image, "far": Image}, outputs={"image": Image})
+    class Joined:
+        def __init__(self, params):
+            pass
+
+        def step(self, params, near=None, far=None):
+            log.append((near or far).header.stamp_ns)
+
+        def reset(self):
+            log.append("reset")
+
+    inputs = {"near": "/near", "far": "/far"}
+    joined = Node("joined", Joined.declared, Joined.declared.params(), inputs, {"image": "/out"})
+    runner = NodeRunner(joined, Parameters(joined.params))
+
+    def step(port, stamp_ns, turns):
+        image = Image(np.zeros((2, 2), np.uint8), "mono8", Header(stamp_ns))
+        runner.step(Packet(0, image, 0, port, turns=turns))
+
+    for port, stamp_ns, turns in [
+        *(("near", 1, 0), ("far", 1, 0), ("near", 2, 0)),
+        *(("near", 50, 1), ("far", 2, 0), ("far", 50, 1), ("near", 51, 1), ("far", 51, 1)),
+    ]:
+        step(port, stamp_ns, turns)
+    assert log == [1, 1, 2, "reset", 50, 50, 51, 51]
+    assert runner.report()["dropped"] == {"stale": 1}
+
+
+def test_figures_are_asked_for_between_two_steps():
+    @node("counting", inputs={"image": Image}, outputs={"image": Image})
+    class Counting:
+        def __init__(self, params):
+            self.seen = {}
+
+        def step(self, image, params):
+            for number in range(2000):
+                self.seen[number] = self.seen.get(number, 0) + 1
+            self.seen.clear()
+
+        def report(self):
+            return {"open": sum(1 for _ in self.seen)}
+
+    run = Run(graph_of(Counting), loop=True, rate=0)
+    run.runtime.start()
+    until(lambda: run.runtime.report()["nodes"]["counting"]["processed"] > 5)
+    reports = [run.runtime.report()["nodes"]["counting"] for _ in range(300)]
+    run.runtime.stop()
+    assert {report["open"] for report in reports} == {0}
+    assert not run.runtime.failed
+
+
+def test_a_long_step_holds_up_nobody_who_asks_for_figures():
+    free = threading.Event()
+
+    @node("slow", inputs={"image": Image}, outputs={"image": Image})
+    class Slow:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            assert free.wait(20)
+
+        def report(self):
+            return {"figure": 7}
+
+    run = Run(graph_of(Slow))
+    run.runtime.start()
+    until(lambda: run.runtime.report()["nodes"]["slow"]["received"] == 1)
+    assert "received" in run.runtime.report()["nodes"]["slow"]
+    free.set()
     run.runtime.stop()
 
 

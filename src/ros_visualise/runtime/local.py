@@ -100,7 +100,7 @@ class LocalRuntime:
     def wait_until_taken(self, topic: str, timeout_s: float) -> None:
         """Wait until the nodes that listen to a topic have begun with its last message."""
         for node in self._nodes.values():
-            if topic in node.inputs:
+            if any(topic == taken for taken, _ in node.inputs):
                 node.inbox.wait_until_taken(timeout_s)
 
     def subscribe(self, topic: str, depth: int = 1) -> Subscription:
@@ -188,7 +188,7 @@ class LocalRuntime:
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}
         runner = NodeRunner(node, self.parameters[node.name])
         thread = NodeThread(runner, outputs, ticks=self.graph.source is None)
-        for topic, entrance in thread.inputs.items():
+        for topic, entrance in thread.inputs:
             self._topics[topic].connect(entrance)
         return thread
 

@@ -56,11 +56,13 @@ class NodeThread:
         self._tick_s = _TICK_S if ticks and not runner.stateless else None
         self._ticked_s = time.monotonic()
         self.inbox = Inbox(lossless=False)
-        self.inputs = {
-            topic: Input(self.inbox, port, runner.node.type.inputs[port], self._input_closed)
+        kinds = runner.node.type.inputs
+        self.inputs = [
+            (topic, Input(self.inbox, port, kinds[port], self._input_closed))
             for port, topic in runner.node.inputs.items()
-        }
+        ]
         self._open = len(self.inputs)
+        self._closing = threading.Lock()
         self._outputs = outputs
         self._last = Packet(0, None, 0)
         self._at_work = threading.Lock()
@@ -121,6 +123,8 @@ class NodeThread:
             topic.publish(self._last._replace(message=answer.get(port), port=""))
 
     def _input_closed(self) -> None:
-        self._open -= 1
-        if self._open == 0:
+        with self._closing:  # publishers end when they like
+            self._open -= 1
+            is_last = self._open == 0
+        if is_last:
             self.inbox.close()

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 
-from ros_visualise.data import Image, Path, PointCloud
+from ros_visualise.data import Image, Path, PointCloud, Transforms
 from ros_visualise.graph import Graph
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
 from ros_visualise.runtime.queues import END, Packet
 
 _FINISHED = 2**63
+_SMALL_BYTES = 1024  # of objects around the data
 
 
 def recordable(graph: Graph) -> dict[str, TopicType]:
@@ -140,5 +141,10 @@ def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
 
 
 def _size(packet: Packet) -> int:
+    """About the bytes that a message takes while it waits."""
     message = packet.message
-    return message.nbytes if isinstance(message, Image | Path | PointCloud | Recorded) else 0
+    if isinstance(message, Image | Path | PointCloud | Recorded):
+        return message.nbytes + _SMALL_BYTES
+    if isinstance(message, Transforms):
+        return _SMALL_BYTES * (1 + len(message.transforms))
+    return _SMALL_BYTES + sum(getattr(value, "nbytes", 0) for value in vars(message).values())

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
@@ -20,6 +21,8 @@ log = logging.getLogger(__name__)
 
 NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
+
+_PATIENCE_S = 0.2  # of who asks for figures, with a step that takes long
 
 
 class NodeRunner:
@@ -41,6 +44,8 @@ class NodeRunner:
         self._newest_ns: dict[str, int] = {}  # input -> stamp
         self._turns = 0  # of the source, until the last message
         self._said: set[tuple[type, str, int | None]] = set()
+        self._figures: dict[str, Any] = {}  # of its own
+        self._at_state = threading.Lock()
 
     def step(self, packet: Packet) -> Mapping[str, Any]:
         """What the node makes of a message, which waits for it at one of its inputs.
@@ -49,10 +54,14 @@ class NodeRunner:
         """
         self.stats.received += 1
         started_ns = time.monotonic_ns()
+        if packet.turns < self._turns:  # of before a seek, by another way than what came after it
+            self.stats.dropped["stale"] += 1
+            return NOTHING
         try:
             message = content(packet.message)
-            self._reset_if_time_jumped(packet, message.header.stamp_ns)
-            outputs = self._by_output(self._ask(packet, message))
+            with self._at_state:
+                self._reset_if_time_jumped(packet, message.header.stamp_ns)
+                outputs = self._by_output(self._ask(packet, message))
         except DamagedMessage as error:
             self.stats.dropped["damaged"] += 1
             self._say(error, self.node.inputs[packet.port])
@@ -69,36 +78,36 @@ class NodeRunner:
 
     def act(self, name: str) -> Mapping[str, Any]:
         """Run an action; what the node answers to it."""
-        try:
-            return self._by_output(getattr(self._state, name)())
-        except Exception as error:
-            self._fail(error)
-            return NOTHING
+        return self._answer(lambda: getattr(self._state, name)())
 
     def tick(self) -> Mapping[str, Any]:
         """What is due although no message came."""
-        try:
-            return self._by_output(self._state.tick(self._parameters.current))
-        except Exception as error:
-            self._fail(error)
-            return NOTHING
+        return self._answer(lambda: self._state.tick(self._parameters.current))
 
     def finish(self) -> Mapping[str, Any]:
         """What the node still has at the end of the stream."""
+        return self._answer(lambda: self._state.finish())
+
+    def report(self) -> dict[str, Any]:
+        """Counts and latencies, and the node's own figures; in a long step those of before it."""
+        if self._at_state.acquire(timeout=_PATIENCE_S):
+            try:
+                self._figures = self._state.report()
+            except Exception as error:
+                self._figures = {}
+                self._fail(error)
+            finally:
+                self._at_state.release()
+        return {**self.stats.report(), **self._figures}
+
+    def _answer(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
+        """What the node says between two steps."""
         try:
-            return self._by_output(self._state.finish())
+            with self._at_state:
+                return self._by_output(ask())
         except Exception as error:
             self._fail(error)
             return NOTHING
-
-    def report(self) -> dict[str, Any]:
-        """Counts and latencies, and the node's own figures."""
-        try:
-            own = self._state.report()
-        except Exception as error:
-            self._fail(error)
-            own = {}
-        return {**self.stats.report(), **own}
 
     def _ask(self, packet: Packet, message: Any) -> Any:
         given = {packet.port: message, "params": self._parameters.current}
