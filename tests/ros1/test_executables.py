@@ -339,6 +339,20 @@ def test_without_a_screen_a_node_says_so_once_and_runs(
     assert said.count("running without") == 1
 
 
+def test_time_that_stands_still_is_said_with_what_mends_it(start, video, ros_master):
+    rospy.set_param("/use_sim_time", True)
+    try:
+        node = start("streamer", f"_path:={video}", wait=False)
+        said = ""
+        while "rosparam delete /use_sim_time" not in said:
+            line = node.stdout.readline()
+            assert line, "it ended without a word"
+            said += line
+        assert "nobody publishes /clock" in said
+    finally:
+        rospy.delete_param("/use_sim_time")
+
+
 def test_simulated_time_paces_and_stamps(start, hear, publish, video, ros_master):
     rospy.set_param("/use_sim_time", True)
     try:

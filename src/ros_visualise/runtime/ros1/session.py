@@ -19,6 +19,7 @@ from ros_visualise.printing import Shown, say
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
 _CHECK_S = 0.5
+_CLOCK_S = 1.5  # as long as nodes that are launched together take to start
 _PACKAGE = "package://"
 
 _wish = Wish()
@@ -52,6 +53,7 @@ def begin(name: str) -> None:
     log.addHandler(to_rosout)
     log.setLevel(logging.INFO)
     threading.Thread(target=_watch_master, name="master watch", daemon=True).start()
+    threading.Thread(target=_watch_clock, name="clock watch", daemon=True).start()
 
 
 def arguments() -> list[str]:
@@ -116,6 +118,16 @@ def _wait_for_master() -> None:
         say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
     while not rosgraph.is_master_online():
         time.sleep(_CHECK_S)
+
+
+def _watch_clock() -> None:
+    """Say that no time passes, as after a launch file that left ``/use_sim_time`` behind."""
+    time.sleep(_CLOCK_S)
+    if not is_over() and not rospy.rostime.is_wallclock() and not rospy.get_time():
+        logging.getLogger(__name__).warning(
+            "/use_sim_time is set, and nobody publishes /clock: no time passes. If nobody is going"
+            " to: rosparam delete /use_sim_time, and start this node again"
+        )
 
 
 def _watch_master() -> None:
