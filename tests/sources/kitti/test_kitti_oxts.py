@@ -57,7 +57,7 @@ def test_fix_is_the_place_on_the_earth_that_the_pose_is_drawn_from(opened, drive
     plane = geodesy.LocalPlane(first.latitude, first.longitude, first.altitude)
     enu = plane.to_enu([last.latitude, last.longitude, last.altitude])
     assert enu[:2] == pytest.approx(odometry[-1].position_xyz[:2], rel=0.005)
-    assert (last.status, last.covariance_type) == (2, 1)  # differential, approximated
+    assert (last.status, last.covariance_type) == (2, 1)  # RTK, approximated
     assert last.header.frame_id == "imu_link"
 
 
@@ -92,4 +92,4 @@ def test_no_fix_is_said(opened, changeable):
     numbers = path.read_text().split()
     path.unlink()
     path.write_text(" ".join([*numbers[:25], "2", *numbers[26:]]))  # navstat: initialising
-    assert [fix.status for fix in messages(opened(changeable), "/gps/fix")] == [2, -1, 2, 2, 2]
+    assert [fix.status for fix in messages(opened(changeable), "/gps/fix")] == [0, -1, 0, 0, 0]

@@ -175,7 +175,7 @@ def test_a_lost_fix_is_none(flight):
     gps = log.get_dataset("vehicle_gps_position").data
     gps["fix_type"][:4] = [0, 1, 4, 6]
     statuses = [fix.status for fix in read(write(), "/gps/fix")]
-    assert statuses == [-1, -1, 1, 2] + 28 * [0]
+    assert statuses == [-1, -1, 0, 2] + 28 * [0]
 
 
 def test_a_log_that_is_cut_is_read_to_there(real, tmp_path):

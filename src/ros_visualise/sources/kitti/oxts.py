@@ -39,10 +39,13 @@ _APPROXIMATED = 1
 _LOCKING = 3  # a navstat from which on the position is navigated
 _STATUS = {
     **dict.fromkeys((0, 1, 2, 10, 11), _NO_FIX),  # none, searching, doppler, no data, blanked
-    **dict.fromkeys((4, 5, 6), _GBAS_FIX),  # differential, RTK float and integer
+    **dict.fromkeys((5, 6), _GBAS_FIX),  # RTK float and integer, from a base on the ground
     **dict.fromkeys((7, 8, 9), _SBAS_FIX),  # WAAS and OmniSTAR, from satellites
 }
-"""posmode as the development kit's gps_mode_to_string names it -> sensor_msgs/NavSatStatus."""
+"""posmode as the development kit's gps_mode_to_string names it -> sensor_msgs/NavSatStatus.
+
+The others are plain fixes, also a differential one (4): whose corrections it has is not known.
+"""
 
 
 def read_samples(files: Files) -> tuple[list[int], Floats, list[DamagedFile]]:

@@ -46,9 +46,12 @@ _MAP, _BASE = "map", "base_link"
 _GPS = "gps"  # the frame of the antenna
 _NONE = -np.eye(3) * [[1, 0, 0]]  # covariance of what is not measured (REP 145)
 _UNKNOWN = np.zeros((3, 3))
-_NO_FIX, _FIX, _SBAS, _GBAS = -1, 0, 1, 2
-_STATUS = {0: _NO_FIX, 1: _NO_FIX, 4: _SBAS, 5: _GBAS, 6: _GBAS}
-"""PX4's fix_type, where it is no plain fix -> status of sensor_msgs/NavSatFix."""
+_NO_FIX, _FIX, _GBAS = -1, 0, 2
+_STATUS = {0: _NO_FIX, 1: _NO_FIX, 5: _GBAS, 6: _GBAS}
+"""PX4's fix_type, where it is no plain fix -> status of sensor_msgs/NavSatFix.
+
+RTK has a base on the ground; whose corrections a differential fix (4) has is not known.
+"""
 _NO_COVARIANCE, _APPROXIMATED = 0, 1
 
 
