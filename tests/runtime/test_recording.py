@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Header, Image, ParameterEvent
-from ros_visualise.errors import RecordingError
+from ros_visualise.errors import RecordingError, UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.sources.playback import Playback
 
 
 class Memory:
@@ -53,6 +56,16 @@ GRAPH = chain("/a", "/b", "/c")
 def packet(number, empty=False, shape=(1, 1)):
     image = Image(np.zeros(shape, np.uint8), "mono8", Header(number * 10))
     return Packet(number, None if empty else image, 0)
+
+
+def test_nothing_is_recorded_once_the_run_has_ended(tmp_path):
+    runtime = LocalRuntime(image_pipeline("landscape"), Playback(rate=0, frames=2))
+    runtime.start()
+    assert runtime.wait(20)
+    runtime.stop()
+    with pytest.raises(UsageError, match=r"late\.mcap: the run has ended"):
+        runtime.start_recording(tmp_path / "late.mcap")
+    assert not list(tmp_path.iterdir())
 
 
 def test_it_writes_by_number_and_then_by_the_order_of_the_nodes():

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import ParameterEvent
+from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
@@ -48,6 +49,8 @@ class LocalRuntime:
         self._topics = {name: Topic(False) for name in graph.inputs}
         self._topics |= {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
         self._recordings: list[RecorderThread] = []
+        self._recording = threading.Lock()
+        self._stopped = False
         self._fed = 0
         self._source = self._open_source()
         self._nodes = self._join_all()
@@ -78,6 +81,8 @@ class LocalRuntime:
             self.playback.close()
         for node in self._nodes.values():
             node.inbox.close(discard=True)
+        with self._recording:
+            self._stopped = True
         for recording in self._recordings:
             self.stop_recording(recording)
         self.wait(_STOP_TIMEOUT_S)
@@ -140,11 +145,15 @@ class LocalRuntime:
 
         Raises:
             OpenError: it exists or cannot be written.
-            UsageError: it names a topic that there is not, or no known kind of file.
+            UsageError: it names a topic that there is not, or no known kind of file; or the run
+                has ended.
         """
         lossless = not self.graph.live
-        recording = record(self.graph, self.parameters, target, overwrite, lossless)
-        self._recordings.append(recording)
+        with self._recording:
+            if self._stopped:
+                raise UsageError(f"{target}: the run has ended, so there is nothing to record")
+            recording = record(self.graph, self.parameters, target, overwrite, lossless)
+            self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)
         return recording

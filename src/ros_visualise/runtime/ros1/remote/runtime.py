@@ -15,6 +15,7 @@ from xmlrpc.client import Error as XmlRpcError
 import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
+from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.messages import to_message
 from ros_visualise.nodes import NoParams
@@ -65,6 +66,7 @@ class RemoteRuntime:
         self._relays: dict[str, Relay] = {}
         self._recordings: dict[RecorderThread, Arrivals] = {}
         self._publishers: dict[str, Publisher] = {}
+        self._recording = threading.Lock()
         self._lock = threading.Lock()
         self._closed = threading.Event()
         our_own()  # is needed at once, and by threads that must not wait for it
@@ -109,10 +111,14 @@ class RemoteRuntime:
 
         Raises:
             OpenError: it exists or cannot be written.
-            UsageError: it names a topic that there is not, or no known kind of file.
+            UsageError: it names a topic that there is not, or no known kind of file; or this has
+                been closed.
         """
-        recording = record(self.graph, self.parameters, target, overwrite, False)
-        arrivals = self._recordings[recording] = Arrivals(recording)
+        with self._recording:
+            if self._closed.is_set():
+                raise UsageError(f"{target}: the viewer is ending, so there is nothing to record")
+            recording = record(self.graph, self.parameters, target, overwrite, False)
+            arrivals = self._recordings[recording] = Arrivals(recording)
         for topic, inbox in arrivals.inboxes.items():
             self._relay(topic).connect(inbox, self._comes_compressed(topic))
         return recording
@@ -125,7 +131,8 @@ class RemoteRuntime:
 
     def close(self) -> None:
         """Look no longer; all recordings are closed."""
-        self._closed.set()
+        with self._recording:
+            self._closed.set()
         for recording in tuple(self._recordings):
             self.stop_recording(recording)
         self._thread.join(_CLOSE_S)
