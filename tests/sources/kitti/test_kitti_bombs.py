@@ -7,7 +7,8 @@ import zlib
 import pytest
 
 from ros_visualise.sources.kitti.cameras import check_png
-from ros_visualise.sources.kitti.files import list_files
+from ros_visualise.sources.kitti.files import list_files, read_lines
+from ros_visualise.sources.kitti.oxts import read_samples
 from ros_visualise.sources.series import DamagedFile
 
 
@@ -28,3 +29,20 @@ def test_a_file_of_gigabytes_is_not_read(tmp_path):
     os.truncate(path, 2**31 + 1)
     with pytest.raises(DamagedFile, match=r"0000000000\.png: a file of 2\.0 GiB, and 256 MiB are"):
         list_files(tmp_path, "png").read(0)
+
+
+def test_a_text_whose_lines_would_take_gigabytes_is_not_read(tmp_path):
+    path = tmp_path / "times.txt"
+    path.touch()
+    os.truncate(path, 66 << 20)
+    with pytest.raises(DamagedFile, match=r"times\.txt: a text of 66 MiB, and 64 MiB are allowed"):
+        read_lines(path)
+
+
+def test_a_sample_of_millions_of_numbers_is_damaged(tmp_path):
+    path = tmp_path / "0000000000.txt"
+    path.touch()
+    os.truncate(path, 66 << 20)
+    whole, rows, [damaged] = read_samples(list_files(tmp_path, "txt"))
+    assert (whole, len(rows)) == ([], 0)
+    assert "a text of 66 MiB, and 64 MiB are allowed" in damaged.why

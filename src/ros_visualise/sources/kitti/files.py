@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.errors import TooLarge
-from ros_visualise.limits import check_file
+from ros_visualise.limits import check_file, check_text
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 
@@ -70,10 +70,13 @@ def read_lines(path: Path) -> list[str]:
     """The lines of a text; in place of a last one that is cut off, words that nobody can read.
 
     Raises:
-        DamagedFile: it may not be read.
+        DamagedFile: it may not be read, or is too large.
     """
     try:
+        check_text(path.stat().st_size)
         text = path.read_text("utf-8", "replace")
+    except TooLarge as error:
+        raise DamagedFile(path, str(error)) from None
     except OSError as error:
         raise DamagedFile(path, error.strerror or str(error)) from None
     lines = text.splitlines()

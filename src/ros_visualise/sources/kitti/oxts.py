@@ -15,7 +15,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
+from ros_visualise.errors import TooLarge
 from ros_visualise.geometry import geodesy, rotations, transforms
+from ros_visualise.limits import check_text
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.kitti.series import (
     BASE,
@@ -62,7 +64,10 @@ def read_samples(files: Files) -> tuple[list[int], Floats, list[DamagedFile]]:
 
 def _parse(path: Path, data: bytes) -> Floats:
     try:
+        check_text(len(data))
         numbers = np.array(data.split(), np.float64)
+    except TooLarge as error:
+        raise DamagedFile(path, str(error)) from None
     except ValueError:
         raise DamagedFile(path, "holds more than numbers") from None
     if len(numbers) != len(_AT):
