@@ -22,7 +22,6 @@ from ros_visualise.sources.recordings import Loss
 log = logging.getLogger(__name__)
 
 _HEADER_SIZE = 16
-_LARGEST_MESSAGE = 3 + 0xFFFF
 
 
 class Table:
