@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from types import SimpleNamespace
 
 import av
 import pytest
@@ -122,3 +123,12 @@ def test_a_disk_keeps_room(tmp_path):
     with pytest.raises(OpenError, match="are free; make room, or set TMPDIR"):
         limits.check_disk(tmp_path, 2**60)
     limits.check_disk(tmp_path, 1)
+
+
+@pytest.mark.parametrize(("total", "reserve"), [(2**40, 2**30), (2**32, 2**32 // 20)])
+def test_a_disk_keeps_1_gib_or_less(tmp_path, monkeypatch, total, reserve):
+    usage = SimpleNamespace(total=total, used=0, free=reserve + 100)
+    monkeypatch.setattr(limits.shutil, "disk_usage", lambda _: usage)
+    limits.check_disk(tmp_path, 100)
+    with pytest.raises(OpenError, match="are free; make room"):
+        limits.check_disk(tmp_path, 101)

@@ -24,7 +24,6 @@ _UNPACKED_SHARE = 16  # small messages take several times their bytes
 _TEXT_SHARE = 32  # as do lines of text
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
-_RESERVE = 0.05  # of a disk, stays free beside temporary files
 _max_memory = DEFAULT_MEMORY
 
 
@@ -117,14 +116,19 @@ def check_text(size: int) -> None:
         raise TooLarge(f"a text of {_written(size)}, {_advice(size, _TEXT_SHARE)}")
 
 
+def disk_reserve(total: int) -> tuple[int, str]:
+    """How much of a disk of so many bytes stays free for others; in words, too."""
+    return min((_GIB, "1 GiB"), (total // 20, "5%"))
+
+
 def check_disk(folder: Path, size: int) -> None:
-    """Look whether a temporary file of so many bytes leaves a disk some room.
+    """See that a disk has room for so many more bytes of a temporary file, and for others.
 
     Raises:
-        OpenError: it does not.
+        OpenError: it has not.
     """
     disk = shutil.disk_usage(folder)
-    if size > disk.free - _RESERVE * disk.total:
+    if disk.free < size + disk_reserve(disk.total)[0]:
         raise OpenError(
             f"needs {_written(size)} or more in {folder}, where {_written(disk.free)} are free;"
             " make room, or set TMPDIR to a folder on a larger disk"

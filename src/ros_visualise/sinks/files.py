@@ -8,11 +8,11 @@ import shutil
 from pathlib import Path
 
 from ros_visualise.errors import OpenError
+from ros_visualise.limits import disk_reserve
 from ros_visualise.sinks.targets import Target, sync
 
 _RESERVE_BYTES = 64 * 1024
 """What stays free on a disk that fills up, so that a recording can be finished."""
-_GIB = 2**30
 
 
 class TargetFile(Target):
@@ -72,7 +72,7 @@ class TargetFile(Target):
         disk = shutil.disk_usage(self.path.parent)
         if disk.free < size + _RESERVE_BYTES:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        reserve, words = min((_GIB, "1 GiB"), (disk.total // 20, "5%"))
+        reserve, words = disk_reserve(disk.total)
         if self._live and disk.free < size + reserve:
             raise OSError(errno.ENOSPC, f"its disk has less than {words} left")
 
