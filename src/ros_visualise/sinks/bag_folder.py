@@ -1,4 +1,4 @@
-"""The folder of a ROS 2 bag, as it is written, and taken for one that may be replaced."""
+"""The folder of a ROS 2 bag: how a new one is made, and which old one it may replace."""
 
 from __future__ import annotations
 
@@ -7,16 +7,12 @@ import re
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
-
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sinks.targets import Target, sync
+from ros_visualise.yaml_files import BadYaml, load_yaml
 
 METADATA = "metadata.yaml"
-_MAX_METADATA_BYTES = 1 << 20
 
 
 class BagFolder(Target):
@@ -97,19 +93,9 @@ def _is_bag(folder: Path) -> bool:
 
 
 def _listed(metadata: Path) -> list[str] | None:
-    """The files of which a bag says that it consists; None where that cannot be read.
-
-    Nothing is made of the YAML but its nodes: an alias in it costs nothing.
-    """
-    with metadata.open("rb") as file:
-        text = file.read(_MAX_METADATA_BYTES)
+    """The files of which a bag says that it consists; None where that cannot be read."""
     try:
-        about = _value(YAML(typ="safe").compose(text), "rosbag2_bagfile_information")
-        names = _value(about, "relative_file_paths").value
-        return sorted(re.split(r"[/\\]", name.value)[-1] for name in names)
-    except (YAMLError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
+        names = load_yaml(metadata)["rosbag2_bagfile_information"]["relative_file_paths"]
+        return sorted(re.split(r"[/\\]", name)[-1] for name in names)
+    except (BadYaml, LookupError, TypeError):
         return None
-
-
-def _value(mapping: Any, key: str) -> Any:
-    return {name.value: value for name, value in mapping.value}[key]
