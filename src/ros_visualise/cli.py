@@ -38,11 +38,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status.
 
     0 done; 1 the work failed or lost something; 2 wrong usage or an input that cannot be opened;
-    130 stopped by Ctrl-C, which is raised as a KeyboardInterrupt while nothing is written yet.
+    130 stopped from outside; see `ros_visualise.signals`.
+
+    Raises:
+        KeyboardInterrupt: stopped before there was anything to close.
     """
     try:
         args = _parser().parse_args(arguments)
-        set_max_memory(getattr(args, "max_memory", DEFAULT_MEMORY))
+        set_max_memory(args.max_memory)
         check_installation()
         command = import_module(f"ros_visualise.commands.{args.module}")
         say_what_is_logged()
@@ -78,6 +81,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, help="show the version and exit")
+    parser.set_defaults(max_memory=DEFAULT_MEMORY)  # of commands that read nothing
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     _add_playing(commands)
     _add_asking(commands)

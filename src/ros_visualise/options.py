@@ -49,7 +49,7 @@ def add_memory_option(parser: ArgumentParser) -> None:
         type=_memory,
         default=DEFAULT_MEMORY,
         metavar="SIZE",
-        help=f"so much may a small input grow to, as 4G ({DEFAULT_MEMORY >> 30}G)",
+        help=f"how much memory a small input may take, as 4G ({DEFAULT_MEMORY >> 30}G)",
     )
 
 
@@ -77,7 +77,7 @@ def _add_viewing(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SITE",
-        help="let pages of this site in too, as https://robot.example.org of a proxy; repeatable",
+        help="a site whose pages may use this one, as https://robot.example.org; repeatable",
     )
 
 
@@ -130,7 +130,7 @@ def _add_output(parser: ArgumentParser) -> None:
         type=Path,
         default=Path(),
         metavar="DIR",
-        help="where the page records to (default: the present folder)",
+        help="where the page records to (default: the current folder)",
     )
     group.add_argument(
         "--overwrite",
