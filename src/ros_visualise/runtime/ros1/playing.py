@@ -62,12 +62,13 @@ class PlaybackFollower:
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:
         """Take over what was changed, and that alone: keys may have moved the rest meanwhile."""
         state = self._state()
-        wanted = {name: getattr(current, name) for name in state.keys() & changed.keys()}
-        if wanted.get("rate", state.get("rate")) != state.get("rate"):
-            self._playback.set_rate(wanted["rate"])
-        if wanted.get("loop", state.get("loop")) != state.get("loop"):
-            self._playback.set_loop(wanted["loop"])
-        if wanted.get("paused", state["paused"]) != state["paused"]:
-            self._playback.pause() if wanted["paused"] else self._playback.play()
+        names = state.keys() & changed.keys()
+        other = {name: value for name in names if (value := getattr(current, name)) != state[name]}
+        if "rate" in other:
+            self._playback.set_rate(other["rate"])
+        if "loop" in other:
+            self._playback.set_loop(other["loop"])
+        if "paused" in other:
+            self._playback.pause() if other["paused"] else self._playback.play()
         now = self._state()
-        self._seen |= {name: now[name] for name in wanted}
+        self._seen |= {name: now[name] for name in names}
