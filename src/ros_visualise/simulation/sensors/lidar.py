@@ -75,9 +75,7 @@ class Lidar:
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
         start = index * _NOISE_STEP % self._period
-        noise = self._noise[
-            start : start + len(ranges)
-        ]  # each ray has its own, whatever others met
+        noise = self._noise[start : start + len(ranges)]  # of each ray its own, whatever others met
         measured = noise.take(met) + ranges.take(met)
         points = self._points.take(met, axis=0, mode="clip")
         for axis in range(3):
