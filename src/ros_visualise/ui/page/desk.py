@@ -68,8 +68,10 @@ class Desk:
     def close(self) -> None:
         """End the threads and let go of the graph."""
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
-        for worker in (self._worker, self._driver, *self._actors.values()):
-            worker.close(_CLOSE_S)
+        self._worker.close(_CLOSE_S)
+        self._driver.close(_CLOSE_S)  # which makes the actors
+        for actor in list(self._actors.values()):
+            actor.close(_CLOSE_S)
         for window in self._windows:
             window.close()
         self._images.close(_CLOSE_S)
