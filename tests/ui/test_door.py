@@ -86,7 +86,7 @@ def test_tokens_are_made_anew_and_a_short_one_is_refused(monkeypatch):
     assert all(len(token) >= 20 for token in tokens)
     assert open_door("127.0.0.1").token == ""
     monkeypatch.setenv("ROS_VISUALISE_TOKEN", "1234")
-    with pytest.raises(UsageError, match="ROS_VISUALISE_TOKEN: give 16 letters"):
+    with pytest.raises(UsageError, match="ROS_VISUALISE_TOKEN: give 16 to 200 letters"):
         open_door("0.0.0.0")
 
 

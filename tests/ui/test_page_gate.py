@@ -125,7 +125,7 @@ def test_refusals_are_said_once(page, port, caplog):
         get(port, Host=f"evil{number}.example")
     said = [record.getMessage() for record in caplog.records]
     assert len(said) == 5
-    assert said[0].startswith("the page: somebody was refused: a page of 'http://evil.example'")
+    assert said[0].startswith("the page refused a request: a page of 'http://evil.example'")
 
 
 def test_a_proxy_comes_in_by_its_origin(port, runtime):

@@ -22,7 +22,7 @@ class Page:
     """Serves the page; the address is bound at once.
 
     Args:
-        host, port: where it listens. Beyond this machine its address has a token.
+        host, port: where it listens; an address that others reach needs a token.
         title: of the page.
         origins: other sites whose pages may come in, as ``https://robot.example.org``.
         record_dir: the folder in which it records, under names and nowhere else.
@@ -32,7 +32,7 @@ class Page:
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
-        UsageError: an origin is none, or the token that was chosen is too short.
+        UsageError: as `ros_visualise.ui.page.door.open_door`.
     """
 
     stays = True

@@ -51,9 +51,8 @@ class Door:
             origin: its ``Origin``, the site whose page asks, if it is a page that asks.
         """
         if not self._is_called(_split(f"//{host}").hostname):
-            return (
-                f"{host[:_SHOWN]!r} is no name of this server; --allow-origin http://NAME adds one"
-            )
+            name = repr(host[:_SHOWN])
+            return f"{name} is no name of this server; --allow-origin http://NAME adds one"
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
             return f"a page of {origin[:_SHOWN]!r} asked to come in; --allow-origin lets one in"
         if self.token and not hmac.compare_digest(_first_part(path).encode(), self.token.encode()):
@@ -77,11 +76,11 @@ class Door:
 def open_door(host: str, origins: Collection[str] = ()) -> Door:
     """The door of a server that listens at an address.
 
-    Beyond this machine whoever comes needs a token: one of this run, or the one in the variable
-    ``ROS_VISUALISE_TOKEN``.
+    Where others than this machine reach it, every request needs a token: a new one for each run, or
+    the one in the variable ``ROS_VISUALISE_TOKEN``.
 
     Raises:
-        UsageError: no origin, or a token that is easily guessed.
+        UsageError: an origin that is no site, or a token that is too short or has other letters.
     """
     names = LOOPBACK_NAMES | {_split(_origin(origin)).hostname or "" for origin in origins}
     allowed = frozenset(map(_origin, origins))
@@ -104,7 +103,7 @@ def is_loopback(host: str) -> bool:
 def _choose_token(environment: Mapping[str, str]) -> str:
     token = environment.get(_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
     if not _TOKEN.fullmatch(token):
-        raise UsageError(f"{_TOKEN_VARIABLE}: give 16 letters, digits, - or _, or more")
+        raise UsageError(f"{_TOKEN_VARIABLE}: give 16 to 200 letters, digits, - or _")
     return token
 
 

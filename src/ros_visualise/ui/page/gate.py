@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 _Admit = Callable[[ServerConnection, Request], Any]
 _MOST_SAID = 5
-"""So many refusals are said, those of everybody and then those of each browser; no flood is."""
+"""So many requests that are refused are logged, and so many messages of each browser."""
 _one_at_a_time = Lock()
 
 
@@ -39,7 +39,7 @@ class Gate:
         door: which requests come in.
 
     Attributes:
-        gui: the elements of the page; as long as there is none, none can be moved.
+        gui: the elements of the page; None until there are any.
         is_used: whether a server has its connections from here.
     """
 
@@ -74,11 +74,11 @@ class Gate:
         reason = self.door.refusal(request.path, hosts[0], next(iter(origins), None))
         if reason and reason not in self._refused and len(self._refused) < _MOST_SAID:
             self._refused.add(reason)
-            log.warning("the page: somebody was refused: %s", reason)
+            log.warning("the page refused a request: %s", reason)
         return reason
 
     def refuse_message(self, data: str | bytes) -> str | None:
-        """Why a message is let go: for people, or empty; None where it passes."""
+        """Why a message is dropped, or empty to say nothing of it; None where it passes."""
         message = understand(data)
         if message is None:
             return ""
