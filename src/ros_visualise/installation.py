@@ -15,7 +15,7 @@ _FROM_PIP = ("numpy", "av", "rosbags", "viser")
 
 
 def check_installation() -> None:
-    """Import OpenCV, which everything needs and which has to fit to NumPy.
+    """Import OpenCV, which everything needs and which has to fit the NumPy that is there.
 
     Raises:
         OpenError: it cannot be imported, or what pip brings is missing.

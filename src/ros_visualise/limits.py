@@ -75,7 +75,7 @@ def check_image(width: int, height: int, pixel_bytes: int) -> None:
 
 
 def check_frame(width: int, height: int, pixel_bits: int) -> None:
-    """Look at the size of a film's frames before one is decoded.
+    """Look at the size of a video's frames before one is decoded.
 
     Raises:
         TooLarge: a decoder, which may keep 16 of them beside the images, would take too much.
@@ -87,7 +87,7 @@ def check_frame(width: int, height: int, pixel_bits: int) -> None:
 
 
 def frame_pixels(pixel_bits: int) -> int:
-    """The most pixels that a film's frame may have."""
+    """The most pixels that a video's frame may have."""
     return _max_memory // _FRAME_SHARE * 8 // max(1, pixel_bits)
 
 

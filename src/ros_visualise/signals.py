@@ -33,7 +33,7 @@ def leave_at_once() -> None:
 def interrupt() -> None:
     """Raise a KeyboardInterrupt in the main thread, from now on; once."""
 
-    def raise_once(number: int, _: FrameType | None) -> None:
+    def raise_once(*_: object) -> None:
         ignore()
         _leave_terminal()
         raise KeyboardInterrupt
@@ -50,11 +50,13 @@ class Wish:
 def note(wish: Wish) -> dict[Any, Any]:
     """Note that somebody asks for the end, and interrupt nothing, from now on.
 
-    For work that has something to close; it has to look at the wish now and then. The handlers
-    that there were before.
+    For work that has something to close; it has to look at the wish now and then.
+
+    Returns:
+        The handlers that there were before.
     """
 
-    def hear(number: int, _: FrameType | None) -> None:
+    def hear(*_: object) -> None:
         _leave_terminal()
         wish.asked = True
 

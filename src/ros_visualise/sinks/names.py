@@ -62,7 +62,7 @@ def check_name(path: str | Path) -> None:
 
 
 def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
-    """Refuse targets that are one another, or of which something is read, by whatever name.
+    """Refuse a target that is given twice or is being read, whatever it is called.
 
     Args:
         targets: what is going to be written.
@@ -74,13 +74,14 @@ def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
     for number, target in enumerate(targets):
         check_name(target)
         if any(_meet(target, other) for other in targets[:number]):
-            raise UsageError(f"{target}: is in use already; not both can be written to it")
+            raise UsageError(f"{target}: is in use already; choose another name")
     there = [target for target in targets if os.path.lexists(target)]
     read = _all_of(_files_read(Path(source))) if source and there else set()
     for target in there:
         if read & _all_of([target], depth=1):
-            what = "is in use: it is what is read, or a part of it"
-            raise UsageError(f"{target}: {what}; choose another name")
+            raise UsageError(
+                f"{target}: is in use: it is what is read, or a part of it; choose another name"
+            )
 
 
 def _meet(one: Path, other: Path) -> bool:

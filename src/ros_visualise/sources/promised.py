@@ -1,4 +1,4 @@
-"""How long a video file says that it is, by its outermost boxes, which FFmpeg does not compare.
+"""How many bytes a video file should have by its outermost boxes; FFmpeg does not check that.
 
 Source: ISO/IEC 14496-12, section 4.2, and 13818-1, 2.4.3; Microsoft, AVI RIFF File Reference;
 RFC 8794, sections 4 to 7.

@@ -73,7 +73,7 @@ class CalibrationFile:
         return self._path is not None
 
     def tells(self, names: Sequence[str], of: Sequence[str], messages: int = 0) -> bool:
-        """Whether these rows are whole.
+        """Whether these rows are whole; if not, `damage` tells of it.
 
         Args:
             names: of the rows.

@@ -141,7 +141,8 @@ def _stamp(
         sensors.append(stamps.Stamps(name, path, files.numbers, times))
     lacking = [one.name for one in sensors if one.lacking]
     notes, damaged = stamps.complete(sensors, True, 0, dict.fromkeys(parts, _PERIOD_NS))
-    if damaged and lacking == ["poses"] != list(parts):  # of a part, with the poses of the whole
+    is_part = lacking == ["poses"] and len(parts) > 1  # with the poses of the whole sequence
+    if damaged and is_part:
         notes.append(f"poses: {damaged[0].why}")
     elif damaged:
         add_damage(loss, folder, damaged[0])

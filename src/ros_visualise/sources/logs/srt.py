@@ -79,7 +79,7 @@ def parse_srt(text: str) -> Iterator[Subtitle]:
 
 
 def ends_cut(text: str) -> bool:
-    """Whether the last subtitle is a part of what another one is, or what follows it is none."""
+    """Whether the last subtitle says only a part of what others say, or more than text."""
     *others, last = (_form(said) for _, said in _split(text))
     if _NO_TEXT.search(last):
         return True
