@@ -304,3 +304,10 @@ def test_every_executable_is_built():
 def test_no_path_of_anybody():
     for path in [*LAUNCH.rglob("*.launch"), *(PACKAGE / "config").iterdir()]:
         assert not re.search(r"/home/|/root/|/Users/", path.read_text()), path
+
+
+@pytest.mark.parametrize("name", ["main_video", "main_usb_cam", "main_rosbag", "main_path"])
+def test_the_page_of_a_main_launch_file_records_where_it_is_told(name: str) -> None:
+    options = {"allow_origin": "https://robot.example.org", "record_dir": "/recordings"}
+    found = Launched(name, view="web", **options).params("viewer")
+    assert found.items() >= options.items()
