@@ -17,7 +17,7 @@ from ros_visualise.params import param, specs
 from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.tables import topic_table, way_lines
+from ros_visualise.ui.page.tables import loss_lines, topic_table, way_lines
 from ros_visualise.ui.page.worker import Worker
 
 
@@ -151,6 +151,14 @@ def test_the_way_that_was_gone_is_told():
     told = way_lines({"nodes": {"player": {}, "path": gone}})
     assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 refused" in told
     assert "player" not in told
+
+
+def test_what_is_lost_is_told_while_somebody_looks_on():
+    lost = {"messages": 2, "bytes": 0, "notes": ["/<b>: 2 messages", "cut off"]}
+    told = loss_lines({"nodes": {"player": {"lost": lost}, "path": {}}})
+    assert "player: /&lt;b&gt;: 2 messages" in told
+    assert "player: cut off" in told
+    assert "path" not in told
 
 
 def test_only_the_newest_of_a_kind_is_done():

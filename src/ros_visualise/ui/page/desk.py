@@ -21,7 +21,7 @@ from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
-from ros_visualise.ui.page.tables import topic_table, way_lines
+from ros_visualise.ui.page.tables import loss_lines, topic_table, way_lines
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
@@ -194,7 +194,8 @@ class Desk:
 
     def _show_report(self, report: dict[str, Any]) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            self._table.content = topic_table(self._graph, report) + way_lines(report)
+            lines = way_lines(report) + loss_lines(report)
+            self._table.content = topic_table(self._graph, report) + lines
             self._plots.add(report)
 
     def _show_frames(self) -> None:

@@ -1,4 +1,4 @@
-"""What the page tells in figures: topics with rates, drops and latencies; the way gone."""
+"""What the page tells of a run: topics with rates, drops and latencies; the way gone; losses."""
 
 from __future__ import annotations
 
@@ -26,11 +26,18 @@ def topic_table(graph: Graph, report: dict[str, Any]) -> str:
 
 def way_lines(report: dict[str, Any]) -> str:
     """How far and how fast it went, by the nodes of a run report that tell, in HTML."""
-    return "".join(
-        f'<div class="rv-note">{escape(name)}: {escape(_way(node))}</div>'
-        for name, node in report["nodes"].items()
-        if "length_m" in node
-    )
+    ways = {name: _way(node) for name, node in report["nodes"].items() if "length_m" in node}
+    return _lines(ways.items())
+
+
+def loss_lines(report: dict[str, Any]) -> str:
+    """What could not be read by now, by the nodes of a run report that tell, in HTML."""
+    lost = {name: node["lost"]["notes"] for name, node in report["nodes"].items() if "lost" in node}
+    return _lines((name, note) for name, notes in lost.items() for note in notes)
+
+
+def _lines(told: Iterable[tuple[str, str]]) -> str:
+    return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in told)
 
 
 def _way(node: dict[str, Any]) -> str:
