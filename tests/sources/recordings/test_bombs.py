@@ -105,7 +105,7 @@ def test_packed_files_leave_the_disk_room(tmp_path, monkeypatch):
     [file] = (tmp_path / "bag").glob("*.db3")
     file.with_name(f"{file.name}.zstd").write_bytes(zstandard.compress(file.read_bytes()))
     file.unlink()
-    monkeypatch.setattr(limits, "_RESERVE", 1.0)
+    monkeypatch.setattr(limits, "disk_reserve", lambda total: (total, "all of it"))
     with pytest.raises(OpenError, match=r"zstd: unpacked, it needs .* are free; make room"):
         open_recording(tmp_path / "bag")
 
