@@ -8,6 +8,7 @@ import zlib
 from types import SimpleNamespace
 
 import av
+import numpy as np
 import pytest
 
 from ros_visualise import limits
@@ -22,11 +23,12 @@ def chunk(kind, data):
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def png(width, height):
+def png(width, height, depth=8, color=2):
     """The head of such a picture, and a kilobyte of its pixels."""
-    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    head = struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, 0)
     pixels = zlib.compress(bytes(1000))
-    parts = chunk(b"IHDR", head) + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
+    palette = chunk(b"PLTE", bytes(6)) if color == 3 else b""
+    parts = chunk(b"IHDR", head) + palette + chunk(b"IDAT", pixels) + chunk(b"IEND", b"")
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
@@ -79,6 +81,16 @@ def test_a_picture_is_refused_by_its_head(make):
     data = np.frombuffer(make(32000, 32000), np.uint8)
     with pytest.raises(TooLarge, match=r"32000x32000 takes .* 256 MiB .* --max-memory \d+G"):
         decompress(CompressedImage(data, "picture"))
+
+
+@pytest.mark.usefixtures("little_memory")
+@pytest.mark.parametrize(
+    "form", [{"depth": 16, "color": 0}, {"color": 3}], ids=["16 bit", "palette"]
+)
+def test_the_bytes_are_those_that_opencv_makes_of_a_pixel(form):
+    data = np.frombuffer(png(3000, 2500, **form), np.uint8)
+    with pytest.raises(TooLarge, match="an image of 3000x2500 takes"):
+        decompress(CompressedImage(data, "png"))
 
 
 @pytest.mark.parametrize(

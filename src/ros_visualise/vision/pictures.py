@@ -10,20 +10,33 @@ from PIL import UnidentifiedImageError
 from ros_visualise.limits import check_image
 
 _KINDS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "GIF")
+_EXPANDED = ("P", "PA", "LA")  # modes of which OpenCV makes colours, perhaps with alpha
+_DEEP = ("TIFF", "PPM", "JPEG2000")  # Pillow does not tell whether a colour has 8 bits or 16
+_PNG_DEPTH_AT = 24
 
 Pictures.MAX_IMAGE_PIXELS = None  # the limit is ours
 
 
 def check_picture(file: bytes) -> bool:
-    """Look at a picture before it is decoded; whether it is one.
+    """Look at a picture before OpenCV decodes it; whether it is one.
 
     Raises:
         TooLarge: its pixels would take too much.
     """
     try:
         with Pictures.open(BytesIO(file), formats=_KINDS) as picture:
-            (width, height), channels = picture.size, len(picture.getbands())
+            (width, height), pixel_bytes = picture.size, _pixel_bytes(file, picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return False
-    check_image(width, height, channels)
+    check_image(width, height, pixel_bytes)
     return True
+
+
+def _pixel_bytes(file: bytes, picture: Pictures.Image) -> int:
+    """The most bytes that OpenCV makes of a pixel."""
+    is_expanded = picture.mode in _EXPANDED or "transparency" in picture.info
+    channels = 4 if is_expanded or picture.format == "GIF" else len(picture.getbands())
+    if picture.mode == "F":
+        return channels * 4
+    is_deep = picture.format in _DEEP or (picture.format == "PNG" and file[_PNG_DEPTH_AT] == 16)
+    return channels * (2 if is_deep else 1)
