@@ -228,7 +228,7 @@ class TestRefusals:
     def test_pictures_and_inputs(self, refused, tmp_path):
         assert ".svg" in refused(tmp_path / "a.bag", tmp_path / "out.tum", "--plot", "a.jpg")
         same = tmp_path / "way.svg"
-        assert "both" in refused(tmp_path / "a.bag", same, "--plot", same)
+        assert "is in use already" in refused(tmp_path / "a.bag", same, "--plot", same)
         assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
 
     def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
