@@ -1,7 +1,7 @@
-"""What one input may take of the machine: no size that it declares is believed before it is here.
+"""What one input may take of the machine: sizes that it declares are checked before it takes them.
 
-All limits are shares of one number, `--max-memory`, such that an input of little size does not
-bring the whole process above that.
+All limits are shares of one number, `--max-memory`, so that a small input does not bring the whole
+process above that.
 """
 
 from __future__ import annotations

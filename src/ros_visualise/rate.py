@@ -47,10 +47,10 @@ class WallClock:
 
 
 class Steady:
-    """Takes out of times the steps that the clock on the wall makes when somebody sets it.
+    """Removes from times the steps that the clock on the wall makes when somebody sets it.
 
     Attributes:
-        step_ns: how far it had been set, ahead or back, when it was asked last; 0 else.
+        step_ns: how far the clock was set, ahead or back, before the last time; else 0.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class Steady:
         self._steps_ns = self._newest_ns = 0
 
     def of(self, time_ns: int, monotonic_ns: int) -> int:
-        """That time without the steps, never before the last; the monotonic one goes with it."""
+        """The time without the steps, never before the last; both times were read together."""
         last_ns, last_monotonic_ns = self._last or (time_ns, monotonic_ns)
         apart_ns = (time_ns - last_ns) - (monotonic_ns - last_monotonic_ns)
         self.step_ns = apart_ns if abs(apart_ns) > _STEP_NS else 0

@@ -1,7 +1,7 @@
 """YAML files, read so that none can take more than a moment and a little memory.
 
-What names a part again (``*name``) counts as large as that part: a few lines can stand for billions
-of values, for which programs then look one by one.
+An alias (``*name``) counts as many values as what it names: a few lines can stand for billions of
+values, which programs then look at one by one.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class _Composer(Composer):
         return node
 
     def _size(self, event: Any) -> int:
-        """The values that an event stands for: a part that is named within itself, for too many."""
+        """How many values an event stands for; too many if it is named within itself."""
         if isinstance(event, AliasEvent) and event.anchor in self.anchors:
             return self._sizes.get(event.anchor, _MOST_VALUES)
         is_plain = isinstance(event, ScalarEvent) and event.implicit[0]

@@ -51,7 +51,7 @@ class _Expander:
         self._found: dict[str, _Expanded] = {}
 
     def of(self, name: str, within: tuple[str, ...]) -> _Expanded:
-        """A type, which stands within others."""
+        """What a type stands for that is a part of others, the innermost last."""
         if name in within:
             raise TooLarge("its definition contains itself")
         if len(within) > _DEEPEST:

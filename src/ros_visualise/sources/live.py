@@ -94,8 +94,8 @@ class Stamps:
     """Times of capture on the wall clock, as long as nobody sets it: then begin anew.
 
     A network stream does not tell them: there they are the stream's own times, shifted by the
-    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone. Those
-    of a device that are far from its arrivals are not of now.
+    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone. Times
+    of a device that are far from their arrivals are of another clock, and are shifted likewise.
     """
 
     def __init__(self, address: Address) -> None:

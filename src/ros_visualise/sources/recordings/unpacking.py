@@ -20,13 +20,13 @@ class DamagedData(Exception):
 
 
 def unpack(compression: str, packed: Packed, size: int) -> bytes:
-    """What is said to be so many bytes.
+    """Unpack what is said to make so many bytes.
 
     Args:
         compression: one of `COMPRESSIONS`.
 
     Raises:
-        TooLarge: it may not be so many.
+        TooLarge: so many are not allowed.
         DamagedData: it cannot be unpacked, or is of another length.
     """
     check_unpacked(size, len(packed))
@@ -37,10 +37,10 @@ def unpack(compression: str, packed: Packed, size: int) -> bytes:
 
 
 def unpack_all(compression: str, packed: Packed) -> bytes:
-    """What there is, where nobody says how much, or where it may be cut off.
+    """Unpack what there is, where nobody says how much, or where it may be cut off.
 
     Raises:
-        TooLarge: it is more than it may be.
+        TooLarge: it is more than is allowed.
         DamagedData: it cannot be unpacked.
     """
     if compression == "zstd":

@@ -130,7 +130,7 @@ class Desk:
         return Window(gui, self._runtime, node, self._worker, self._scene, self._act)
 
     def _act(self, node: str, action: str) -> None:
-        """Have an action done; whatever one takes, driving and what other nodes do goes on."""
+        """Have an action done on a thread of its node; driving and other nodes do not wait."""
         self._driver.post(object(), partial(self._act_undriven, node, action))
 
     def _act_undriven(self, node: str, action: str) -> None:
