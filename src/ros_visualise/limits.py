@@ -22,6 +22,7 @@ _GIB, _MIB = 1 << 30, 1 << 20
 _SHARE = 8  # a few images are held at the same time
 _UNPACKED_SHARE = 16  # small messages take several times their bytes
 _TEXT_SHARE = 32  # as do lines of text
+_NUMBERS_SHARE = 128  # each is a word, an object and an entry
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _max_memory = DEFAULT_MEMORY
@@ -114,6 +115,16 @@ def check_text(size: int) -> None:
     """
     if size > _max_memory // _TEXT_SHARE:
         raise TooLarge(f"a text of {_written(size)}, {_advice(size, _TEXT_SHARE)}")
+
+
+def check_numbers(size: int) -> None:
+    """Look at the size of a text of numbers, which may be of one digit each.
+
+    Raises:
+        TooLarge: they would take too much.
+    """
+    if size > _max_memory // _NUMBERS_SHARE:
+        raise TooLarge(f"numbers of {_written(size)}, {_advice(size, _NUMBERS_SHARE)}")
 
 
 def disk_reserve(total: int) -> tuple[int, str]:

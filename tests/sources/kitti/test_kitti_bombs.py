@@ -34,15 +34,15 @@ def test_a_file_of_gigabytes_is_not_read(tmp_path):
 def test_a_text_whose_lines_would_take_gigabytes_is_not_read(tmp_path):
     path = tmp_path / "times.txt"
     path.touch()
-    os.truncate(path, 66 << 20)
-    with pytest.raises(DamagedFile, match=r"times\.txt: a text of 66 MiB, and 64 MiB are allowed"):
+    os.truncate(path, 17 << 20)
+    with pytest.raises(DamagedFile, match=r"times\.txt: numbers of 17 MiB, and 16 MiB are allowed"):
         read_lines(path)
 
 
 def test_a_sample_of_millions_of_numbers_is_damaged(tmp_path):
     path = tmp_path / "0000000000.txt"
     path.touch()
-    os.truncate(path, 66 << 20)
+    os.truncate(path, 17 << 20)
     whole, rows, [damaged] = read_samples(list_files(tmp_path, "txt"))
     assert (whole, len(rows)) == ([], 0)
-    assert "a text of 66 MiB, and 64 MiB are allowed" in damaged.why
+    assert "numbers of 17 MiB, and 16 MiB are allowed" in damaged.why

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.errors import TooLarge
-from ros_visualise.limits import check_file, check_text
+from ros_visualise.limits import check_file, check_numbers
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 
@@ -73,7 +73,7 @@ def read_lines(path: Path) -> list[str]:
         DamagedFile: it may not be read, or is too large.
     """
     try:
-        check_text(path.stat().st_size)
+        check_numbers(path.stat().st_size)
         text = path.read_text("utf-8", "replace")
     except TooLarge as error:
         raise DamagedFile(path, str(error)) from None

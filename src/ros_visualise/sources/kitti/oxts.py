@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
 from ros_visualise.errors import TooLarge
 from ros_visualise.geometry import geodesy, rotations, transforms
-from ros_visualise.limits import check_text
+from ros_visualise.limits import check_numbers
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.kitti.series import (
     BASE,
@@ -64,7 +64,7 @@ def read_samples(files: Files) -> tuple[list[int], Floats, list[DamagedFile]]:
 
 def _parse(path: Path, data: bytes) -> Floats:
     try:
-        check_text(len(data))
+        check_numbers(len(data))
         numbers = np.array(data.split(), np.float64)
     except TooLarge as error:
         raise DamagedFile(path, str(error)) from None
