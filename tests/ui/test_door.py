@@ -43,6 +43,8 @@ def test_this_machine_comes_in_by_its_own_names(name, port):
         ("127.0.0.1:8080", ""),
         ("127.0.0.1:8080", "http://127.0.0.1:port"),
         ("127.0.0.1:8080", "file://"),
+        ("127.0.0.1:8080", "chrome-extension://127.0.0.1:8080"),
+        ("127.0.0.1:8080", "ws://127.0.0.1:8080"),
     ],
 )
 def test_others_are_refused_on_every_path(host, origin, path):
@@ -55,10 +57,18 @@ def test_a_proxy_is_let_in_by_its_origin():
         assert door.refusal("/", host, "https://robot.example.org") == ""
     assert door.refusal("/", "robot.example.org", "http://robot.example.org:81")
     assert door.refusal("/", "robot.example.org", "https://example.org")
+    for site in ("http://robot.example.org", "http://robot.example.org:8080"):  # was not named
+        for host in ("robot.example.org", "robot.example.org:8080", "127.0.0.1:8080"):
+            assert door.refusal("/", host, site)
 
 
 @pytest.mark.parametrize(
-    "origin", ["robot.example.org", "*", "https://", "ftp://a", "https://a/b", "http://a:b", ""]
+    "origin",
+    [
+        *("robot.example.org", "*", "https://", "ftp://a", "https://a/b", "http://a:b", ""),
+        *("https://a.b;script-src *", "https://u:p@a.b", "https://a b", "https://a.b?x"),
+        *("https://a.b#c", "https://[::1", "https://a.b:999999", "https://a.b\r\nX: y"),
+    ],
 )
 def test_what_is_no_origin_is_refused_by_name(origin):
     with pytest.raises(UsageError, match=r"give a site as https://robot\.example\.org"):

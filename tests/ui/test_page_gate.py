@@ -107,6 +107,13 @@ def test_a_foreign_name_or_site_gets_nothing_on_any_path(page, port, path):
         assert get(port, path, **headers, **upgrade, **key)[0] == 403
 
 
+def test_a_long_path_is_no_fault_of_the_server(page, port):
+    assert get(port, "/" + "a" * 6000)[0] == 414
+    assert get(port, "/" + "a" * 260)[0] == 414
+    assert get(port, "/" + "a" * 200)[0] == 404
+    assert get(port, "/?" + "a" * 2000)[0] == 200
+
+
 def test_own_names_are_served_and_nobody_else_may_frame_them(page, port):
     for host in (f"127.0.0.1:{port}", f"localhost:{port}", "localhost:9000", f"[::1]:{port}"):
         status, headers, text = get(port, Host=host, Origin=f"http://{host}")

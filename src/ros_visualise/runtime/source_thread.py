@@ -62,27 +62,11 @@ class SourceThread:
     def run(self) -> None:
         """Until the source ends or the playback is closed."""
         try:
-            for number, (port, message) in enumerate(self._messages()):
-                arrival_ns = time.monotonic_ns()
-                packet = Packet(
-                    number,
-                    message,
-                    arrival_ns,
-                    log_ns=self._log_ns(message, arrival_ns),
-                    turns=self._playback.turns + self._reopened,
-                )
-                self._stats.received = self._stats.processed = number + 1
-                self._on_message()
-                self._outputs[port].publish(packet)
-        except RosVisualiseError as error:
-            log.error("%s", error)
-            self.failed = True
-        except Exception:
-            log.exception("%s broke", self.name)
-            self.failed = True
-        self._say_lost()
-        for topic in self._outputs.values():
-            topic.finish()
+            for work in (self._publish_all, self._say_lost):
+                self._do(work)
+        finally:
+            for topic in self._outputs.values():
+                topic.finish()
 
     def report(self) -> dict[str, Any]:
         """Counts and the source's own figures."""
@@ -99,6 +83,30 @@ class SourceThread:
     def close(self) -> None:
         """Let go of what is open."""
         self._source.close()
+
+    def _do(self, work: Callable[[], None]) -> None:
+        try:
+            work()
+        except RosVisualiseError as error:
+            log.error("%s", error)
+            self.failed = True
+        except Exception:
+            log.exception("%s broke", self.name)
+            self.failed = True
+
+    def _publish_all(self) -> None:
+        for number, (port, message) in enumerate(self._messages()):
+            arrival_ns = time.monotonic_ns()
+            packet = Packet(
+                number,
+                message,
+                arrival_ns,
+                log_ns=self._log_ns(message, arrival_ns),
+                turns=self._playback.turns + self._reopened,
+            )
+            self._stats.received = self._stats.processed = number + 1
+            self._on_message()
+            self._outputs[port].publish(packet)
 
     def _log_ns(self, message: Any, arrival_ns: int) -> int:
         """When to record it: live, time goes on evenly, also where the stamps' clock is set."""

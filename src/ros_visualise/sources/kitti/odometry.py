@@ -143,7 +143,8 @@ def _stamp(
     notes, damaged = stamps.complete(sensors, True, 0, dict.fromkeys(parts, _PERIOD_NS))
     is_part = lacking == ["poses"] and len(parts) > 1  # with the poses of the whole sequence
     if damaged and is_part:
-        notes.append(f"poses: {damaged[0].why}")
+        stamped = damaged[0].why.partition("; ")[2]
+        notes.append(f"poses: more than the {len(lines)} times of times.txt; {stamped}")
     elif damaged:
         add_damage(loss, folder, damaged[0])
     notes += [

@@ -131,14 +131,20 @@ class Desk:
 
     def _act(self, node: str, action: str) -> None:
         """Have an action done on a thread of its node; driving and other nodes do not wait."""
-        self._driver.post(object(), partial(self._act_undriven, node, action))
+        self._driver.post(object(), partial(self._begin_action, node, action))
 
-    def _act_undriven(self, node: str, action: str) -> None:
+    def _begin_action(self, node: str, action: str) -> None:
         self._driving.make_way(node)
         if node not in self._actors:
             self._actors[node] = Worker(self._say_soon, lambda: None, _PERIOD_S)
             self._actors[node].start()
         self._actors[node].post(object(), partial(self._runtime.act, node, action))
+
+    def _end_actors(self) -> None:
+        """End those of nodes that have left the graph."""
+        there = {node.name for node in self._runtime.graph.nodes}
+        for name in self._actors.keys() - there:
+            self._actors.pop(name).close(0)
 
     def _drive(self) -> None:
         self._driving.refresh() if self._is_watched() else self._driving.rest()
@@ -168,6 +174,7 @@ class Desk:
                 window.remove()
         self._picture.content = graph_picture(self._graph)
         self._field_plot.follow(_kinds_of(self._graph))
+        self._driver.post("actors", self._end_actors)
         self._plots.remove()
         with self._plots_folder:
             self._plots = Plots(self._server.gui, self._graph)

@@ -21,6 +21,7 @@ from ros_visualise.errors import UsageError
 
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 _PORTS = {"http": 80, "https": 443}
+_SITE = re.compile(r"https?://([a-z0-9.-]+|\[[0-9a-f:.]+\])(:\d{1,5})?")
 _SHOWN = 100  # characters of what a stranger sent
 _TOKEN_VARIABLE = "ROS_VISUALISE_TOKEN"
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
@@ -31,13 +32,15 @@ class Door:
     """Which requests come in.
 
     Attributes:
-        names: what this server may be called in a request.
+        names: what this server is called where its own pages are opened.
+        proxies: what else it may be called in a request: the names of the sites of others.
         addresses: whether it may be called by any address too, as where it listens on all.
         origins: sites of others whose pages may come in, as ``https://example.org``.
         token: what the path of a request has to begin with; empty: anything will do.
     """
 
     names: frozenset[str]
+    proxies: frozenset[str] = frozenset()
     addresses: bool = False
     origins: frozenset[str] = frozenset()
     token: str = ""
@@ -50,7 +53,8 @@ class Door:
             host: its ``Host``, the name or address and the port that this server was called by.
             origin: its ``Origin``, the site whose page asks, if it is a page that asks.
         """
-        if not self._is_called(_split(f"//{host}").hostname):
+        called = _split(f"//{host}").hostname
+        if called not in self.proxies and not self._is_called(called):
             name = repr(host[:_SHOWN])
             return f"{name} is no name of this server; --allow-origin http://NAME adds one"
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
@@ -67,7 +71,8 @@ class Door:
         """Whether a page is one that this server gave out."""
         site = _split(origin)
         called = _split(f"//{host}", site.scheme)
-        return self._is_called(site.hostname) and _port(site) == _port(called)
+        is_page = site.scheme in _PORTS  # and no browser's extension
+        return is_page and self._is_called(site.hostname) and _port(site) == _port(called)
 
     def _is_called(self, name: str | None) -> bool:
         return name is not None and (name in self.names or (self.addresses and _is_address(name)))
@@ -82,13 +87,13 @@ def open_door(host: str, origins: Collection[str] = ()) -> Door:
     Raises:
         UsageError: an origin that is no site, or a token that is too short or has other letters.
     """
-    names = LOOPBACK_NAMES | {_split(_origin(origin)).hostname or "" for origin in origins}
     allowed = frozenset(map(_origin, origins))
+    proxies = frozenset(_split(origin).hostname or "" for origin in allowed)
     if is_loopback(host):
-        return Door(names | {host.lower()}, origins=allowed)
+        return Door(LOOPBACK_NAMES | {host.lower()}, proxies, origins=allowed)
     own = socket.gethostname().lower()
-    names |= {host.lower(), own, f"{own}.local", socket.getfqdn().lower()}
-    return Door(names, addresses=True, origins=allowed, token=_choose_token(os.environ))
+    names = LOOPBACK_NAMES | {host.lower(), own, f"{own}.local", socket.getfqdn().lower()}
+    return Door(names, proxies, addresses=True, origins=allowed, token=_choose_token(os.environ))
 
 
 def is_loopback(host: str) -> bool:
@@ -108,10 +113,10 @@ def _choose_token(environment: Mapping[str, str]) -> str:
 
 
 def _origin(text: str) -> str:
-    site = _split(text.lower().rstrip("/"))
-    if site.scheme not in _PORTS or not site.hostname or site.geturl().count("/") != 2:
+    site = text.lower().rstrip("/")
+    if not _SITE.fullmatch(site) or not _split(site).hostname:
         raise UsageError(f"--allow-origin {text}: give a site as https://robot.example.org")
-    return site.geturl()
+    return site
 
 
 def _split(url: str, scheme: str = "") -> SplitResult:

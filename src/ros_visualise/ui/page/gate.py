@@ -29,6 +29,7 @@ log = logging.getLogger(__name__)
 _Admit = Callable[[ServerConnection, Request], Any]
 _MOST_SAID = 5
 """So many requests that are refused are logged, and so many messages of each browser."""
+_LONGEST_PATH = 250  # of a name that file systems take
 _one_at_a_time = Lock()
 
 
@@ -123,6 +124,8 @@ class _Connection(ServerConnection):
 
         def admit(connection: ServerConnection, request: Request) -> Any:
             reason = self._gate.refuse(request)
+            if len(request.path.partition("?")[0]) > _LONGEST_PATH:
+                return connection.respond(HTTPStatus.REQUEST_URI_TOO_LONG, "no such page\n")
             if reason:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"ros-visualise: {reason}\n")
             request.path = self._gate.door.inside(request.path)
