@@ -161,6 +161,9 @@ def _add_asking(commands: Any) -> None:
     info = commands.add_parser("info", help="what a file holds")
     info.set_defaults(module="info")
     info.add_argument("input", metavar="FILE")
+    info.add_argument(
+        "--check", action="store_true", help="read all of it, and tell what of it is lost"
+    )
     info.add_argument("--json", action="store_true", help="as one JSON object")
     add_memory_option(info)
     _add_convert(commands)

@@ -19,7 +19,7 @@ _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 
 def run(args: Namespace) -> int:
     """Print what a file holds; 1 if something of it is lost."""
-    found = interruptible(lambda: sources.info(args.input))
+    found = interruptible(lambda: sources.info(args.input, args.check))
     answer([json.dumps(found)] if args.json else _lines(found))
     return int(bool(found["lost"]["notes"]))
 

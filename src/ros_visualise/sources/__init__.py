@@ -32,25 +32,41 @@ def open_source(path: str | os.PathLike[str]) -> Recording:
         raise _neither(path) from None
 
 
-def info(path: str | os.PathLike[str]) -> dict[str, Any]:
+def info(path: str | os.PathLike[str], check: bool = False) -> dict[str, Any]:
     """What a recording or a video holds, as ``ros-visualise info --json`` prints it.
+
+    Args:
+        path: of the recording or video.
+        check: read all its messages, and tell what of them is lost.
 
     Raises:
         OpenError: it cannot be opened.
     """
-    if _may_be_video(Path(path)):
-        from ros_visualise.sources.demux import NoVideo  # PyAV takes a while to import
-        from ros_visualise.sources.video import describe
-
-        try:
-            return describe(path)
-        except NoVideo:
-            raise _neither(path) from None
     from ros_visualise.sources.recordings.opening import open_recording
-    from ros_visualise.sources.recordings.summary import summarize
+    from ros_visualise.sources.recordings.summary import read_through, summarize
 
+    if _may_be_video(Path(path)):
+        return _describe_video(path, check)
     with closing(open_recording(Path(path))) as recording:
+        if check:
+            read_through(recording)
         return summarize(recording)
+
+
+def _describe_video(path: str | os.PathLike[str], check: bool) -> dict[str, Any]:
+    from ros_visualise.sources.demux import NoVideo  # PyAV takes a while to import
+    from ros_visualise.sources.recordings.summary import read_through
+    from ros_visualise.sources.video import describe
+
+    try:
+        found = describe(path)
+    except NoVideo:
+        raise _neither(path) from None
+    if check:
+        with closing(open_source(path)) as recording:
+            read_through(recording)
+            found["lost"]["notes"] = list(recording.loss.notes)
+    return found
 
 
 def _may_be_video(path: Path) -> bool:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from contextlib import closing
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ros_visualise.data import Image
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording, TopicInfo
 
 
@@ -31,6 +36,26 @@ def summarize(recording: Recording) -> dict[str, Any]:
         "topics": topics,
         "lost": {"messages": loss.messages, "bytes": loss.bytes, "notes": list(loss.notes)},
     }
+
+
+def read_through(recording: Recording) -> None:
+    """Read and decode all messages, so that its ``loss`` tells of damage that no index shows."""
+    damaged: Counter[str] = Counter()
+    reasons: dict[str, str] = {}
+    with closing(recording.read()) as entries:
+        for entry in entries:
+            if recording.topics[entry.topic].unreadable:
+                continue
+            try:
+                message = content(entry.message)
+                _ = message.pixels if isinstance(message, Image) else message
+            except DamagedMessage as error:
+                damaged[entry.topic] += 1
+                reasons.setdefault(entry.topic, str(error))
+    for topic, count in damaged.items():
+        recording.loss.messages += count
+        noun = "message" if count == 1 else "messages"
+        recording.loss.notes.append(f"{topic}: {count} {noun} cannot be read: {reasons[topic]}")
 
 
 def mean_rate(stamps_ns: NDArray[np.int64]) -> float | None:
