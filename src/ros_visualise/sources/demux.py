@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +19,15 @@ from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_frame, frame_pixels, frames_at_once
 
 _UNKNOWN_BITS = 24  # of a pixel
+_BUFFER_BYTES = 1 << 16
+_PLAYLISTS = (b"ffconcat version", b"#EXTM3U")
+
+
+class _File(io.FileIO):
+    """A file that is closed when nobody reads it any more."""
+
+    def __del__(self) -> None:
+        self.close()
 
 
 class NoVideo(OpenError):
@@ -27,12 +37,21 @@ class NoVideo(OpenError):
 def open_container(path: Path) -> InputContainer:
     """A file of any name, opened by FFmpeg.
 
+    FFmpeg is given its bytes and may open nothing itself: whoever made the file cannot make it read
+    other files or addresses, as a playlist does.
+
     Raises:
         OpenError: it cannot be opened; the message says what to do.
     """
     _check_file(path)
     try:
-        return av.open(f"file:{path.absolute()}", metadata_errors="replace")
+        return av.open(
+            _File(str(path.absolute())),
+            "r",
+            metadata_errors="replace",
+            buffer_size=_BUFFER_BYTES,
+            options={"protocol_whitelist": "none"},
+        )
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
     except (FFmpegError, OSError) as error:
@@ -110,7 +129,7 @@ class Decoder:
                     self.packets += 1
                     self._reach(packet)
                     yield packet
-        except FFmpegError:
+        except (FFmpegError, OSError):
             self.broken = True
         yield None
 
@@ -129,13 +148,17 @@ def _check_file(path: Path) -> None:
             raise OpenError(f"{path}: an empty file; copy or record it again")
     except PermissionError:
         raise OpenError(f"{path}: you may not read its folder; try chmod u+rx") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; check the path") from None
 
 
 def _no_video(path: Path, why: str = "") -> OpenError:
     """What to say of a file in which FFmpeg finds no video."""
     with path.open("rb") as file:
-        is_mp4 = file.read(12)[4:8] == b"ftyp"
-    if is_mp4:
+        head = file.read(16)
+    if head.startswith(_PLAYLISTS):
+        return OpenError(f"{path}: a playlist, which only names videos; give one of these")
+    if head[4:8] == b"ftyp":
         return OpenError(
             f"{path}: {why}cut off, its index is missing; copy it again, or repair it with untrunc"
         )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass, field
 from glob import glob
-from pathlib import Path
 
 import av
 from av.container import InputContainer
@@ -19,7 +19,12 @@ from ros_visualise.sources.demux import limit_frames
 _OPEN_S = 10.0  # a stream may take that long until its first keyframe
 _LOST_NS = 1_000_000_000
 _DRIFT = 1e-4  # of a camera's clock against ours
-_NETWORK = {"fflags": "nobuffer", "flags": "low_delay", "rtsp_transport": "tcp"}
+_NETWORK = {
+    "fflags": "nobuffer",
+    "flags": "low_delay",
+    "rtsp_transport": "tcp",
+    "protocol_blacklist": "file",  # no stream may have files of this machine read
+}
 _TRY_TEST = "without a camera, try the test picture, which is the camera called test"
 
 
@@ -49,6 +54,8 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
         return Address(uri, graph, "lavfi", is_paced=True)
     if uri.startswith("lavfi:"):
         return Address(uri, uri.removeprefix("lavfi:"), "lavfi", is_paced=True)
+    if uri.startswith("file:"):
+        raise _not_a_camera(uri)
     if re.match(r"[a-z][a-z0-9+.]*://", uri):
         return Address(re.sub(r"(//[^/@:]*):[^/@]*@", r"\1:***@", uri), uri, None, _NETWORK)
     device = f"/dev/video{int(uri)}" if uri.isascii() and uri.isdecimal() else uri
@@ -125,9 +132,13 @@ class Stamps:
 
 def _check_device(device: str) -> None:
     there = "there are: " + (", ".join(sorted(glob("/dev/video*"))) or "none")
-    if Path(device).is_file() or Path(device).is_dir():
-        raise OpenError(f"{device}: not a camera; a file is played as a video")
-    if not Path(device).exists() and device.startswith("/dev/"):
+    if os.path.isfile(device) or os.path.isdir(device):
+        raise _not_a_camera(device)
+    if not os.path.exists(device) and device.startswith("/dev/"):
         raise OpenError(f"there is no {device}; {there}; {_TRY_TEST}")
-    if not Path(device).exists():
+    if not os.path.exists(device):
         raise OpenError(f"no camera {device!r}: give a device, a URL or test; devices {there}")
+
+
+def _not_a_camera(uri: str) -> OpenError:
+    return OpenError(f"{uri}: not a camera; a file is played as a video")

@@ -138,7 +138,7 @@ class Video:
         ticks = self._origin + math.floor(time_ns / (time_base * 10**9))
         try:
             self._container.seek(ticks, stream=self._stream)
-        except FFmpegError:
+        except (FFmpegError, OSError):
             return False
         return True
 
