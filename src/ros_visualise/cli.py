@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 from collections.abc import Sequence
 from importlib import import_module
@@ -62,7 +63,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         found = re.search("invalid choice: '(.*?)'", message)
-        if found and Path(found[1]).exists():
+        if found and os.path.exists(found[1]):
             message = f"to play {found[1]}: {self.prog} {_command_for(Path(found[1]))} {found[1]}"
         say(f"{self.prog}: {message}; see {self.prog} --help")
         self.exit(2)

@@ -11,6 +11,8 @@ from ros_visualise.errors import UsageError
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory
 from ros_visualise.rate import MAX_RATE
 
+_MAX_S = 1e9  # thirty years; with more, stamps are beyond what ROS holds
+
 
 def _checked(
     kind: type[int] | type[float], accept: Callable[[float], bool], words: str
@@ -27,8 +29,8 @@ def _checked(
     return parse
 
 
-not_negative = _checked(float, lambda n: 0 <= n < math.inf, "a number of at least 0")
-positive = _checked(float, lambda n: 0 < n < math.inf, "a number above 0")
+not_negative = _checked(float, lambda n: 0 <= n <= _MAX_S, f"a number from 0 to {_MAX_S:g}")
+positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, to {_MAX_S:g}")
 seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
 _rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")
 _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")

@@ -37,6 +37,7 @@ from __future__ import annotations
 
 import importlib
 import importlib.util
+import os
 import pkgutil
 import sys
 import zlib
@@ -105,7 +106,7 @@ def load(path: str, name: str) -> NodeType:
 
 
 def _run_file(path: str) -> ModuleType:
-    if not Path(path).is_file():
+    if not os.path.isfile(path):
         raise OpenError.missing(path, "give a node as FILE.py:NAME")
     name = f"own_{Path(path).stem}_{zlib.crc32(str(Path(path).resolve()).encode()):08x}"
     spec = importlib.util.spec_from_file_location(name, path)

@@ -72,7 +72,7 @@ def _describe_video(path: str | os.PathLike[str], check: bool) -> dict[str, Any]
 def _may_be_video(path: Path) -> bool:
     from ros_visualise.sources.recordings.opening import is_recording
 
-    return path.is_file() and not is_recording(path)
+    return os.path.isfile(path) and not is_recording(path)
 
 
 def _neither(path: str | os.PathLike[str]) -> OpenError:

@@ -100,7 +100,7 @@ def is_loopback(host: str) -> bool:
     """Whether nobody but this machine reaches an address or a name."""
     try:
         found = socket.getaddrinfo(host or "0.0.0.0", None)
-    except OSError:
+    except (OSError, UnicodeError):  # of a name that cannot be one
         return False
     return all(ip_address(str(address[0]).partition("%")[0]).is_loopback for *_, address in found)
 

@@ -60,14 +60,15 @@ def _check_address(host: str, port: int) -> None:
         addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         for family, _, _, _, address in addresses:
             socket.create_server(address[:2], family=family).close()
-    except OSError as error:
-        raise OpenError(_what_is_wrong(error, host, port)) from None
+    except (OSError, UnicodeError) as error:
+        number = getattr(error, "errno", None)
+        raise OpenError(_what_is_wrong(number, host, port)) from None
 
 
-def _what_is_wrong(error: OSError, host: str, port: int) -> str:
-    if error.errno == errno.EADDRINUSE:
+def _what_is_wrong(number: int | None, host: str, port: int) -> str:
+    if number == errno.EADDRINUSE:
         return _in_use(host, port)
-    if error.errno == errno.EACCES:
+    if number == errno.EACCES:
         return f"port {port} needs the rights of an administrator; choose another with --port 8080"
     return f"--host {host}: not an address of this machine; take 127.0.0.1, or 0.0.0.0 for all"
 
