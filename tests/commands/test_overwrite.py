@@ -127,6 +127,19 @@ def test_a_target_that_names_topics_is_compared_too(refused: Any, tmp_path: Path
     assert "is in use" in refused("convert", one, f"{one}@/odom", "--overwrite")
 
 
+@pytest.mark.parametrize("end", ["-wal", "-journal", "-shm"])
+def test_what_a_database_has_beside_it_is_not_written(
+    refused: Any, recordings: Path, tmp_path: Path, end: str
+) -> None:
+    whole = recordings / "bags" / "plotjuggler_rosbag2_test" / "rosbag2_test_0.db3"
+    source = shutil.copy(whole, tmp_path / "w.db3")
+    (away := tmp_path / "away").mkdir()
+    (away / "soft.db3").symlink_to(source)
+    (target := tmp_path / f"w.db3{end}").write_bytes(b"messages")
+    for read in (source, away / "soft.db3", tmp_path):
+        assert "is in use" in refused("trajectory", read, target, "--overwrite")
+
+
 def test_no_file_of_a_folder_is_written(refused: Any, recordings: Path, tmp_path: Path) -> None:
     split = shutil.copytree(recordings / "bags" / "evo_tf_example", tmp_path / "split")
     drive = recordings / "kitti" / "drive0009_f000-004" / "2011_09_26"

@@ -13,6 +13,8 @@ from pathlib import Path
 from ros_visualise.errors import OpenError, UsageError
 
 _MAX_BYTES = 200  # of a name that a browser gives; file systems take 255
+_LEFT_BY_SQLITE = ("-wal", "-journal", "-shm")
+"""What comes after a database's name in those of the files that belong to it."""
 
 
 def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
@@ -94,6 +96,8 @@ def _meet(one: Path, other: Path) -> bool:
 def _files_read(source: Path) -> Iterator[Path]:
     """The files and folders of which a source consists."""
     yield source
+    beside = Path(os.path.realpath(source))
+    yield from (beside.with_name(f"{beside.name}{end}") for end in _LEFT_BY_SQLITE if beside.name)
     folder = source if os.path.isdir(source) else source.parent
     if os.path.isfile(folder / "metadata.yaml"):  # of a ROS 2 bag all files are read
         yield folder
