@@ -137,19 +137,16 @@ def test_a_conversion_may_fill_the_disk(tmp_path: Path, monkeypatch: pytest.Monk
     assert count_in_bag(recorder.path) == 10
 
 
-@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4"])
+@pytest.mark.parametrize("suffix", [".mcap", ".bag", ".mp4", ""])
 def test_a_disk_that_was_full_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
 ) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(LIMIT, LIMIT, 0))
     recorder = open_recorder(f"{tmp_path}/r{suffix}", {"/a": IMAGE})
-    with pytest.raises(RecordingError, match="No space left on device; the first 0 messages"):
+    with pytest.raises(RecordingError, match=r"No space left on device; nothing was kept$"):
         recorder.write("/a", noise(0))
     recorder.close()
-    if suffix == ".mp4":
-        assert not recorder.path.exists()
-    else:
-        assert count_in_bag(recorder.path) == 0
+    assert not list(tmp_path.iterdir())
 
 
 PROGRAM = f"""
@@ -197,3 +194,35 @@ def test_a_write_that_fails_leaves_whole_messages(
     expected = f"{folder / name}: File too large; the first {kept} messages were kept"
     assert expected in errors
     assert LIMIT // 2 < (folder / name).stat().st_size < LIMIT
+
+
+UNBEGUN = f"""
+import resource, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_full_disk import IMAGE, RecordingError, open_recorder
+
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+try:
+    open_recorder(sys.argv[1], {{"/a": IMAGE}}, overwrite=True)
+except RecordingError as error:
+    sys.exit(str(error))
+"""
+
+
+@pytest.mark.parametrize("name", ["r.mcap", "r.bag", "r"])
+@pytest.mark.parametrize("old", [False, True])
+def test_one_that_cannot_be_begun_leaves_nothing(tmp_path: Path, name: str, old: bool) -> None:
+    pytest.importorskip("resource", reason="only POSIX systems can limit the size of a file")
+    if old:
+        open_recorder(str(tmp_path / name), {"/a": IMAGE}).close()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    run = subprocess.run(
+        [sys.executable, "-c", UNBEGUN, str(tmp_path / name)],
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=60,
+    )
+    assert "File too large; nothing was kept" in run.stderr
+    assert run.stderr.endswith(f"; {tmp_path / name} is as it was\n") == old
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before

@@ -37,9 +37,9 @@ class FolderRecorder:
         inner = replace(settings, overwrite=False)
         try:
             self._recorder = McapRecorder(self._folder.file, topics, inner)
-        except RosVisualiseError:
+        except RosVisualiseError as error:
             self._folder.remove()
-            raise
+            raise type(error)(f"{error}{self._folder.fate}") from None
         self._closed = False
 
     @property
@@ -91,7 +91,7 @@ class FolderRecorder:
                 self._write_metadata()
             with suppress(OSError):
                 self._folder.close(whole=False)
-            if self._folder.replaces and not any(self._recorder.counts.values()):
+            if not self._recorder.path.exists():
                 self._folder.remove()
             raise RecordingError(f"{error}{self._folder.fate}") from None
 

@@ -153,10 +153,7 @@ class Mp4Recorder:
     def _fail(self, error: Exception) -> RecordingError:
         self._closed = True
         kept = self._video.abandon() if self._video else 0
-        told = self._file.give_up(error, kept)
-        if not kept:
-            self._file.remove()
-        return told
+        return self._file.give_up(error, kept)
 
 
 class _Video:

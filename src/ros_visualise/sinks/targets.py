@@ -106,7 +106,7 @@ class Target(ABC):
 
         Args:
             error: why.
-            kept: so many messages of it can be read.
+            kept: so many messages of it can be read; where there are none, it is removed.
 
         Returns:
             what to tell.
@@ -115,9 +115,10 @@ class Target(ABC):
         reason = getattr(error, "strerror", None) or str(error)
         if not self._is_there():
             return RecordingError(f"{self._name}: {reason}; nothing was kept")
-        if self.replaces and not kept:
-            self.remove()
-            return RecordingError(f"{self._name}: {reason}{self.fate}")
+        if not kept:
+            with suppress(OSError):
+                self.remove()
+            return RecordingError(f"{self._name}: {reason}; nothing was kept{self.fate}")
         where = f" in {self.path}" if self.replaces else ""
         words = f"{self._name}: {reason}; the first {kept} messages were kept{where}{self.fate}"
         return RecordingError(words)
