@@ -44,6 +44,12 @@ def _memory(text: str) -> int:
         raise ArgumentTypeError(str(error)) from None
 
 
+def _folder(text: str) -> Path:
+    if not text:
+        raise ArgumentTypeError("give the name of a folder; . is the current one")
+    return Path(text)
+
+
 def add_memory_option(parser: ArgumentParser) -> None:
     """How much memory an input may take, for each command that reads one."""
     parser.add_argument(
@@ -129,7 +135,7 @@ def _add_output(parser: ArgumentParser) -> None:
     )
     group.add_argument(
         "--record-dir",
-        type=Path,
+        type=_folder,
         default=Path(),
         metavar="DIR",
         help="where the page records to (default: the current folder)",

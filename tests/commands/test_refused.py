@@ -99,3 +99,8 @@ def test_a_camera_reads_no_file(refused: Refused, video: Path, scheme: str) -> N
 def test_a_host_that_cannot_be_a_name(refused: Refused, video: Path, host: str) -> None:
     line = refused("video", video, "--host", host, "--port", "8765")
     assert f"--host {host}: not an address of this machine" in line
+
+
+def test_a_folder_to_record_to_without_a_name(refused: Refused, video: Path) -> None:
+    line = refused("video", video, *PLAY, "--record-dir", "")
+    assert "--record-dir: give the name of a folder" in line
