@@ -67,6 +67,25 @@ def test_the_old_one_goes_when_the_new_one_is_whole(old: Path) -> None:
     assert list(old.parent.iterdir()) == [old]
 
 
+@pytest.mark.parametrize("name", NAMES[:3])
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o666])
+def test_rights_stay_as_they_were(tmp_path: Path, name: str, mode: int) -> None:
+    record(old := tmp_path / name, 0)
+    old.chmod(mode)
+    with open_recorder(str(old), TOPICS, overwrite=True) as recorder:
+        assert beside(old).stat().st_mode & 0o777 == mode
+        recorder.write("/a", noise(0))
+    assert old.stat().st_mode & 0o777 == mode
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() != 0, reason="only root gives files away")
+def test_the_owner_stays(tmp_path: Path) -> None:
+    record(old := tmp_path / "r.mcap", 0)
+    os.chown(old, 1234, 1235)
+    record(old, 0, 1, overwrite=True)
+    assert (old.stat().st_uid, old.stat().st_gid) == (1234, 1235)
+
+
 def test_a_link_stays_a_link(old: Path, tmp_path: Path) -> None:
     (away := tmp_path / "away").mkdir()
     there = old.rename(away / old.name)

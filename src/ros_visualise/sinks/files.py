@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import shutil
 from pathlib import Path
 
 from ros_visualise.errors import OpenError
 from ros_visualise.limits import disk_reserve
-from ros_visualise.sinks.targets import Target, sync
+from ros_visualise.sinks.targets import Target, sync, take_over
 
 _RESERVE_BYTES = 64 * 1024
 """What stays free on a disk that fills up, so that a recording can be finished."""
@@ -99,8 +100,14 @@ class TargetFile(Target):
             raise OpenError(f"{path}: is {kind}; give the name of a file to write to")
 
     def _create(self, path: Path) -> Path:
-        self._file = path.open("xb", buffering=0)
+        self._file = io.FileIO(path, "x", opener=self._open)
+        if self.replaces:
+            take_over(path, self._old)
         return path
+
+    def _open(self, path: str, flags: int) -> int:
+        """To its owner alone, until it has the rights of what it replaces."""
+        return os.open(path, flags, 0o600 if self.replaces else 0o666)
 
     def _sync(self) -> None:
         sync(self.path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import stat
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -26,7 +27,8 @@ class Target(ABC):
 
     Where nothing is there, it is written under its own name, and is found there however it ends.
     Else it is written beside the old one, as NAME.part.SUFFIX, until `close`. Meanwhile its name is
-    locked against other processes; the lock ends with this one, however that ends.
+    locked against other processes; the lock ends with this one, however that ends. Nobody may read
+    or write it who might not the old one.
 
     Attributes:
         path: where it is.
@@ -186,6 +188,21 @@ def sync(path: Path) -> None:
             os.fsync(descriptor)
         finally:
             os.close(descriptor)
+
+
+def take_over(new: Path, old: os.stat_result) -> None:
+    """Give something new the owner and the rights of something old, as far as that can be done."""
+    if sys.platform == "win32":
+        return
+    mode = stat.S_IMODE(old.st_mode)
+    with suppress(OSError):
+        os.chown(new, -1, old.st_gid)
+    with suppress(OSError):
+        os.chown(new, old.st_uid, -1)
+    if new.stat().st_gid != old.st_gid:
+        mode &= ~stat.S_IRWXG  # of another group
+    with suppress(OSError):  # a file system without rights
+        new.chmod(mode)
 
 
 def _followed(path: Path) -> Path:
