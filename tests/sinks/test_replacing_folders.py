@@ -1,5 +1,7 @@
 """Of folders only a ROS 2 bag with nothing beside it is replaced."""
 
+import logging
+import os
 import shutil
 from pathlib import Path
 
@@ -85,3 +87,75 @@ def test_what_comes_while_it_is_written_stays(tmp_path: Path) -> None:
     assert sorted(content(folder)) == ["metadata.yaml", "notes.txt", "r_0.mcap"]
     with AnyReader([tmp_path / "r.part"]) as reader:
         assert reader.message_count == 1
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"thesis.tex": b"t", "photos.zip": b"PK"},
+        {"thesis.mcap": b"precious"},
+        {"photos.db3": b"precious"},
+        {"photos.mcap.zstd": b"precious"},
+        {"photos.zstd": b"\x28\xb5\x2f\xfd"},
+        {"empty.mcap": b""},
+    ],
+    ids=lambda files: next(iter(files)),
+)
+def test_a_list_of_what_is_no_bag(tmp_path: Path, files: dict[str, bytes]) -> None:
+    (folder := tmp_path / "r").mkdir()
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    names = ", ".join(files)
+    (folder / "metadata.yaml").write_text(
+        f"rosbag2_bagfile_information:\n  relative_file_paths: [{names}]\n"
+    )
+    refused(folder)
+
+
+def test_a_file_that_is_only_called_so(tmp_path: Path) -> None:
+    (folder := tmp_path / "r").mkdir()
+    (folder / "r_0.mcap").write_bytes(b"some foreign data")
+    refused(folder)
+
+
+def test_packed_files_are_replaced(tmp_path: Path) -> None:
+    record(folder := tmp_path / "r", 0)
+    (folder / "r_0.mcap").unlink()
+    for name in ("r_0.mcap.zstd", "r_1.db3.zstd"):
+        (folder / name).write_bytes(b"\x28\xb5\x2f\xfd")
+    (folder / "metadata.yaml").write_text(
+        "rosbag2_bagfile_information: {relative_file_paths: [r_0.mcap.zstd, r_1.db3.zstd]}"
+    )
+    record(folder, 0, 1, overwrite=True)
+    assert count(folder) == 2
+
+
+def test_what_comes_while_it_is_replaced_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    record(folder := tmp_path / "r", 0)
+    rename = os.rename
+
+    def put_into(old: Path, new: Path) -> None:
+        rename(old, new)
+        if old == folder:
+            (new / "notes.txt").write_text("precious")
+
+    monkeypatch.setattr(os, "rename", put_into)
+    with caplog.at_level(logging.WARNING):
+        record(folder, 0, 1, overwrite=True)
+    assert count(folder) == 2
+    (aside,) = tmp_path.glob("r.old-*")
+    assert content(aside) == {"notes.txt": b"precious"}
+    assert f"{aside} stays" in caplog.text
+
+
+def test_rights_stay_as_they_were(tmp_path: Path) -> None:
+    record(folder := tmp_path / "r", 0)
+    folder.chmod(0o750)
+    (folder / "r_0.mcap").chmod(0o600)
+    with open_recorder(str(folder), TOPICS, overwrite=True) as recorder:
+        recorder.write("/a", noise(0))
+        assert recorder.path.stat().st_mode & 0o777 == 0o700
+    assert folder.stat().st_mode & 0o777 == 0o750
+    assert {file.stat().st_mode & 0o777 for file in folder.iterdir()} == {0o600}

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
+import stat
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 
+from mcap.writer import MCAP0_MAGIC
+
 from ros_visualise.errors import OpenError
-from ros_visualise.sinks.targets import Target, sync
+from ros_visualise.sinks.targets import Target, sync, take_over
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
+log = logging.getLogger(__name__)
+
 METADATA = "metadata.yaml"
+_BEGINNINGS = {
+    ".mcap": MCAP0_MAGIC,
+    ".db3": b"SQLite format 3\0",
+    ".zstd": b"\x28\xb5\x2f\xfd",
+}
+"""How a bag's files end -> how they begin."""
 
 
 class BagFolder(Target):
@@ -33,11 +44,11 @@ class BagFolder(Target):
     def _check_old(cls, path: Path) -> None:
         if not path.is_dir():
             raise OpenError(f"{path}: is a file; choose another name for a ROS 2 bag's folder")
-        if not _is_bag(path):
+        if _files_of_bag(path) is None:
             raise OpenError(f"{path}: holds more than a ROS 2 bag; choose another name")
 
     def _create(self, path: Path) -> Path:
-        path.mkdir()
+        path.mkdir(0o700 if self.replaces else 0o777)
         return path
 
     def _sync(self) -> None:
@@ -46,12 +57,17 @@ class BagFolder(Target):
         sync(self.path)
 
     def _replace(self, old: Path) -> None:
-        """Move the old one aside, for no call swaps folders on all systems; delete it then."""
+        """Move the old one aside, for no call swaps folders on all systems; delete it then.
+
+        Only then may others than its owner look into the new one, if they could into the old one.
+        """
         if not old.exists():
             os.rename(self.path, old)
             return
-        if not _is_bag(old):
+        names = _files_of_bag(old)
+        if names is None:
             raise OSError(f"{old.name} holds something else by now")
+        self._take_over(old, names)
         aside = old.with_name(f"{old.name}.old-{os.getpid()}")
         os.rename(old, aside)
         try:
@@ -59,7 +75,16 @@ class BagFolder(Target):
         except OSError:
             os.rename(aside, old)
             raise
-        _delete(aside, [file.name for file in aside.iterdir()])
+        _delete(aside, names)
+
+    def _take_over(self, old: Path, names: Iterable[str]) -> None:
+        """Give it the rights of the old one, and its files those of the least open one there."""
+        files = [(old / name).stat() for name in names]
+        if files:
+            least = min(files, key=lambda about: stat.S_IMODE(about.st_mode))
+            for file in self.path.iterdir():
+                take_over(file, least)
+        take_over(self.path, old.stat())
 
     def _delete(self) -> None:
         _delete(self.path, [self.file.name, METADATA])
@@ -72,12 +97,17 @@ def _only_file(folder: Path) -> str:
 def _delete(folder: Path, names: Iterable[str]) -> None:
     for name in names:
         (folder / name).unlink(missing_ok=True)
-    with suppress(OSError):  # somebody put a file into it
+    try:
         folder.rmdir()
+    except OSError:
+        log.warning("%s stays, for somebody put a file into it", folder)
 
 
-def _is_bag(folder: Path) -> bool:
-    """Whether there is nothing in it but one ROS 2 bag, or what a recorder leaves if it is killed.
+def _files_of_bag(folder: Path) -> set[str] | None:
+    """What is in a ROS 2 bag, or in what a recorder leaves if it is killed.
+
+    Returns:
+        the names of all files; None where there is anything else.
 
     Raises:
         OSError: it may not be looked into.
@@ -86,16 +116,25 @@ def _is_bag(folder: Path) -> bool:
         items = list(found)
     names = {item.name for item in items}
     if not all(item.is_file(follow_symlinks=False) for item in items):
-        return False
-    if METADATA in names:
-        return sorted(names - {METADATA}) == _listed(folder / METADATA)
-    return names <= {_only_file(folder)}
+        return None
+    parts = names - {METADATA}
+    listed = _listed(folder / METADATA) if METADATA in names else parts & {_only_file(folder)}
+    is_bag = parts == listed and all(_holds_messages(folder / name) for name in parts)
+    return names if is_bag else None
 
 
-def _listed(metadata: Path) -> list[str] | None:
+def _holds_messages(file: Path) -> bool:
+    """Whether it is what it is called, and may be a file of a bag."""
+    kind = Path(file.stem).suffix if file.suffix == ".zstd" else file.suffix
+    begins = _BEGINNINGS.get(file.suffix, b"")
+    with file.open("rb") as content:
+        return kind in (".mcap", ".db3") and content.read(len(begins)) == begins
+
+
+def _listed(metadata: Path) -> set[str] | None:
     """The files of which a bag says that it consists; None where that cannot be read."""
     try:
         names = load_yaml(metadata)["rosbag2_bagfile_information"]["relative_file_paths"]
-        return sorted(re.split(r"[/\\]", name)[-1] for name in names)
+        return {re.split(r"[/\\]", name)[-1] for name in names}
     except (BadYaml, LookupError, TypeError):
         return None
