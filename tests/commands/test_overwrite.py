@@ -145,12 +145,14 @@ def test_no_file_of_a_folder_is_written(refused: Any, recordings: Path, tmp_path
     drive = recordings / "kitti" / "drive0009_f000-004" / "2011_09_26"
     day = shutil.copytree(drive, tmp_path / "day", ignore=shutil.ignore_patterns("*.png", "*.bin"))
     (sync,) = (path for path in day.iterdir() if path.is_dir())
+    (link := tmp_path / "link").symlink_to(sync)
     for source, target in [
         (split, split / "tf_example.db3"),
         (split / "tf_example.db3", split / "metadata.yaml"),
         (sync, day / "calib_velo_to_cam.txt"),
         (sync, sync / "oxts" / "data" / "0000000000.txt"),
         (day, sync / "oxts" / "timestamps.txt"),
+        (link, day / "calib_velo_to_cam.txt"),
     ]:
         assert target.exists()
         assert "is in use" in refused("trajectory", source, target, "--overwrite")

@@ -102,9 +102,9 @@ def _files_read(source: Path) -> Iterator[Path]:
     if os.path.isfile(folder / "metadata.yaml"):  # of a ROS 2 bag all files are read
         yield folder
     if os.path.isdir(source):  # and of KITTI's what is beside the folders
-        folder = folder.absolute()
-        yield from folder.parent.glob("calib_*.txt")
-        yield folder.parent.parent / "poses" / f"{folder.name}.txt"
+        for place in (folder.absolute(), Path(os.path.realpath(folder))):
+            yield from place.parent.glob("calib_*.txt")
+            yield place.parent.parent / "poses" / f"{place.name}.txt"
 
 
 def _all_of(paths: Iterable[Path], depth: float = math.inf) -> set[tuple[int, int]]:
