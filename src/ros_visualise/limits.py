@@ -24,6 +24,7 @@ _UNPACKED_SHARE = 16  # small messages take several times their bytes
 _TEXT_SHARE = 32  # as do lines of text
 _NUMBERS_SHARE = 128  # each is a word, an object and an entry
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
+_OBJECT_BYTES = 256  # one of Python's is half of it, and may be made into another
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _max_memory = DEFAULT_MEMORY
 
@@ -95,6 +96,11 @@ def frame_pixels(pixel_bits: int) -> int:
 def frames_at_once(width: int, height: int, pixel_bits: int) -> int:
     """How many frames of that size a decoder may work on at the same time."""
     return max(1, _max_memory // 2 // _SHARE * 8 // max(1, width * height * pixel_bits))
+
+
+def object_limit() -> int:
+    """The objects that one message may become."""
+    return _max_memory // _OBJECT_BYTES
 
 
 def check_file(size: int) -> None:

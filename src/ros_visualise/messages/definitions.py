@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.messages.bounded import BoundedStore
 from ros_visualise.messages.expansion import check_expansion
 
 Encoding = Literal["ros1", "cdr"]
@@ -68,10 +69,10 @@ class Definitions:
         self._given: dict[str, str] = {}
         self._starts_with_header: dict[str, bool] = {}
         self._lock = threading.RLock()
-        self._made: Typestore | None = None
+        self._made: BoundedStore | None = None
 
     @property
-    def _store(self) -> Typestore:
+    def _store(self) -> BoundedStore:
         """Made when it is needed, which takes a fifth of a second."""
         if self._made is None:
             with self._lock:
@@ -104,7 +105,7 @@ class Definitions:
                 for name in changed:
                     self._store.fielddefs.pop(name, None)
                 self._store.register(changed)
-                self._store.cache.clear()  # readers of the types as they were before
+                self._store.forget()  # readers of the types as they were before
             except TooLarge as error:
                 raise DamagedMessage(f"{type_name}: {error}") from error
             except Exception as error:  # the library's parser raises what it happens to meet
@@ -126,6 +127,8 @@ class Definitions:
         read = store.deserialize_ros1 if self.encoding == "ros1" else store.deserialize_cdr
         try:
             return read(data, type_name)
+        except TooLarge as error:
+            raise DamagedMessage(f"{type_name}: {error}") from error
         except Exception as error:  # the library's readers raise what they happen to meet
             raise DamagedMessage(self._why(type_name, len(data))) from error
 
@@ -168,8 +171,8 @@ class Definitions:
         return f"{size} bytes are no {type_name}"
 
 
-def _make_store(encoding: Encoding) -> Typestore:
-    store = get_typestore(_STORES[encoding])
+def _make_store(encoding: Encoding) -> BoundedStore:
+    store = BoundedStore(get_typestore(_STORES[encoding]))
     if _TRANSFORMS not in store.fielddefs:  # of ROS 1 the library lacks it
         text = "geometry_msgs/TransformStamped[] transforms"
         store.register(get_types_from_msg(text, _TRANSFORMS))

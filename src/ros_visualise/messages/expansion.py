@@ -14,6 +14,7 @@ from ros_visualise.limits import unpacked_limit
 _MOST_FIELDS = 20_000  # the library writes code for each; those of real types are hundreds
 _DEEPEST = 50
 _LENGTH_BYTES = 4  # before a string or a sequence
+_FILLER = "structure_needs_at_least_one_member"  # ROS 2's name for it; in ROS 1 it takes no bytes
 
 Fields = Mapping[str, Any]
 """Type name -> constants and fields, as a typestore's ``fielddefs`` has them."""
@@ -37,6 +38,7 @@ def check_expansion(type_name: str, known: Fields) -> None:
 
     Raises:
         TooLarge: it contains itself, or stands for too much; says which.
+        KeyError: a type that it is made of is not known.
     """
     found = _Expander(known).of(type_name, ())
     if found.fields > _MOST_FIELDS:
@@ -56,9 +58,11 @@ class _Expander:
             raise TooLarge("its definition contains itself")
         if len(within) > _DEEPEST:
             raise TooLarge(f"its definition is nested more than {_DEEPEST} deep")
+        if name not in self._known:
+            raise KeyError(name)
         if name not in self._found:
-            _, fields = self._known.get(name, ((), ()))
-            parts = [self._field(field, (*within, name)) for _, field in fields]
+            _, fields = self._known[name]
+            parts = [self._field(kind, (*within, name)) for one, kind in fields if one != _FILLER]
             self._found[name] = _Expanded(
                 1 + sum(part.fields for part in parts), sum(part.size for part in parts)
             )
@@ -72,7 +76,10 @@ class _Expander:
             return _Expanded(size=SIZEMAP.get(about[0], _LENGTH_BYTES))
         one, count = about
         if kind == Nodetype.SEQUENCE:
-            return self._field(one, within)._replace(size=_LENGTH_BYTES)
+            element = self._field(one, within)
+            if not element.size:
+                raise TooLarge("its definition has a sequence whose elements take no bytes")
+            return element._replace(size=_LENGTH_BYTES)
         part = self._field(one, within).times(count)
         is_numbers = one[0] == Nodetype.BASE and one[1][0] != "string"
         return part._replace(fields=1) if is_numbers else part

@@ -14,7 +14,7 @@ from made_mcaps import STRING, Written, text, write_bag, write_mcap
 from mcap.writer import CompressionType, Writer
 
 from ros_visualise import limits
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import DamagedMessage, OpenError
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sources.logs.dji import open_srt
 from ros_visualise.sources.recordings.opening import open_recording
@@ -135,6 +135,8 @@ DEEP = "".join(f"p/A{n} a\n{MADE_OF}p/A{n}\n" for n in range(99)) + "uint8 x"
         ("string[100000000] a", "more than 20000 fields"),
         (f"p/A[100000000] a\n{MADE_OF}p/A\nuint8 x", "more than 20000 fields"),
         ("float64[4000000000] a", "each message has 32000000000 bytes by its definition"),
+        ("std_msgs/Empty[] a", "a sequence whose elements take no bytes"),
+        (f"p/A[] a\n{MADE_OF}p/A\np/B[2] b\n{MADE_OF}p/B\n", "elements take no bytes"),
         ("".join(f"int32 a{n}\n" for n in range(30000)), "longer than 256 KiB"),
     ],
 )
@@ -152,6 +154,29 @@ def test_a_type_without_an_end_is_said_and_the_rest_is_read(tmp_path, definition
         assert why in recording.topics["/t"].unreadable
         [entry] = recording.read(topics=["/ok"])
         assert entry.message.content.text == "fine"
+
+
+SMALL = f"uint8[] data\np/A[] a\n{MADE_OF}p/A\nuint8 x\n"
+
+
+@pytest.mark.parametrize(
+    ("definition", "one"), [(SMALL, b"x"), ("string[] a", b"\x00\x00\x00\x00")]
+)
+def test_a_message_becomes_only_so_many_objects(definition, one):
+    definitions = Definitions("ros1")
+    definitions.define("p/msg/T", definition)
+    before = bytes(4) if definition == SMALL else b""
+    data = before + struct.pack("<I", MB) + one * MB
+    with pytest.raises(DamagedMessage, match=r"p/msg/T: a message of more than 262144 values"):
+        definitions.read("p/msg/T", data)
+
+
+def test_a_long_message_of_few_objects_is_read():
+    definitions = Definitions("ros1")
+    definitions.define("p/msg/T", SMALL)
+    data = struct.pack("<I", MB) + bytes(MB) + struct.pack("<I", 2) + b"xy"
+    message = definitions.read("p/msg/T", data)
+    assert (len(message.data), [one.x for one in message.a]) == (MB, [120, 121])
 
 
 def test_comments_and_blank_lines_cost_nothing():
