@@ -116,6 +116,18 @@ def test_a_size_to_scale_to_is_refused_in_one_line():
     ]
 
 
+def test_a_node_makes_no_image_that_is_too_large():
+    sides = ("--set", "filters.width=16384", "--set", "filters.height=16384")
+    status, said, peak = peak_of(
+        "demo", "landscape", "--frames", 3, "--rate", 0, "--view", "none", *sides
+    )
+    assert status == 1
+    assert said.count("an image of 16384x16384 takes 768 MiB") == 1
+    assert "filters: 3 of 3 left out by error" in said
+    assert "/image_raw: 3 messages" in said
+    assert peak < 600 * MB
+
+
 @pytest.mark.parametrize("command", ["info", "video"])
 def test_a_film_of_large_frames_is_refused_before_one_is_decoded(tmp_path, command):
     path = tmp_path / "film.avi"

@@ -7,6 +7,7 @@ from enum import Enum
 import cv2
 
 from ros_visualise.data import Pixels
+from ros_visualise.limits import check_image
 
 Size = tuple[int, int]
 """(width, height) in pixels."""
@@ -47,10 +48,15 @@ def target_size(size: Size, scale: float, width: int, height: int) -> Size:
 
 
 def resize(pixels: Pixels, size: Size) -> Pixels:
-    """Resize, by area means where both sides shrink, else bilinear; same size is the same array."""
+    """Resize, by area means where both sides shrink, else bilinear; same size is the same array.
+
+    Raises:
+        TooLarge: the pixels would take too much memory.
+    """
     height, width = pixels.shape[:2]
     if size == (width, height):
         return pixels
+    check_image(*size, pixels[0, 0].nbytes)
     shrinks = size[0] <= width and size[1] <= height
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR)
 
