@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from made_bags import START_NS, BagWriter
 from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
 
@@ -164,3 +165,25 @@ def test_a_second_ctrl_c_disturbs_nothing(tmp_path):
     assert b"Traceback" not in process.communicate()[1]
     assert process.returncode == 130
     assert count(path)
+
+
+@pytest.mark.parametrize("command", ["convert", "bag"])
+def test_one_message_that_takes_long_holds_up_no_ctrl_c(tmp_path, command):
+    source, path = tmp_path / "long.bag", tmp_path / "out.mcap"
+    definition = f"p/A[] a\n{'=' * 80}\nMSG: p/A\nuint8 x\n"
+    with BagWriter(source, "lz4") as bag:
+        bag.connect("a", "/a", "p/msg/T", typestore=None, msgdef=definition, md5sum="0" * 32)
+        bag.write("a", START_NS, (120_000_000).to_bytes(4, "little") + bytes(120_000_000))
+    play = ["--view", "none", "--rate", "0", "--record"] if command == "bag" else []
+    process = subprocess.Popen([*COMMAND, command, source, *play, path], stderr=subprocess.PIPE)
+    while not path.exists():
+        assert process.poll() is None
+    time.sleep(2)  # in which it is unpacked, and begun
+    process.send_signal(signal.SIGINT)
+    try:
+        _, said = process.communicate(timeout=10)  # the message takes half a minute
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert b"in the middle of a message that takes long" in said
+    assert path.exists()

@@ -43,6 +43,12 @@ class Conversion:
     left_out: Counter[str] = field(default_factory=Counter)
     reasons: dict[str, str] = field(default_factory=dict)
     _stopped: bool = False
+    _closing: bool = False
+
+    @property
+    def steps(self) -> int | None:
+        """How many messages were worked on by now; None while the new recording is closed."""
+        return None if self._closing else self.messages + sum(self.left_out.values())
 
     @property
     def messages(self) -> int:
@@ -60,7 +66,9 @@ class Conversion:
                 if self._stopped:
                     break
                 self._copy(entry)
+            self._closing = True
             self.recorder.close(whole=not self._stopped)
+            self._closing = False
 
     def stop(self) -> None:
         """End after the message that is being written, and do not wait for the next."""

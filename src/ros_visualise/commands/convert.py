@@ -12,7 +12,7 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise.commands.conversion import Conversion, Part
-from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted, sized
 from ros_visualise.errors import (
     DamagedMessage,
@@ -60,7 +60,8 @@ def run(args: Namespace) -> int:
             )
             part = Part(tuple(types), part.start_ns, part.stop_ns)
             conversion = Conversion(recording, part, recorder)
-            interrupted, error = _watch(conversion, wish)
+            with in_time(wish, lambda: conversion.steps):
+                interrupted, error = _watch(conversion, wish)
             return _finish(args, conversion, unwritable, interrupted, error)
 
 

@@ -8,7 +8,7 @@ from argparse import Namespace
 from typing import Any
 
 from ros_visualise.commands.graphs import graph_of, stepped_topic
-from ros_visualise.commands.interruptible import interruptible
+from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
@@ -49,7 +49,8 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     with noticed() as wish:
-        stopped = _play(args, runtime, view, wish)
+        with in_time(wish, lambda: runtime.steps):
+            stopped = _play(args, runtime, view, wish)
         report = runtime.report()
         _say_summary(report)
         if args.json:

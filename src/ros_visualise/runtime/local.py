@@ -90,6 +90,14 @@ class LocalRuntime:
             self._source.close()
 
     @property
+    def steps(self) -> int | None:
+        """How many messages recordings have worked on by now; None while one is closed."""
+        recordings = tuple(self._recordings)
+        if any(recording.closing for recording in recordings):
+            return None
+        return sum(recording.written + recording.dropped for recording in recordings)
+
+    @property
     def failed(self) -> bool:
         """Something was lost: the source broke, a node raised, a recording could not go on."""
         return (

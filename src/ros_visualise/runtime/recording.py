@@ -93,6 +93,7 @@ class RecorderThread:
 
     Attributes:
         error: what ended it early, if anything did.
+        closing: nothing more is written, and the file is brought to its end.
         written: messages that were recorded.
         dropped: messages that were not.
         topics: those that are recorded.
@@ -101,6 +102,7 @@ class RecorderThread:
 
     def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
         self.error: RecordingError | None = None
+        self.closing = False
         self.dropped = 0
         self.written = 0
         self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
@@ -168,6 +170,7 @@ class RecorderThread:
             while (found := self._next()) is not None:
                 self._write(*found)
             self._write_events()
+            self.closing = True
             self._recorder.close(whole=self.written > 0 and not self._discarded)
         except RecordingError as error:
             self._fail(error)
@@ -175,6 +178,7 @@ class RecorderThread:
             log.exception("%s broke", self.path)
             self._fail(RecordingError(f"{self.path}: {error}"))
         finally:
+            self.closing = False
             with self._changed:
                 self._stopped = True
                 self._changed.notify_all()
