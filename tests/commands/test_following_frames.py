@@ -104,3 +104,12 @@ def test_where_nothing_is_recorded_the_nodes_that_there_are_are_listed(run):
     status, said = run("demo", "landscape", *QUICK, "--set", "path.tf_parent=map")
     assert status == 2
     assert "no node 'path' here; there is landscape, fps_control" in said
+
+
+def test_transforms_without_frames_leave_nothing_to_choose(run, tmp_path):
+    path = tmp_path / "none.bag"
+    with open_recorder(str(path), {"/tf": TF}) as recorder:
+        recorder.write("/tf", Transforms(()), STEP_NS)
+    status, said = run("trajectory", path, tmp_path / "out.tum")
+    assert status == 2
+    assert said == f"ros-visualise: {path}: no poses in it, and no transforms that can be read\n"

@@ -105,6 +105,8 @@ def ask_for_pair(recording: Recording, option: str) -> str:
         for entry in entries:
             _add(tree, entry.message, static=False)
     frames = ", ".join(tree.frames())
+    if not frames:
+        return f"{recording.path}: no poses in it, and no transforms that can be read"
     return f"{recording.path}: choose two frames by {option}:PARENT.CHILD of {frames}"
 
 
