@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 from ros_visualise import limits
-from ros_visualise.data import CompressedImage
+from ros_visualise.data import CompressedImage, Image
 from ros_visualise.errors import OpenError, TooLarge, UsageError
+from ros_visualise.messages import to_message
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.images import read_image
 from ros_visualise.vision.compression import decompress
 
 MB = 1 << 20
@@ -54,7 +57,7 @@ def pgm(width, height):
 
 @pytest.fixture
 def little_memory():
-    limits.set_max_memory(64 * MB)  # 8 MB for an image, or for what is unpacked
+    limits.set_max_memory(64 * MB)  # 4 MB for an image, or for what is unpacked
     yield
     limits.set_max_memory(limits.DEFAULT_MEMORY)
 
@@ -79,17 +82,17 @@ def test_a_picture_is_refused_by_its_head(make):
     import numpy as np
 
     data = np.frombuffer(make(32000, 32000), np.uint8)
-    with pytest.raises(TooLarge, match=r"32000x32000 takes .* 256 MiB .* --max-memory \d+G"):
+    with pytest.raises(TooLarge, match=r"32000x32000 takes .* 128 MiB .* --max-memory \d+G"):
         decompress(CompressedImage(data, "picture"))
 
 
 @pytest.mark.usefixtures("little_memory")
 @pytest.mark.parametrize(
-    "form", [{"depth": 16, "color": 0}, {"color": 3}], ids=["16 bit", "palette"]
+    "form", [{"depth": 16}, {"color": 3}, {"color": 6}], ids=["16 bit", "palette", "alpha"]
 )
 def test_the_bytes_are_those_that_opencv_makes_of_a_pixel(form):
-    data = np.frombuffer(png(3000, 2500, **form), np.uint8)
-    with pytest.raises(TooLarge, match="an image of 3000x2500 takes"):
+    data = np.frombuffer(png(1200, 1000, **form), np.uint8)
+    with pytest.raises(TooLarge, match="an image of 1200x1000 takes"):
         decompress(CompressedImage(data, "png"))
 
 
@@ -111,9 +114,18 @@ def test_a_size_to_scale_to_is_refused_in_one_line():
     status, said, _ = peak_of("demo", "landscape", "--size", "16384x16384", "--view", "none")
     assert status == 2
     assert said.splitlines() == [
-        "ros-visualise: size=16384x16384: an image of 16384x16384 takes 768 MiB, and 256 MiB are"
-        " allowed; if you trust it, add --max-memory 6G"
+        "ros-visualise: size=16384x16384: an image of 16384x16384 takes 768 MiB in colour, and"
+        " 128 MiB are allowed; if you trust it, add --max-memory 12G"
     ]
+
+
+@pytest.mark.usefixtures("little_memory")
+def test_gray_counts_as_the_colours_that_are_made_of_it():
+    most, more = np.zeros((1000, 1398), np.uint8), np.zeros((1000, 1399), np.uint8)
+    types = Definitions("ros1").types
+    assert read_image(to_message(Image(most, "mono8"), types)).width == 1398
+    with pytest.raises(TooLarge, match="an image of 1399x1000 takes 4 MiB in colour, and 4 MiB"):
+        read_image(to_message(Image(more, "mono8"), types))
 
 
 def test_a_node_makes_no_image_that_is_too_large():

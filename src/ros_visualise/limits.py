@@ -19,7 +19,8 @@ _LEAST_MEMORY = 64 << 20
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 _GIB, _MIB = 1 << 30, 1 << 20
-_SHARE = 8  # a few images are held at the same time
+_SHARE = 16  # several images are held at the same time
+_COLOR_BYTES = 3  # of a pixel: nodes make colours of gray, and edges take as much
 _UNPACKED_SHARE = 16  # small messages take several times their bytes
 _TEXT_SHARE = 32  # as do lines of text
 _NUMBERS_SHARE = 128  # each is a word, an object and an entry
@@ -64,16 +65,15 @@ def check_unpacked(size: int, packed: int) -> None:
 
 
 def check_image(width: int, height: int, pixel_bytes: int) -> None:
-    """Look at the size of an image before its pixels are made.
+    """Look at the size of an image before its pixels are made; gray counts as colour does.
 
     Raises:
         TooLarge: they would take too much.
     """
-    size = width * height * pixel_bytes
+    size = width * height * max(pixel_bytes, _COLOR_BYTES)
     if size > _max_memory // _SHARE:
-        raise TooLarge(
-            f"an image of {width}x{height} takes {_written(size)}, {_advice(size, _SHARE)}"
-        )
+        what = f"an image of {width}x{height} takes {_written(size)} in colour"
+        raise TooLarge(f"{what}, {_advice(size, _SHARE)}")
 
 
 def check_frame(width: int, height: int, pixel_bits: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from ros_visualise.errors import TooLarge
 from ros_visualise.limits import object_limit
+from ros_visualise.messages.expansion import FILLER
 
 _LENGTH_BYTES = 4  # before a string or a sequence
 _ARRAY_OBJECTS = 3  # an array takes as much as so many numbers
@@ -97,7 +99,8 @@ class BoundedStore(Typestore):
 
     def _made(self, typename: str) -> _Made:
         if typename not in self._parts:
-            fields = [self._field(field) for _, field in self.fielddefs[typename][1]]
+            known = self.fielddefs[typename][1]
+            fields = [self._field(field) for name, field in known if name != FILLER]
             self._parts[typename] = _Made(
                 1 + sum(field.objects for field in fields),
                 sum(field.size for field in fields),
@@ -122,7 +125,8 @@ class BoundedStore(Typestore):
             return element._replace(
                 objects=_ARRAY_OBJECTS + element.objects * count, size=element.size * count
             )
-        density = max(element.density, element.objects / max(1, element.size))
+        density = element.objects / element.size if element.size else math.inf
+        density = max(element.density, density)
         return _Made(_ARRAY_OBJECTS, _LENGTH_BYTES, density, element.strings or is_string)
 
 

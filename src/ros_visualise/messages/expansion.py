@@ -14,7 +14,8 @@ from ros_visualise.limits import unpacked_limit
 _MOST_FIELDS = 20_000  # the library writes code for each; those of real types are hundreds
 _DEEPEST = 50
 _LENGTH_BYTES = 4  # before a string or a sequence
-_FILLER = "structure_needs_at_least_one_member"  # ROS 2's name for it; in ROS 1 it takes no bytes
+FILLER = "structure_needs_at_least_one_member"
+"""The field of a type without fields in ROS 2; in ROS 1 it takes no bytes."""
 
 Fields = Mapping[str, Any]
 """Type name -> constants and fields, as a typestore's ``fielddefs`` has them."""
@@ -38,7 +39,6 @@ def check_expansion(type_name: str, known: Fields) -> None:
 
     Raises:
         TooLarge: it contains itself, or stands for too much; says which.
-        KeyError: a type that it is made of is not known.
     """
     found = _Expander(known).of(type_name, ())
     if found.fields > _MOST_FIELDS:
@@ -59,10 +59,10 @@ class _Expander:
         if len(within) > _DEEPEST:
             raise TooLarge(f"its definition is nested more than {_DEEPEST} deep")
         if name not in self._known:
-            raise KeyError(name)
+            return _Expanded(size=_LENGTH_BYTES)  # which others say, and know better
         if name not in self._found:
             _, fields = self._known[name]
-            parts = [self._field(kind, (*within, name)) for one, kind in fields if one != _FILLER]
+            parts = [self._field(kind, (*within, name)) for one, kind in fields if one != FILLER]
             self._found[name] = _Expanded(
                 1 + sum(part.fields for part in parts), sum(part.size for part in parts)
             )

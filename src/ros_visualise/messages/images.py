@@ -17,6 +17,7 @@ from ros_visualise.data import (
     Image,
     Pixels,
 )
+from ros_visualise.limits import check_image
 from ros_visualise.messages.build import Fields, field, header, read_header
 from ros_visualise.vision.color import planes_to_bgr, yuv422_to_bgr
 
@@ -54,11 +55,13 @@ def read_image(message: Any) -> Image:
     """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be.
 
     Raises:
+        TooLarge: nodes would take too much memory for it.
         ValueError: it has no pixels, its sizes contradict one another, or nobody knows its
             encoding.
     """
     if not (message.height and message.width):
         raise ValueError(f"an image of {message.width}x{message.height} pixels")
+    check_image(message.width, message.height, message.step // message.width)
     name = str(message.encoding)
     found = read_header(message.header)
     if name in _YUV422:
