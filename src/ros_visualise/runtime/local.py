@@ -91,9 +91,9 @@ class LocalRuntime:
 
     @property
     def steps(self) -> int | None:
-        """How many messages recordings have worked on by now; None while one is closed."""
-        recordings = tuple(self._recordings)
-        if any(recording.closing for recording in recordings):
+        """How many messages recordings have worked on by now; None while none has any to work on."""
+        recordings = [recording for recording in self._recordings if not recording.has_ended]
+        if not recordings or any(recording.closing for recording in recordings):
             return None
         return sum(recording.written + recording.dropped for recording in recordings)
 

@@ -124,6 +124,11 @@ class RecorderThread:
         return self._recorder.path
 
     @property
+    def has_ended(self) -> bool:
+        """Whether its file is closed."""
+        return not self._thread.is_alive()
+
+    @property
     def is_open(self) -> bool:
         """Whether it still takes messages."""
         return not self._stopped
