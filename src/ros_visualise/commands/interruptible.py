@@ -42,7 +42,7 @@ def interruptible(make: Callable[[], T]) -> T:
 def in_time(wish: Wish, steps: Callable[[], int | None]) -> Iterator[None]:
     """Within this, a wish for the end is not held up by one message.
 
-    When no step is done for three seconds the process is left where it stands, as if it were killed.
+    When no step is done for three seconds the process is left as it stands, as if it were killed.
 
     Args:
         wish: for the end.

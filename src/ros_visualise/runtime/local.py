@@ -91,7 +91,7 @@ class LocalRuntime:
 
     @property
     def steps(self) -> int | None:
-        """How many messages recordings have worked on by now; None while none has any to work on."""
+        """How many messages recordings have worked on by now; None while none has work left."""
         recordings = [recording for recording in self._recordings if not recording.has_ended]
         if not recordings or any(recording.closing for recording in recordings):
             return None
