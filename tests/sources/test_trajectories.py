@@ -119,11 +119,12 @@ def test_what_is_no_number_is_left_out_and_counted():
     assert found.left_out == {"no numbers": 4}
 
 
-def test_what_is_damaged_is_left_out_and_counted():
+def test_what_is_damaged_is_left_out_and_counted_and_said_once(caplog):
     damaged = Recorded("geometry_msgs/msg/PoseStamped", b"\1\2\3", Definitions("ros1"), 0)
-    found = read_trajectory(Memory(pose=[pose(1, 0), damaged, pose(2, 1)]))
+    found = read_trajectory(Memory(pose=[pose(1, 0), damaged, damaged, pose(2, 1)]))
     assert x_of(found) == [1, 2]
-    assert found.left_out == {"damaged": 1}
+    assert found.left_out == {"damaged": 2}
+    assert caplog.messages == ["/pose: 3 bytes are no geometry_msgs/msg/PoseStamped (said once)"]
 
 
 def test_poses_are_put_in_the_order_of_their_stamps():

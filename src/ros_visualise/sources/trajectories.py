@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import closing
@@ -35,6 +36,8 @@ from ros_visualise.sources.frame_pairs import (
     topics_of,
 )
 from ros_visualise.sources.recordings import Recording
+
+log = logging.getLogger(__name__)
 
 _KINDS = (
     Odometry,
@@ -165,7 +168,9 @@ class _Reader:
             for entry in entries:
                 try:
                     yield entry.stamp_ns, content(entry.message)
-                except DamagedMessage:
+                except DamagedMessage as error:
+                    if not self._damaged:
+                        log.warning("%s: %s (said once)", topic, error)
                     self._damaged += 1
 
 
