@@ -9,7 +9,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 
 from ros_visualise.errors import TooLarge
-from ros_visualise.limits import unpacked_limit
+from ros_visualise.limits import check_unpacked
 
 _MOST_FIELDS = 20_000  # the library writes code for each; those of real types are hundreds
 _DEEPEST = 50
@@ -43,8 +43,10 @@ def check_expansion(type_name: str, known: Fields) -> None:
     found = _Expander(known).of(type_name, ())
     if found.fields > _MOST_FIELDS:
         raise TooLarge(f"its definition stands for more than {_MOST_FIELDS} fields")
-    if found.size > unpacked_limit(0):
-        raise TooLarge(f"each message has {found.size} bytes by its definition")
+    try:
+        check_unpacked(found.size, 0)
+    except TooLarge as error:
+        raise TooLarge(f"each of its messages {error}") from None
 
 
 class _Expander:
