@@ -22,6 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from ros_visualise.cli import main
 from ros_visualise.data import Header, Image, Imu, Transforms, TransformStamped
+from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
@@ -111,8 +112,8 @@ def test_converting_twice_makes_the_same_file(
 
 TYPES = {
     "/imu": TopicType("sensor_msgs/msg/Imu"),
-    "/map": TopicType("sensor_msgs/msg/Image", latched=True),
-    "/tf_static": TopicType("tf2_msgs/msg/TFMessage", latched=True),
+    "/map": TopicType("sensor_msgs/msg/Image", qos=LATCHED),
+    "/tf_static": TopicType("tf2_msgs/msg/TFMessage", qos=LATCHED),
 }
 S = 1_000_000_000
 

@@ -10,6 +10,7 @@ from typing import Any
 from ros_visualise import params
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.messages import type_name
+from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType
 
@@ -174,5 +175,6 @@ def parse_node(text: str) -> tuple[str, str, str | None]:
 def _topic(node: Node, port: str) -> Topic:
     cls = node.type.outputs[port]
     known = node.type.ros.get(port) if isinstance(node.type, SourceType) else None
-    ros = known or TopicType(type_name(cls), latched=port in node.type.latched)
+    qos = LATCHED if port in node.type.latched else VOLATILE
+    ros = known or TopicType(type_name(cls), qos=qos)
     return Topic(cls, node.name, port in node.type.on_demand, ros)

@@ -14,13 +14,14 @@ from ros_graph import Master, end, wait_for
 from sensor_msgs.msg import Image as ImageMessage
 
 from ros_visualise.data import Header, Image, Transforms, TransformStamped
+from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
 TOPICS = {
     "/written/image": TopicType("sensor_msgs/msg/Image"),
-    "/written/map": TopicType("sensor_msgs/msg/Image", latched=True),
-    "/tf_static": TopicType("tf2_msgs/msg/TFMessage", latched=True),
+    "/written/map": TopicType("sensor_msgs/msg/Image", qos=LATCHED),
+    "/tf_static": TopicType("tf2_msgs/msg/TFMessage", qos=LATCHED),
 }
 COUNT = 30
 COMPRESSIONS = ("none", "lz4", "bz2")

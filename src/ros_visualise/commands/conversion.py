@@ -96,7 +96,7 @@ def _latched_before(recording: Recording, topics: Collection[str], start_ns: int
     latched = [
         topic
         for topic in topics
-        if recording.topics[topic].type.latched or topic.endswith("/tf_static")
+        if recording.topics[topic].type.qos.transient_local or topic.endswith("/tf_static")
     ]
     if not latched:
         return []

@@ -11,6 +11,7 @@ from ros_visualise.data import CameraInfo, CompressedImage, Header, Image, Text,
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.qos import VOLATILE, QoS
 from ros_visualise.vision.compression import decompress
 
 _NS = 1_000_000_000
@@ -21,13 +22,12 @@ _CDR_ALIGN = 4
 class TopicType:
     """The type of a topic's messages: ``name`` as ``sensor_msgs/msg/Image``.
 
-    ``definitions`` knows it where ROS itself does not, else it may be None. ``latched``: whoever
-    comes late gets the last message.
+    ``definitions`` knows it where ROS itself does not, else it may be None.
     """
 
     name: str
     definitions: Definitions | None = None
-    latched: bool = False
+    qos: QoS = VOLATILE
 
     @property
     def data_class(self) -> type:

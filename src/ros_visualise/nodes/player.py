@@ -95,7 +95,7 @@ def player(
         declared,
         make=partial(make, recording, played, unplayed),
         outputs={name: type.data_class for name, type in types.items()},
-        latched=frozenset(name for name, type in types.items() if type.latched),
+        latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,
     )
 

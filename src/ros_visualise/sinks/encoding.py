@@ -78,7 +78,7 @@ class Encoder:
             raise DamagedMessage(f"{name}: {_ROS[self.encoding]} cannot hold this type") from error
         if self._is_ros1:
             text = _THREE_PARTS.sub(r"\1\2/\3", text)
-        return Declaration(self._rename(name), text, digest, topic.latched)
+        return Declaration(self._rename(name), text, digest, topic.qos.transient_local)
 
     def encode(self, message: Any) -> Buffer:
         """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.

@@ -61,7 +61,10 @@ def test_every_message_is_one_of_ros_and_stamped_as_its_entry(opened, drive_0009
 
 def test_latched_are_what_late_comers_need(opened, drive_0009):
     topics = opened(drive_0009).topics
-    assert {name for name, info in topics.items() if info.type.latched} == {"/path", "/tf_static"}
+    assert {name for name, info in topics.items() if info.type.qos.transient_local} == {
+        "/path",
+        "/tf_static",
+    }
 
 
 @pytest.mark.parametrize(("camera", "encoding"), [(0, "mono8"), (3, "bgr8")])

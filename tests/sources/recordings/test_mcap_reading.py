@@ -128,7 +128,7 @@ def test_ros_1_messages_are_read_as_such(tmp_path: Path) -> None:
     assert first.message.message.header.seq == 7
     assert (first.stamp_ns, second.topic) == (9, "/kept")
     topics = recording.topics
-    assert [topics[t].type.latched for t in ("/kept", "/time")] == [True, False]
+    assert [topics[t].type.qos.transient_local for t in ("/kept", "/time")] == [True, False]
     assert {info.digest for info in topics.values()} == {md5}
     assert topics["/time"].type.name == "sensor_msgs/msg/TimeReference"
     recording.close()
@@ -154,7 +154,7 @@ def test_latched_topics_are_known_by_their_qos(
         writer.register_channel("/map", "cdr", schema, {"offered_qos_profiles": profiles})
         writer.finish()
     recording = open_mcap(tmp_path / "a.mcap")
-    assert recording.topics["/map"].type.latched is is_latched
+    assert recording.topics["/map"].type.qos.transient_local is is_latched
     recording.close()
 
 

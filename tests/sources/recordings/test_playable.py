@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ros_visualise.data import Header, Text
+from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
@@ -29,7 +30,11 @@ class Made:
         types = {"/tf": "tf2_msgs/msg/TFMessage", "/tf_static": "tf2_msgs/msg/TFMessage"}
         self.topics = {
             name: TopicInfo(
-                TopicType(types.get(name, "std_msgs/msg/String"), latched=name in latched), 1
+                TopicType(
+                    types.get(name, "std_msgs/msg/String"),
+                    qos=LATCHED if name in latched else VOLATILE,
+                ),
+                1,
             )
             for name in names
         }

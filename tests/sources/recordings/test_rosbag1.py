@@ -152,7 +152,7 @@ def test_a_topic_of_two_publishers_is_one(bag):
             writer.write("ab"[number % 2], START_NS + number, text(f"{number}"))
     recording = open_recording(bag)
     topic = recording.topics["/chatter"]
-    assert (topic.messages, topic.connections, topic.type.latched) == (10, 2, True)
+    assert (topic.messages, topic.connections, topic.type.qos.transient_local) == (10, 2, True)
     assert [e.message.message.data for e in recording.read()] == [f"{n}" for n in range(10)]
 
 

@@ -175,7 +175,7 @@ def test_a_robot_with_a_map_is_read(tmp_path: Path, storage: StoragePlugin, vers
     np.testing.assert_array_equal(first.message.message.data, grid.data)
     assert first.message.header.frame_id == "map"
     assert isinstance(second.message.content, LaserScan)
-    latched = {topic: info.type.latched for topic, info in recording.topics.items()}
+    latched = {topic: info.type.qos.transient_local for topic, info in recording.topics.items()}
     assert latched == {"/map": True, "/scan": False}
     recording.close()
 

@@ -124,10 +124,10 @@ class Process:
             is_camera = isinstance(publisher.type, SourceType)
             waits = partial(self._is_in_haste, is_camera)
             output = ImageOutput(self._declared[name], name, is_camera, waits)
-        elif topic.type is Text and topic.ros.latched:
+        elif topic.type is Text and topic.ros.qos.transient_local:
             output = DescriptionOutput(self._declared[name])
         else:
-            output = Output(self._declared[name], topic.type, topic.ros.latched)
+            output = Output(self._declared[name], topic.type, topic.ros.qos.transient_local)
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
 

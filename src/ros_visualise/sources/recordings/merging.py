@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import Entry, Loss, TopicInfo, left_out
 from ros_visualise.sources.recordings.calibrations import calibrated
@@ -174,7 +175,9 @@ class _Topics:
                 add_note(loss, left_out(topic, count, name, chosen.type_name))
         return TopicInfo(
             TopicType(
-                chosen.type_name, chosen.definitions, any(channel.latched for channel, _ in alike)
+                chosen.type_name,
+                chosen.definitions,
+                LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
             ),
             sum(count for _, count in alike),
             chosen.digest,

@@ -40,7 +40,9 @@ class PlayableRecording:
         self.time = played_time(recording, self._topics)
         info = recording.topics
         self._transforms = {t for t in topics if info[t].type.name in _TRANSFORMS}
-        self._latched = {t for t in topics if info[t].type.latched or t.endswith("/tf_static")}
+        self._latched = {
+            t for t in topics if info[t].type.qos.transient_local or t.endswith("/tf_static")
+        }
 
     @property
     def duration_ns(self) -> int:

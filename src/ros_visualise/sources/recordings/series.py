@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.messages import type_name
+from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
 from ros_visualise.sources.series import DamagedFile, Series
@@ -56,7 +57,8 @@ class SeriesRecording:
         self.loss = Loss() if loss is None else loss
         self.topics: Mapping[str, TopicInfo] = {
             one.topic: TopicInfo(
-                TopicType(type_name(one.kind), latched=one.latched), len(one.stamps_ns)
+                TopicType(type_name(one.kind), qos=LATCHED if one.latched else VOLATILE),
+                len(one.stamps_ns),
             )
             for one in sorted(series, key=lambda one: one.topic)
         }

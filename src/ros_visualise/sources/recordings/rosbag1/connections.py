@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions, Undecoded
+from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo, left_out
 from ros_visualise.sources.recordings.rosbag1.layout import Connection
@@ -91,7 +92,9 @@ class Topics:
                 self.left_out.append((count, left_out(topic, count, name, known.type_name)))
         return TopicInfo(
             type=TopicType(
-                known.type_name, known.definitions, any(connections[n].latched for n in alike)
+                known.type_name,
+                known.definitions,
+                LATCHED if any(connections[n].latched for n in alike) else VOLATILE,
             ),
             messages=sum(self._counts.get(n, 0) for n in alike),
             digest=connections[chosen].digest,
