@@ -27,8 +27,8 @@ import cv2
 
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.flyover import Flyover
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.scene import Scene
 from ros_visualise.sources.video import Video
 
 SIZES = {"480p": (854, 480), "1080p": (1920, 1080), "4K": (3840, 2160)}
@@ -124,7 +124,7 @@ def timed(work) -> dict[str, float]:
 
 def make_video(path: Path, size: tuple[int, int], frames: int = 60) -> Path:
     """Film the demo's scene."""
-    scene = Scene(size)
+    scene = Flyover(size)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=30, options={"preset": "fast", "crf": "20"})
         stream.width, stream.height, stream.pix_fmt = *size, "yuv420p"

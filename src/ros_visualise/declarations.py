@@ -82,8 +82,8 @@ class Source(Protocol):
     def receive(self, port: str, message: Any) -> None:
         """Take a message of an input; may be called from any thread."""
 
-    def spare(self, wants: Callable[[str], bool]) -> None:
-        """Make no message for which nobody asks; ``wants`` tells of an output by its name."""
+    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
+        """Make costly messages only while ``is_wanted``, asked with the output's name, says so."""
 
     def report(self) -> dict[str, Any]:
         """Figures of its own for the run report."""
@@ -104,7 +104,7 @@ class _Optional:
     def receive(self, port: str, message: Any) -> None:
         pass
 
-    def spare(self, wants: Callable[[str], bool]) -> None:
+    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
         pass
 
     def report(self) -> dict[str, Any]:

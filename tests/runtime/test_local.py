@@ -634,7 +634,7 @@ def test_a_file_is_recorded_to_once_at_a_time(tmp_path):
 class _Sparing(_Counter):
     """Says in each image whether somebody wanted it."""
 
-    def spare(self, wants):
+    def set_demand(self, wants):
         self.wants = wants
 
     def messages(self):

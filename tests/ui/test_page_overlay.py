@@ -6,7 +6,7 @@ from scene_messages import K, cloud, image, tf, transform
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.errors import NoTransform
-from ros_visualise.ui.page.overlay import between, calibration_of, is_rectified, paint, scaled
+from ros_visualise.ui.page.overlay import between, choose_calibration, is_rectified, paint, scaled
 from ros_visualise.ui.scene.frames import Frames
 
 INFO = CameraInfo(120, 160, K)
@@ -66,12 +66,12 @@ def test_a_cloud_is_seen_from_where_the_camera_was_at_the_images_time():
 
 
 def test_a_calibration_has_to_be_of_the_image():
-    assert calibration_of(image(), None).K is K
+    assert choose_calibration(image(), None).K is K
     bare = image(calibrated=False)
-    assert calibration_of(bare, INFO) is INFO
-    assert calibration_of(bare, None) is None
-    assert calibration_of(bare, CameraInfo(480, 640, K)) is None
-    assert calibration_of(bare, CameraInfo.uncalibrated(120, 160)) is None
+    assert choose_calibration(bare, INFO) is INFO
+    assert choose_calibration(bare, None) is None
+    assert choose_calibration(bare, CameraInfo(480, 640, K)) is None
+    assert choose_calibration(bare, CameraInfo.uncalibrated(120, 160)) is None
 
 
 P = np.hstack([K, [[-40.0], [0], [0]]])

@@ -19,8 +19,8 @@ from ros_visualise.pipelines import (
     recording_pipeline,
     simulation_pipeline,
 )
-from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)

@@ -28,9 +28,9 @@ of output name to message, or with None: nothing for this one.
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
 closed; ``close()``; and where needed ``report()``, actions, ``receive(port, message)`` for the
-inputs that it declares, and ``spare(wants)``, called before ``messages``: ``wants(output)`` tells
-whether anybody listens to what is dear to make. Actions and ``receive`` are called from other
-threads than ``messages``.
+inputs that it declares, and ``set_demand(is_wanted)``, called before ``messages``:
+``is_wanted(output)`` tells whether anybody listens to an output, so that a costly message is made
+only then. Actions and ``receive`` are called from other threads than ``messages``.
 """
 
 from __future__ import annotations

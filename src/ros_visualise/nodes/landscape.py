@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
 from ros_visualise.params import param
-from ros_visualise.sources.convert import parse_size
+from ros_visualise.sources.flyover import Flyover
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.scene import Scene
+from ros_visualise.sources.video_pixels import parse_size
 
 
 @dataclass(frozen=True)
 class LandscapeParams:
-    """How the scene is shown."""
+    """How the flight is shown."""
 
     size: str = param("640x480", "size of the images, WIDTHxHEIGHT", restart=True)
     frame_id: str = param("camera_optical", "frame of the images", restart=True)
@@ -27,12 +27,12 @@ class Landscape:
 
     def __init__(self, params: LandscapeParams, playback: Playback) -> None:
         self._params, self._playback = params, playback
-        self._scene = Scene(parse_size(params.size) or (640, 480))
-        playback.check_start(self._scene.duration_ns)
+        self._flyover = Flyover(parse_size(params.size) or (640, 480))
+        playback.check_start(self._flyover.duration_ns)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images, each when its time has come."""
-        for stamp_ns, image in self._playback.run(self._scene):
+        for stamp_ns, image in self._playback.run(self._flyover):
             yield "image", replace(image, header=Header(stamp_ns, self._params.frame_id))
 
     def close(self) -> None:

@@ -11,9 +11,9 @@ from ros_visualise.errors import OpenError
 from ros_visualise.nodes import source
 from ros_visualise.params import param
 from ros_visualise.sources.calibration import Calibration
-from ros_visualise.sources.convert import parse_size
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.video import Video
+from ros_visualise.sources.video_pixels import parse_size
 
 
 @dataclass(frozen=True)

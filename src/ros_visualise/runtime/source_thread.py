@@ -144,7 +144,7 @@ class SourceThread:
     def _open(self) -> Source:
         current = self._parameters.current
         source = self._type.make(current, self._playback)
-        source.spare(lambda port: self._outputs[port].awaited)
+        source.set_demand(lambda port: self._outputs[port].awaited)
         self._opened_with = current
         return source
 

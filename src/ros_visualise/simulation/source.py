@@ -138,9 +138,9 @@ class SimulatedRobot:
         if batch:
             yield batch[-1].stamp_ns + self._origin_ns, tuple(batch)
 
-    def spare(self, wants: Callable[[str], bool]) -> None:
+    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
         """Render and scan only while somebody listens."""
-        self._is_awaited = wants
+        self._is_awaited = is_wanted
 
     def receive(self, port: str, message: Any) -> None:
         """Take a velocity (``cmd_vel``) or a goal.

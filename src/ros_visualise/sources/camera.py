@@ -13,8 +13,8 @@ from av.video.frame import VideoFrame
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
 from ros_visualise.rate import Clock, Steady, WallClock
-from ros_visualise.sources.convert import Converter, Size
 from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
+from ros_visualise.sources.video_pixels import FrameConverter, Size
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class Camera:
         self._address = parse_address(uri, size, fps)
         self._timeout_s = timeout_s
         self._clock = clock or WallClock()
-        self._converter = Converter(size)
+        self._converter = FrameConverter(size)
         self._steady = Steady()
         self._changed = threading.Condition()
         self._newest: tuple[int, Image] | None = None

@@ -13,8 +13,8 @@ from av.error import ExitError, FFmpegError
 from av.video.frame import VideoFrame
 
 from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.sources.convert import Size
 from ros_visualise.sources.demux import limit_frames
+from ros_visualise.sources.video_pixels import Size
 
 _OPEN_S = 10.0  # a stream may take that long until its first keyframe
 _LOST_NS = 1_000_000_000

@@ -18,9 +18,9 @@ from av.video.stream import VideoStream
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.convert import Converter, Size, upright_size
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
 from ros_visualise.sources.promised import promised_bytes
+from ros_visualise.sources.video_pixels import FrameConverter, Size, upright_size
 
 _DEFAULT_FPS = 25.0
 _JUMP_BACK_NS = 1_000_000_000  # further than this, the clock of the file was set anew
@@ -62,7 +62,7 @@ class Video:
 
     def __init__(self, path: str | os.PathLike[str], size: Size | None = None) -> None:
         self._path = Path(path)
-        self._converter = Converter(size)
+        self._converter = FrameConverter(size)
         self.faults: list[str] = []
         self._closed = False
         self._open()

@@ -25,7 +25,7 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.data import Path as Way
+from ros_visualise.data import Path as PathMessage
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.attitude import Attitude
@@ -148,11 +148,11 @@ class _Series:
             return Transforms((TransformStamped(_BASE, positions[index], quats[index], header),))
 
         start_ns = int(stamps_ns.min())
-        way = Way(stamps_ns, positions, quats, Header(start_ns, _MAP))
+        path = PathMessage(stamps_ns, positions, quats, Header(start_ns, _MAP))
         self.series += [
             Series("/odom", Odometry, stamps_ns, odometry),
             Series("/tf", Transforms, stamps_ns, transform),
-            single("/path", way, start_ns),
+            single("/path", path, start_ns),
         ]
 
     def _add_imu(self, sensors: Table | None) -> None:

@@ -54,7 +54,7 @@ class Overlay:
             shown: the picture, RGB of 8 bits, of any size.
         """
         frame = image.header.frame_id
-        info = calibration_of(image, self._scene.calibrations.get(frame))
+        info = choose_calibration(image, self._scene.calibrations.get(frame))
         if self._cloud is None or info is None:
             return shown
         try:
@@ -64,7 +64,7 @@ class Overlay:
             return shown  # not known yet, or a model of distortion that is not known at all
 
 
-def calibration_of(image: Image, known: CameraInfo | None) -> CameraInfo | None:
+def choose_calibration(image: Image, known: CameraInfo | None) -> CameraInfo | None:
     """That which came with an image, else one known of its frame for images of this size."""
     info = image.camera_info or known
     if info is None or info.K[0, 0] <= 0:

@@ -25,16 +25,16 @@ from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.ui.scene.cameras import Camera
 from ros_visualise.ui.scene.drawing import Drawing
 from ros_visualise.ui.scene.grids import Grid
-from ros_visualise.ui.scene.lines import Outline, Way
+from ros_visualise.ui.scene.lines import Outline, PathDrawing
 from ros_visualise.ui.scene.particles import Particles
 from ros_visualise.ui.scene.points import Cloud, Scan
 from ros_visualise.ui.scene.poses import Pose
-from ros_visualise.ui.scene.sensors import Fix, Inertia
+from ros_visualise.ui.scene.sensors import Fix, ImuDrawing
 
 DRAWINGS: dict[type, type[Drawing]] = {
     PointCloud: Cloud,
     LaserScan: Scan,
-    Path: Way,
+    Path: PathDrawing,
     Odometry: Pose,
     PoseStamped: Pose,
     PoseWithCovarianceStamped: Pose,
@@ -43,7 +43,7 @@ DRAWINGS: dict[type, type[Drawing]] = {
     PolygonStamped: Outline,
     PoseArray: Particles,
     NavSatFix: Fix,
-    Imu: Inertia,
+    Imu: ImuDrawing,
     Image: Camera,
     CameraInfo: Camera,
 }

@@ -32,7 +32,7 @@ class Line:
         self._handle.points = np.stack([kept[:-1], kept[1:]], axis=1).astype(np.float32)
 
 
-class Way(Drawing):
+class PathDrawing(Drawing):
     """A `Path`."""
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:

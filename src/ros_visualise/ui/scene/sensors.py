@@ -69,7 +69,7 @@ class Fix(Drawing):
         self._line.show(np.zeros((0, 3)))
 
 
-class Inertia(Drawing):
+class ImuDrawing(Drawing):
     """An `Imu`: an arrow for the acceleration, as long as the axes at 1 g, and the attitude.
 
     The attitude is drawn as axes where the sensor is, turned as it says against the fixed frame.

@@ -55,7 +55,7 @@ class _Local(threading.local):
         self.reformatter = VideoReformatter()
 
 
-class Converter:
+class FrameConverter:
     """Makes images of frames.
 
     Args:

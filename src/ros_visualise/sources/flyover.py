@@ -1,4 +1,4 @@
-"""A moving scene made by the program: the view of a drone that flies along a valley's road."""
+"""A drone's flight along the road of a drawn valley: images that need no file and no simulator."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Deferred, Image, Pixels
-from ros_visualise.sources.convert import Size
 from ros_visualise.sources.landscape import SIDE, draw_landscape, road
+from ros_visualise.sources.video_pixels import Size
 
 FPS = 30
 LENGTH_S = 60
@@ -20,7 +20,7 @@ _VIEW_PX = 640  # width of the view on the map, at zoom 1
 _BITS = 4  # after the binary point, in what OpenCV draws
 _LANE_PX = 9.5
 _MARGIN_PX = 200  # a car of a 4K image is that long
-_CARS = (  # place on the road at time zero, laps in the scene's length (negative: against it), BGR
+_CARS = (  # place on the road at time zero, laps while the flight lasts (negative: against it), BGR
     (0.02, 3, (52, 44, 196)),
     (0.10, 2, (226, 226, 222)),
     (0.22, -2, (186, 112, 48)),
@@ -35,8 +35,8 @@ _CARS = (  # place on the road at time zero, laps in the scene's length (negativ
 _CAR = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (13.0, 6.5)
 
 
-class Scene:
-    """The demo's scene: a function of time alone, that ends as it begins.
+class Flyover:
+    """The images of the flight; each depends on its time alone, and the last leads to the first.
 
     Args:
         size: (width, height) of the images.

@@ -3,7 +3,7 @@
 import pytest
 
 from ros_visualise.errors import UsageError
-from ros_visualise.sources.convert import parse_size
+from ros_visualise.sources.video_pixels import parse_size
 
 
 def test_a_size_is_width_and_height() -> None:
