@@ -36,7 +36,7 @@ def own(tmp_path):
 
 
 def topics_of(graph):
-    return {n.name: (dict(n.inputs), dict(n.outputs)) for n in graph.nodes}
+    return {n.name: (dict(n.inputs), dict(n.outputs)) for n in graph.members}
 
 
 def test_the_image_pipeline_has_the_topics_of_the_ros_package():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from ros_visualise import params
 from ros_visualise.errors import ParameterError, UsageError
@@ -14,35 +14,12 @@ from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType
 
-
-@dataclass(frozen=True)
-class Node:
-    """A node in a graph: its name there, its type, what it starts with, and its topics.
-
-    ``inputs`` and ``outputs`` map the names in the node's declaration to topics.
-    """
-
-    name: str
-    type: NodeType | SourceType
-    params: Any
-    inputs: Mapping[str, str]
-    outputs: Mapping[str, str]
-
-    def configured(self, changes: Mapping[str, Any]) -> Node:
-        """The same node with other starting parameters.
-
-        Raises:
-            ParameterError: no such parameter, or a value out of its range.
-        """
-        try:
-            return replace(self, params=params.update(self.params, changes))
-        except ParameterError as error:
-            raise ParameterError(f"{self.name}: {error}") from None
+M = TypeVar("M", bound="Member")
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic: the class of its messages, the node that publishes it, and whether only on demand.
+    """A topic: the class of its messages, who publishes it, and whether only on demand.
 
     ``ros`` is its type on a ROS graph and in recordings, and whether its last message holds.
     """
@@ -54,34 +31,97 @@ class Topic:
 
 
 @dataclass(frozen=True)
-class Graph:
-    """Nodes in the order in which messages pass them; a source, if there is one, comes first."""
+class Member:
+    """A node or a source in a graph: its name there, its type, what it starts with, its topics.
 
+    ``inputs`` and ``outputs`` map the names in its declaration to topics.
+    """
+
+    name: str
+    type: NodeType | SourceType
+    params: Any
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+
+    @property
+    def topics(self) -> dict[str, Topic]:
+        """What it publishes, by the topics' names."""
+        return {topic: self._topic(port) for port, topic in self.outputs.items()}
+
+    def configured(self: M, changes: Mapping[str, Any]) -> M:
+        """The same with other starting parameters.
+
+        Raises:
+            ParameterError: no such parameter, or a value out of its range.
+        """
+        try:
+            return replace(self, params=params.update(self.params, changes))
+        except ParameterError as error:
+            raise ParameterError(f"{self.name}: {error}") from None
+
+    def _topic(self, port: str) -> Topic:
+        cls = self.type.outputs[port]
+        qos = LATCHED if port in self.type.latched else VOLATILE
+        ros = TopicType(type_name(cls), qos=qos)
+        return Topic(cls, self.name, port in self.type.on_demand, ros)
+
+
+@dataclass(frozen=True)
+class Node(Member):
+    """A node in a graph."""
+
+    type: NodeType
+
+
+@dataclass(frozen=True)
+class SourceNode(Member):
+    """What a graph starts from."""
+
+    type: SourceType
+
+    def _topic(self, port: str) -> Topic:
+        topic = super()._topic(port)
+        return replace(topic, ros=self.type.ros.get(port, topic.ros))
+
+
+class Change(Protocol):
+    """Makes another of a node or a source."""
+
+    def __call__(self, member: M, /) -> M:
+        """What is to take its place."""
+
+
+@dataclass(frozen=True)
+class Graph:
+    """A source, and nodes in the order in which messages pass them.
+
+    Where messages come from outside, ``source`` is None.
+    """
+
+    source: SourceNode | None
     nodes: tuple[Node, ...]
 
     @property
-    def source(self) -> Node | None:
-        """The node that everything starts from; None where messages come from outside."""
-        return next((node for node in self.nodes if isinstance(node.type, SourceType)), None)
+    def members(self) -> tuple[Member, ...]:
+        """The source, if there is one, and the nodes."""
+        return (*(() if self.source is None else (self.source,)), *self.nodes)
 
     @property
     def live(self) -> bool:
         """Whether what it starts from cannot wait for whoever is slow."""
-        source = self.source
-        return source is None or (isinstance(source.type, SourceType) and source.type.live)
+        return self.source is None or self.source.type.live
 
     @property
     def makes_time(self) -> bool:
         """Whether its source tells what time it is."""
-        source = self.source
-        return source is not None and isinstance(source.type, SourceType) and source.type.makes_time
+        return self.source is not None and self.source.type.makes_time
 
     @property
     def inputs(self) -> dict[str, type]:
         """The topics that come from outside, and the type of their messages."""
         return {
             topic: node.type.inputs[port]
-            for node in self.nodes
+            for node in self.members
             for port, topic in node.inputs.items()
             if topic not in self.topics
         }
@@ -89,20 +129,24 @@ class Graph:
     @property
     def topics(self) -> dict[str, Topic]:
         """Every topic by name, in the order of the nodes."""
-        return {
-            topic: _topic(node, port) for node in self.nodes for port, topic in node.outputs.items()
-        }
+        return {name: topic for one in self.members for name, topic in one.topics.items()}
 
-    def node(self, name: str) -> Node:
-        """The node of that name.
+    def node(self, name: str) -> Member:
+        """The node or the source of that name.
 
         Raises:
             UsageError: there is none; those that there are are listed.
         """
-        for node in self.nodes:
-            if node.name == name:
-                return node
-        raise UsageError(f"no node {name!r} here; there is {', '.join(n.name for n in self.nodes)}")
+        for member in self.members:
+            if member.name == name:
+                return member
+        there = ", ".join(member.name for member in self.members)
+        raise UsageError(f"no node {name!r} here; there is {there}")
+
+    def changed(self, change: Change) -> Graph:
+        """The same graph with another in place of each node and of the source."""
+        source = None if self.source is None else change(self.source)
+        return Graph(source, tuple(change(node) for node in self.nodes))
 
     def configured(self, settings: Mapping[str, Mapping[str, Any]]) -> Graph:
         """The same graph with other starting parameters: node -> parameter -> value.
@@ -112,7 +156,11 @@ class Graph:
         """
         for name in settings:
             self.node(name)
-        return Graph(tuple(node.configured(settings.get(node.name, {})) for node in self.nodes))
+
+        def configured(member: M) -> M:
+            return member.configured(settings.get(member.name, {}))
+
+        return self.changed(configured)
 
     def insert(self, added: NodeType, after: str) -> Graph:
         """The same graph with a node of one's own, fed by the main output of ``after``.
@@ -123,7 +171,7 @@ class Graph:
             UsageError: no such node, the name is taken, or its input is not what ``after`` gives.
         """
         before = self.node(after)
-        if any(node.name == added.name for node in self.nodes):
+        if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
         port, topic = next(iter(before.outputs.items()))
         given = before.type.outputs[port]
@@ -136,11 +184,11 @@ class Graph:
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
         own = next((t for p, t in new.outputs.items() if added.outputs[p] is given), topic)
-        nodes: list[Node] = []
+        nodes = [new] if before is self.source else []
         for node in self.nodes:
             inputs = {port: own if t == topic else t for port, t in node.inputs.items()}
             nodes += [replace(node, inputs=inputs)] + ([new] if node is before else [])
-        return Graph(tuple(nodes))
+        return Graph(self.source, tuple(nodes))
 
 
 def place(
@@ -170,11 +218,3 @@ def parse_node(text: str) -> tuple[str, str, str | None]:
     if not colon or not name or Path(path).suffix != ".py":
         raise UsageError(f"{text}: give a node of your own as FILE.py:NAME or FILE.py:NAME@AFTER")
     return path, name, after or None
-
-
-def _topic(node: Node, port: str) -> Topic:
-    cls = node.type.outputs[port]
-    known = node.type.ros.get(port) if isinstance(node.type, SourceType) else None
-    qos = LATCHED if port in node.type.latched else VOLATILE
-    ros = known or TopicType(type_name(cls), qos=qos)
-    return Topic(cls, node.name, port in node.type.on_demand, ros)

@@ -14,9 +14,9 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph, Node, place
+from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.nodes import NodeType, SourceType, find
+from ros_visualise.nodes import NodeType, SourceType, find_node, find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
@@ -51,7 +51,7 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
         source: name of a declared source of images.
         settings: its parameters.
     """
-    added = tuple(_built_in(name) for name in IMAGE_NODES)
+    added = tuple(find_node(name) for name in IMAGE_NODES)
     return chain(added, source).configured({source: settings})
 
 
@@ -61,9 +61,7 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     Raises:
         UsageError: two of the same name, or one whose input is not what comes before it.
     """
-    if source is None:
-        return Graph(_chained(added))
-    return Graph((_placed(find(source)), *_chained(added)))
+    return Graph(_placed(find_source(source)) if source else None, _chained(added))
 
 
 def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
@@ -112,18 +110,18 @@ def recording_pipeline(
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
     odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
-    added = [_built_in(name) for name in IMAGE_NODES] if image else []
+    added = [find_node(name) for name in IMAGE_NODES] if image else []
     made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
     made |= {info_topic(topic) for topic in made} | ({"/path"} if odom else set())
     outputs = {name: f"/recorded{name}" if name in made else name for name in declared.outputs}
-    nodes: tuple[Node, ...] = (Node("player", declared, declared.params(), {}, outputs),)
-    nodes += _chained(added, outputs[image]) if image else ()
+    source = SourceNode("player", declared, declared.params(), {}, outputs)
+    nodes = _chained(added, outputs[image]) if image else ()
     if pair:
         nodes += (_following(pair, outputs),)
     elif odom:
         port = _PATH_INPUTS[declared.outputs[odom]]
-        nodes += (place(_built_in("path"), {port: outputs[odom]}),)
-    return Graph(nodes)
+        nodes += (place(find_node("path"), {port: outputs[odom]}),)
+    return Graph(source, nodes)
 
 
 def simulation_pipeline(robot: str, **settings: Any) -> Graph:
@@ -133,11 +131,11 @@ def simulation_pipeline(robot: str, **settings: Any) -> Graph:
         robot: name of a declared source that simulates one.
         settings: its parameters.
     """
-    source = _placed(find(robot))
-    images = _chained([_built_in(name) for name in IMAGE_NODES], source.outputs["image"])
-    path = place(_built_in("path"), {"odom": source.outputs["odom"]})
+    source = _placed(find_source(robot))
+    images = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
+    path = place(find_node("path"), {"odom": source.outputs["odom"]})
     filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
-    return Graph((source, *images, path)).configured({robot: settings, "filters": filters})
+    return Graph(source, (*images, path)).configured({robot: settings, "filters": filters})
 
 
 _PATH_INPUTS: dict[type, str] = {
@@ -169,7 +167,7 @@ def _following(pair: NamedPair, topics: Mapping[str, str]) -> Node:
     if pair.static:
         inputs["tf_static"] = topics[pair.static]
     frames = {"tf_parent": pair.parent, "tf_child": pair.child}
-    return place(_built_in("path"), inputs).configured(frames)
+    return place(find_node("path"), inputs).configured(frames)
 
 
 def _choose(
@@ -188,7 +186,7 @@ def _choose(
 
 def path_pipeline() -> Graph:
     """The topic ``/odom`` -> path."""
-    return alone(_built_in("path"))
+    return alone(find_node("path"))
 
 
 def alone(declared: NodeType | SourceType) -> Graph:
@@ -197,21 +195,15 @@ def alone(declared: NodeType | SourceType) -> Graph:
     A node that is in none listens to topics that are called as its inputs.
     """
     if isinstance(declared, SourceType):
-        return chain((), declared.name)
+        return Graph(_placed(declared), ())
     if declared.name in IMAGE_NODES:
-        whole = chain([_built_in(name) for name in IMAGE_NODES])
-        return Graph((whole.node(declared.name),))
-    return Graph((place(declared, {port: f"/{port}" for port in declared.inputs}),))
+        whole = chain([find_node(name) for name in IMAGE_NODES])
+        return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
+    return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))
 
 
-def _placed(source: NodeType | SourceType) -> Node:
+def _placed(source: SourceType) -> SourceNode:
     """A source on its topics of the pipelines."""
     inputs = {port: f"/{port}" for port in source.inputs}
     outputs = {port: _SOURCE_TOPICS.get(port, f"/{port}") for port in source.outputs}
-    return Node(source.name, source, source.params(), inputs, outputs)
-
-
-def _built_in(name: str) -> NodeType:
-    found = find(name)
-    assert isinstance(found, NodeType)
-    return found
+    return SourceNode(source.name, source, source.params(), inputs, outputs)

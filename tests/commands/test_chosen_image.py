@@ -53,7 +53,7 @@ def test_topics_without_messages_are_no_images(tmp_path):
     assert taken(write_bag(tmp_path / "r.bag", a=images(count=0), b=images())) == "/b"
     bag = write_bag(tmp_path / "empty.bag", a=images(count=0), depth=images(count=0))
     with closing(open_recording(bag)) as recording:
-        assert [node.name for node in recording_pipeline(recording).nodes] == ["player"]
+        assert [node.name for node in recording_pipeline(recording).members] == ["player"]
 
 
 def test_a_node_that_nobody_listens_to_shows_its_first_images(bag):
@@ -62,7 +62,7 @@ def test_a_node_that_nobody_listens_to_shows_its_first_images(bag):
         assert first_shown(graph, graph.node("player")) == "/a_depth"
         graph = recording_pipeline(recording)
     assert first_shown(graph, graph.node("edge_detector")) == "/edges"
-    alone = Graph((graph.node("edge_detector"),))
+    alone = Graph(None, (graph.node("edge_detector"),))
     assert first_shown(alone, alone.nodes[0]) == "/edges"
 
 

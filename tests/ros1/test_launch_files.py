@@ -70,15 +70,16 @@ class Launched:
     def _graph_nodes(self) -> list[Any]:
         if "pipeline" in self.ours:
             given = self.params("pipeline")
-            return list(chain([find(n) for n in given["nodes"].split()], given.get("source")).nodes)
+            nodes = [find(n) for n in given["nodes"].split()]
+            return list(chain(nodes, given.get("source")).members)
         nodes = [process for process in self.ours if process != "player"]
-        return [n for process in nodes for n in alone(find(process)).nodes]
+        return [n for process in nodes for n in alone(find(process)).members]
 
 
 def joined(graph: Graph) -> dict[str, dict[str, str]]:
     return {
         node.name: {**node.inputs, **{f"{port} out": t for port, t in node.outputs.items()}}
-        for node in graph.nodes
+        for node in graph.members
     }
 
 
@@ -96,7 +97,7 @@ def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
     nodes = [find(node) for node in IMAGE_NODES]
     expected = image_pipeline(source) if source else chain(nodes)
     assert launched.graph() == joined(expected)
-    assert len(launched.ours) == (1 if pipeline == "true" else len(expected.nodes))
+    assert len(launched.ours) == (1 if pipeline == "true" else len(expected.members))
 
 
 def test_usb_cam_publishes_what_the_nodes_take():

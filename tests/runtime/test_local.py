@@ -9,7 +9,7 @@ import pytest
 
 from ros_visualise.data import Deferred, Header, Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, Node, SourceNode
 from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import Parameters, param
@@ -83,14 +83,20 @@ def add(image, params):
 
 
 def graph_of(*types, source_type=counter, **settings):
-    nodes = [Node("counter", source_type.declared, CounterParams(), {}, {"image": "/image_raw"})]
+    source = counting(source_type)
+    nodes = []
     for found in types:
-        topic = next(iter(nodes[-1].outputs.values()))
+        topic = next(iter([source, *nodes][-1].outputs.values()))
         declared = found.declared
         port = next(iter(declared.inputs))
         outputs = {name: f"/{declared.name}/{name}" for name in declared.outputs}
         nodes.append(Node(declared.name, declared, declared.params(), {port: topic}, outputs))
-    return Graph(tuple(nodes)).configured(settings)
+    return Graph(source, tuple(nodes)).configured(settings)
+
+
+def counting(source_type=counter):
+    outputs = {"image": "/image_raw"}
+    return SourceNode("counter", source_type.declared, CounterParams(), {}, outputs)
 
 
 def until(condition):
@@ -324,8 +330,7 @@ def test_two_inputs_may_listen_to_one_topic():
 
     inputs = {"left": "/image_raw", "right": "/image_raw"}
     both = Node("both", Both.declared, Both.declared.params(), inputs, {"image": "/out"})
-    source = Node("counter", counter.declared, CounterParams(), {}, {"image": "/image_raw"})
-    runtime = LocalRuntime(Graph((source, both)), Playback(rate=0))
+    runtime = LocalRuntime(Graph(counting(), (both,)), Playback(rate=0))
     runtime.start()
     assert runtime.wait(20)
     runtime.stop()
@@ -494,10 +499,8 @@ def test_a_source_is_closed_where_a_node_cannot_be_made():
             raise OpenError("no table: give one")
 
     graph = Graph(
-        (
-            Node("closing", Closing.declared, CounterParams(), {}, {"image": "/in"}),
-            Node("broken", Broken.declared, NoParams(), {"image": "/in"}, {"image": "/out"}),
-        )
+        SourceNode("closing", Closing.declared, CounterParams(), {}, {"image": "/in"}),
+        (Node("broken", Broken.declared, NoParams(), {"image": "/in"}, {"image": "/out"}),),
     )
     with pytest.raises(OpenError, match="no table"):
         LocalRuntime(graph, Playback())
@@ -695,7 +698,7 @@ def test_where_messages_come_from_outside_a_node_is_asked_what_is_due():
 
     declared = Keeper.declared
     keeper = Node("keeper", declared, declared.params(), {"image": "/in"}, {"image": "/out"})
-    runtime = LocalRuntime(Graph((keeper,)), None)
+    runtime = LocalRuntime(Graph(None, (keeper,)), None)
     subscription = runtime.subscribe("/out")
     runtime.start()
     image = Image(np.zeros((2, 3), np.uint8), "mono8")

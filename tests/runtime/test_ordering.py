@@ -39,7 +39,7 @@ def test_every_kind_of_message_takes_what_its_data_do(name):
     def taker(data, params):
         return data
 
-    graph = Graph((place(taker.declared, {"data": "/in"}, {"data": "/out"}),))
+    graph = Graph(None, (place(taker.declared, {"data": "/in"}, {"data": "/out"}),))
     order = Ordering(graph, ["/out"])
     for number in range(10):
         order.put("/in", Packet(number, message, number))

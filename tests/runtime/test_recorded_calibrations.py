@@ -9,7 +9,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from ros_visualise.data import CameraInfo, Header, Image
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
@@ -195,8 +195,8 @@ def test_where_a_calibration_ends_the_camera_is_said_to_have_none(tmp_path, name
         def close(self):
             pass
 
-    node = Node("changing", Changing.declared, NoParams(), {}, {"image": "/left"})
-    record(Graph((node,)), tmp_path / name)
+    changing = SourceNode("changing", Changing.declared, NoParams(), {}, {"image": "/left"})
+    record(Graph(changing, ()), tmp_path / name)
     said = [
         (ns, m.header.frame_id, m.width) for ns, m in read(tmp_path / name)["/left/camera_info"]
     ]

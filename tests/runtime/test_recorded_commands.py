@@ -7,7 +7,7 @@ import pytest
 
 from ros_visualise.data import Header, Image, Twist
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
@@ -53,7 +53,7 @@ class Drive:
 
     def __init__(self, target):
         inputs, outputs = {"cmd_vel": "/cmd_vel"}, {"image": "/image_raw"}
-        graph = Graph((Node("robot", Robot.declared, NoParams(), inputs, outputs),))
+        graph = Graph(SourceNode("robot", Robot.declared, NoParams(), inputs, outputs), ())
         self.playback = Playback(rate=0)
         self.playback.pause()
         self.runtime = LocalRuntime(graph, self.playback)

@@ -9,7 +9,7 @@ import pytest
 
 from ros_visualise.data import Header, Image, ParameterEvent
 from ros_visualise.errors import RecordingError, UsageError
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, Node, SourceNode
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
 from ros_visualise.pipelines import image_pipeline
@@ -47,7 +47,7 @@ def chain(*topics):
     nodes = [
         Node(topic, declared, FpsParams(), {"image": "/in"}, {"image": topic}) for topic in topics
     ]
-    return Graph(tuple(nodes))
+    return Graph(None, tuple(nodes))
 
 
 GRAPH = chain("/a", "/b", "/c")
@@ -187,9 +187,9 @@ def test_parameters_are_recorded_in_their_place(messages):
 def sensors():
     """Two topics of a source, and a node behind one of them."""
     made = SourceType("sensors", None, None, {"a": Image, "b": Image})
-    source = Node("sensors", made, None, {}, {"a": "/a", "b": "/b"})
+    source = SourceNode("sensors", made, None, {}, {"a": "/a", "b": "/b"})
     behind = Node("c", FpsControl.declared, FpsParams(), {"image": "/a"}, {"image": "/c"})
-    return Graph((source, behind))
+    return Graph(source, (behind,))
 
 
 def test_a_node_owes_no_answer_to_what_does_not_come_to_it():

@@ -19,7 +19,7 @@ class Told:
         outputs = {f"/{name}": kind for name, kind in kinds.items()}
         declared = NodeType("robot", None, NoParams, {}, outputs)
         node = Node("robot", declared, NoParams(), {}, {name: name for name in outputs})
-        self.graph = Graph((node,))
+        self.graph = Graph(None, (node,))
         self.parameters = {"robot": Parameters(NoParams())}
         self.asked = Counter()
         self._topics = {name: Topic(on_demand=False) for name in outputs}

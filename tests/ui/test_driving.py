@@ -17,7 +17,7 @@ from ros_visualise.ui.page.driving import velocity_topic
 
 def graph_of(robot: str) -> Graph:
     whole = simulation_pipeline(robot, camera=False, lidar=False, world="plane")
-    return Graph((whole.nodes[0], whole.node("path")))
+    return Graph(whole.source, tuple(node for node in whole.nodes if node.name == "path"))
 
 
 class Told:
@@ -87,7 +87,7 @@ def client(husky, port) -> Iterator[Client]:
 
 def test_what_can_be_driven_is_known():
     assert velocity_topic(graph_of("quadrotor")) == "/cmd_vel"
-    assert velocity_topic(Graph(())) is None
+    assert velocity_topic(Graph(None, ())) is None
 
 
 def test_it_drives_until_it_is_stopped(client, husky):

@@ -27,14 +27,14 @@ class Changing:
     playback = None
 
     def __init__(self):
-        self.graph = Graph(())
+        self.graph = Graph(None, ())
         self.parameters = {}
         self.looked_at = []
 
     def show(self, *nodes):
         for node in nodes:
             self.parameters.setdefault(node.name, Parameters(node.params))
-        self.graph = Graph(nodes)
+        self.graph = Graph(None, nodes)
 
     def subscribe(self, topic, depth=1):
         inbox = Inbox(lossless=False)

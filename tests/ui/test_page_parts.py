@@ -71,8 +71,8 @@ def test_the_picture_shows_every_node_and_topic_below_what_leads_to_it():
     graph = image_pipeline("landscape")
     picture = ET.fromstring(graph_picture(graph))
     heights = {text.text: float(text.get("y")) for text in picture.iter("text")}
-    assert set(heights) == {node.name for node in graph.nodes} | set(graph.topics)
-    for node in graph.nodes:
+    assert set(heights) == {node.name for node in graph.members} | set(graph.topics)
+    for node in graph.members:
         assert all(heights[topic] < heights[node.name] for topic in node.inputs.values())
         assert all(heights[topic] > heights[node.name] for topic in node.outputs.values())
     assert sum(1 for _ in picture.iter("path")) == 1 + len(graph.topics) + 3  # with the arrow's tip
@@ -102,19 +102,19 @@ def seen_elsewhere(name, takes, gives):
 
 def test_a_circle_can_be_pictured():
     a, b = seen_elsewhere("a", ["/2"], ["/1"]), seen_elsewhere("b", ["/1"], ["/2"])
-    assert set(places_in(Graph((a, b)))) == {"a", "b", "/1", "/2"}
-    assert set(places_in(Graph((seen_elsewhere("c", ["/1"], ["/1"]),)))) == {"c", "/1"}
+    assert set(places_in(Graph(None, (a, b)))) == {"a", "b", "/1", "/2"}
+    assert set(places_in(Graph(None, (seen_elsewhere("c", ["/1"], ["/1"]),)))) == {"c", "/1"}
 
 
 def test_an_empty_graph_is_pictured_in_words():
-    assert "nobody is there" in graph_picture(Graph(()))
+    assert "nobody is there" in graph_picture(Graph(None, ()))
 
 
 def test_graphs_of_many_topics_overlap_nowhere_and_stay_as_wide_as_they_can_be_read():
     names = [f"/camera_{n}/{'image_rect_color'[: n + 3]}" for n in range(18)]
     cameras = [seen_elsewhere(f"camera_{n}", [], [name]) for n, name in enumerate(names[:3])]
     player = seen_elsewhere("player", [], names[3:])
-    for graph in (Graph(tuple(cameras)), Graph((player,))):
+    for graph in (Graph(None, tuple(cameras)), Graph(None, (player,))):
         width = float(ET.fromstring(graph_picture(graph)).get("viewBox").split()[2])
         assert width == 320
         rows = {}
@@ -128,7 +128,7 @@ def test_graphs_of_many_topics_overlap_nowhere_and_stay_as_wide_as_they_can_be_r
 def test_topics_that_somebody_takes_stand_nearest_to_who_does():
     names = [f"/some/long/topic_{n}" for n in range(9)]
     player = seen_elsewhere("player", [], names)
-    places = places_in(Graph((player, seen_elsewhere("filters", [names[0]], []))))
+    places = places_in(Graph(None, (player, seen_elsewhere("filters", [names[0]], []))))
     lowest = max(places[name][1] for name in names)
     assert places[names[0]][1] == lowest < places["filters"][1]
 
@@ -211,7 +211,7 @@ def test_what_is_refused_is_said_and_the_work_goes_on():
 
 def test_text_is_escaped_in_the_picture():
     node = SimpleNamespace(name="<b>", inputs={}, outputs={"out": "/a&b"})
-    graph = SimpleNamespace(nodes=(node,), topics={"/a&b": None}, inputs={})
+    graph = SimpleNamespace(members=(node,), topics={"/a&b": None}, inputs={})
     assert [text.text for text in ET.fromstring(graph_picture(graph)).iter("text")] == [
         "<b>",
         "/a&b",

@@ -8,7 +8,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.ui.watching import watch
 
-EMPTY, FULL = Graph(()), image_pipeline("landscape")
+EMPTY, FULL = Graph(None, ()), image_pipeline("landscape")
 
 
 class Told:

@@ -60,11 +60,10 @@ def graph_of(args: Namespace) -> Graph:
 
 def stepped_topic(graph: Graph) -> str:
     """What a person steps through in a recording: its images, where they are processed."""
-    source = graph.source
     for node in graph.nodes:
-        if source is not None and node.name == IMAGE_NODES[0]:
+        if graph.source is not None and node.name == IMAGE_NODES[0]:
             taken = set(node.inputs.values())
-            return next(port for port, topic in source.outputs.items() if topic in taken)
+            return next(port for port, topic in graph.source.outputs.items() if topic in taken)
     return ""
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
-from ros_visualise.graph import Graph, Node, parse_node
+from ros_visualise.graph import Graph, M, SourceNode, parse_node
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
-from ros_visualise.nodes import NodeType, SourceType, find, find_all, load
+from ros_visualise.nodes import NodeType, SourceType, find, find_all, find_node, load
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
@@ -87,7 +87,7 @@ def _run_pipeline() -> int:
     """Run several nodes in one process; between them images pass by reference."""
     names = str(session.option("nodes", " ".join(IMAGE_NODES))).split()
     graph = chain([_named(name) for name in names], session.option("source", "") or None)
-    namespaces = {node.name: node.name for node in graph.nodes}
+    namespaces = {node.name: node.name for node in graph.members}
     return _run_graph(graph, namespaces)
 
 
@@ -118,7 +118,7 @@ def _run_player() -> int:
     outputs = {topic: topic for topic in declared.outputs}
     if image := _chosen_image(recording, declared):
         outputs[image] = "/image_raw"
-    graph = Graph((Node("player", declared, declared.params(), {}, outputs),))
+    graph = Graph(SourceNode("player", declared, declared.params(), {}, outputs), ())
     options = (*_OPTIONS, "path", "topics", "image", "wait_for")
     awaited = _named_in("wait_for", "none")
     if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
@@ -210,26 +210,24 @@ def _spin(process: Process, view: View) -> None:
 def _named(name: str) -> NodeType:
     """A built-in node by its name, or one's own as FILE.py:NAME."""
     if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
-        found = find(name)
-        assert isinstance(found, NodeType)
-        return found
+        return find_node(name)
     path, attribute, _ = parse_node(name)
     return load(path, attribute)
 
 
 def _configured(graph: Graph, namespaces: Mapping[str, str], options: Iterable[str]) -> Graph:
     """The graph with the parameters that launch files and command line gave to its nodes."""
-    nodes = []
-    for node in graph.nodes:
-        kind = type(node.params)
-        if isinstance(node.type, SourceType):
-            kind = playing_params(node.type)
-        values = starting_values(kind, namespaces[node.name], options)
+    source = graph.source
+
+    def configured(member: M) -> M:
+        kind = playing_params(source.type) if member is source else type(member.params)
+        values = starting_values(kind, namespaces[member.name], options)
         for name, value in values.items():
             if isinstance(value, str):
                 values[name] = session.find_file(value)
-        nodes.append(replace(node, params=update(kind(), values)))
-    return Graph(tuple(nodes))
+        return replace(member, params=update(kind(), values))
+
+    return graph.changed(configured)
 
 
 def _playback(graph: Graph, stays: bool) -> Playback | None:
@@ -237,7 +235,6 @@ def _playback(graph: Graph, stays: bool) -> Playback | None:
     if graph.source is None:
         return None
     source = graph.source.type
-    assert isinstance(source, SourceType)
     params, duration_s = graph.source.params, float(session.option("duration", 0.0))
     is_played = isinstance(params, PlayingParams)
     return Playback(

@@ -63,6 +63,8 @@ __all__ = [
     "action",
     "find",
     "find_all",
+    "find_node",
+    "find_source",
     "load",
     "node",
     "source",
@@ -80,6 +82,30 @@ def find(name: str) -> NodeType | SourceType:
         raise UsageError(f"no node {name!r}; there is {', '.join(there)}")
     module = importlib.import_module(f"{__name__}.{name}")
     return _declared_in(module)[name]
+
+
+def find_node(name: str) -> NodeType:
+    """The built-in node of that name.
+
+    Raises:
+        UsageError: there is none, or it is a source.
+    """
+    found = find(name)
+    if not isinstance(found, NodeType):
+        raise UsageError(f"{name} is a source, not a node")
+    return found
+
+
+def find_source(name: str) -> SourceType:
+    """The built-in source of that name.
+
+    Raises:
+        UsageError: there is none, or it is a node.
+    """
+    found = find(name)
+    if not isinstance(found, SourceType):
+        raise UsageError(f"{name} is a node, not a source")
+    return found
 
 
 def find_all() -> list[NodeType | SourceType]:

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any
 
 from ros_visualise.errors import UsageError
-from ros_visualise.nodes import NoParams, Source, SourceType, find, source
+from ros_visualise.nodes import NoParams, Source, SourceType, find_source, source
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.playing import PlayableRecording
@@ -88,8 +88,7 @@ def player(
     if unplayed:
         log.warning("%s: not played: %s", recording.path, _listed_by_reason(unplayed))
     types = {name: recording.topics[name].type for name in played}
-    declared = find("player")
-    assert isinstance(declared, SourceType)
+    declared = find_source("player")
     make: Callable[..., Source] = declared.make
     return replace(
         declared,

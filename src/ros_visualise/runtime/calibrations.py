@@ -13,7 +13,6 @@ from ros_visualise.messages.calibrations import (
     calibration_topic,
     info_topic,
 )
-from ros_visualise.nodes import SourceType
 from ros_visualise.sinks import Recorder
 
 
@@ -27,7 +26,7 @@ def calibration_topics(graph: Graph) -> dict[str, str]:
     found = {}
     for name, topic in graph.topics.items():
         if topic.type is Image:
-            is_source = isinstance(graph.node(topic.publisher).type, SourceType)
+            is_source = graph.source is not None and topic.publisher == graph.source.name
             given = calibration_topic(name, types) if is_source else None
             place = given or info_topic(name.removesuffix("/compressed"))
             if types.get(place, CAMERA_INFO).name == CAMERA_INFO.name:

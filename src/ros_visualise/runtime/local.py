@@ -12,7 +12,6 @@ from typing import Any
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node
-from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox, Packet
@@ -43,7 +42,7 @@ class LocalRuntime:
         self.graph = graph
         self.playback = playback
         self.parameters: Mapping[str, Parameters[Any]] = {
-            node.name: Parameters(node.params) for node in graph.nodes
+            node.name: Parameters(node.params) for node in graph.members
         }
         self._lossless = False
         self._topics = {name: Topic(False) for name in graph.inputs}
@@ -143,7 +142,7 @@ class LocalRuntime:
         }
         nodes = {self._source.name: self._source.report()} if self._source else {}
         nodes |= {name: node.report() for name, node in self._nodes.items()}
-        for node in self.graph.nodes:
+        for node in self.graph.members:
             for topic in tuple(node.outputs.values())[:1]:
                 nodes[node.name]["achieved_hz"] = self._topics[topic].report(window_s)["hz"]
         return {"topics": topics, "nodes": nodes, "recordings": report_recordings(self._recordings)}
@@ -193,9 +192,8 @@ class LocalRuntime:
 
     def _join_all(self) -> dict[str, NodeThread]:
         """The nodes; where one cannot be made, the source is closed again."""
-        nodes = [node for node in self.graph.nodes if isinstance(node.type, NodeType)]
         try:
-            return {node.name: self._join(node) for node in nodes}
+            return {node.name: self._join(node) for node in self.graph.nodes}
         except BaseException:
             if self._source is not None:
                 self._source.close()

@@ -131,9 +131,8 @@ def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
         begins |= set(graph.source.outputs.values())
     origins = {topic: {topic} for topic in begins}
     for node in graph.nodes:
-        if node is not graph.source:
-            made_from = set().union(*(origins.get(topic, set()) for topic in node.inputs.values()))
-            origins |= {topic: made_from for topic in node.outputs.values()}
+        made_from = set().union(*(origins.get(topic, set()) for topic in node.inputs.values()))
+        origins |= {topic: made_from for topic in node.outputs.values()}
     return {
         begin: [t for t in wanted if t not in begins and begin in origins.get(t, set())]
         for begin in sorted(begins)

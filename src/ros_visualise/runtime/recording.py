@@ -52,7 +52,7 @@ def record(
         beside=calibration_topics(graph),
     )
     recording = RecorderThread(recorder, graph, lossless)
-    for node in graph.nodes:
+    for node in graph.members:
         current = parameters[node.name].current
         recording.put_event(ParameterEvent(node.name, new=vars(current)))
     return recording

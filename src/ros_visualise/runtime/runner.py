@@ -12,7 +12,6 @@ from typing import Any
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
-from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.stats import NodeStats
@@ -33,7 +32,6 @@ class NodeRunner:
     """
 
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
-        assert isinstance(node.type, NodeType)
         self.node = node
         self.stats = NodeStats()
         self.failed = False

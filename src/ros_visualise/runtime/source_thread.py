@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.graph import Node
+from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
-from ros_visualise.nodes import Source, SourceType
+from ros_visualise.nodes import Source
 from ros_visualise.params import Parameters
 from ros_visualise.rate import Steady
 from ros_visualise.runtime.queues import Packet
@@ -40,13 +40,12 @@ class SourceThread:
 
     def __init__(
         self,
-        node: Node,
+        node: SourceNode,
         parameters: Parameters[Any],
         playback: Playback,
         outputs: Mapping[str, Topic],
         on_message: Callable[[], None],
     ) -> None:
-        assert isinstance(node.type, SourceType)
         self.failed = False
         self.name = node.name
         self._type = node.type

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import cv2
 
-from ros_visualise.graph import Node
+from ros_visualise.graph import Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.pane import ROW, STRIP, Pane
 from ros_visualise.ui.screen import check_windows, provide_font, screen_size
@@ -100,7 +100,7 @@ class Windows:
         if self._font is not None:
             self._font.cleanup()
 
-    def _open_images(self, runtime: Runtime, images: list[tuple[Node, str]], area: Box) -> None:
+    def _open_images(self, runtime: Runtime, images: list[tuple[Member, str]], area: Box) -> None:
         scales = [_beside(runtime, node) for node, _ in images]
         boxes = tile(area, [ROW * len(some) for some in scales])
         for (node, topic), some, box in zip(images, scales, boxes, strict=True):
@@ -125,24 +125,24 @@ class Windows:
         self._closed = True
 
 
-def _image_topics(runtime: Runtime) -> Iterator[tuple[Node, str]]:
-    for node in runtime.graph.nodes:
+def _image_topics(runtime: Runtime) -> Iterator[tuple[Member, str]]:
+    for node in runtime.graph.members:
         topic = first_shown(runtime.graph, node)
         if topic is not None:
             yield node, topic
 
 
-def _beside(runtime: Runtime, node: Node) -> list[Scale]:
+def _beside(runtime: Runtime, node: Member) -> list[Scale]:
     """The trackbars that go below a node's image."""
     scales = scales_of(runtime.parameters[node.name].current)
     return scales if len(scales) <= _BESIDE else []
 
 
-def _control_windows(runtime: Runtime, height: int) -> Iterator[tuple[Node, str, list[Scale]]]:
+def _control_windows(runtime: Runtime, height: int) -> Iterator[tuple[Member, str, list[Scale]]]:
     """The windows of trackbars alone: for nodes with many, or without images."""
     room = max((height - STRIP) // ROW, 1)
     shown = {node.name for node, _ in _image_topics(runtime)}
-    for node in runtime.graph.nodes:
+    for node in runtime.graph.members:
         scales = scales_of(runtime.parameters[node.name].current)
         if node.name in shown and len(scales) <= _BESIDE:
             continue

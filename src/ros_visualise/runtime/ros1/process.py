@@ -10,8 +10,7 @@ from typing import Any
 
 from ros_visualise.data import Image, Text
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph, Node
-from ros_visualise.nodes import SourceType
+from ros_visualise.graph import Graph, M
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.ros1 import session
 from ros_visualise.runtime.ros1.diagnostics import Diagnostics
@@ -117,11 +116,11 @@ class Process:
 
     def _open_output(self, name: str) -> Output:
         topic = self._graph.topics[name]
-        publisher = self._graph.node(topic.publisher)
-        if isinstance(publisher.type, SourceType) and self._is_as_recorded(publisher, name):
+        source = self._graph.source
+        is_camera = source is not None and name in source.outputs.values()
+        if self._is_as_recorded(name):
             output: Output = RecordedOutput(self._declared[name], topic.ros)
         elif topic.type is Image:
-            is_camera = isinstance(publisher.type, SourceType)
             waits = partial(self._is_in_haste, is_camera)
             output = ImageOutput(self._declared[name], name, is_camera, waits)
         elif topic.type is Text and topic.ros.qos.transient_local:
@@ -131,10 +130,10 @@ class Process:
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
 
-    def _is_as_recorded(self, player: Node, name: str) -> bool:
+    def _is_as_recorded(self, name: str) -> bool:
         """Whether a topic is played under its own name; else it takes the place of a camera's."""
-        assert isinstance(player.type, SourceType)
-        return f"/{self._declared[name]}" in player.type.ros
+        source = self._graph.source
+        return source is not None and f"/{self._declared[name]}" in source.type.ros
 
     def _is_in_haste(self, is_camera: bool) -> bool:
         """A source that plays as fast as it goes goes as fast as it is listened to."""
@@ -160,7 +159,7 @@ class Process:
         report = self.runtime.report(_DIAGNOSTICS_S)
         own = session.resolve("~").rstrip("/")
         nodes: dict[str, dict[str, Any]] = {}
-        for node in self._graph.nodes:
+        for node in self._graph.members:
             figures = report["nodes"][node.name]
             figures["inputs"] = node.inputs
             figures["topics"] = {
@@ -176,18 +175,19 @@ class Process:
 
 def _resolved(graph: Graph) -> Graph:
     """The graph on the names that its topics have on the ROS graph."""
-    nodes = tuple(
-        replace(
-            node,
-            inputs={port: _resolve(name) for port, name in node.inputs.items()},
-            outputs={port: _resolve(name) for port, name in node.outputs.items()},
-        )
-        for node in graph.nodes
-    )
-    for node in nodes:
+    resolved = graph.changed(_resolved_member)
+    for node in resolved.members:
         if taken := set(node.inputs.values()) & set(node.outputs.values()):
             raise UsageError(f"{node.name}: would listen to itself on {taken.pop()}; remap one end")
-    return Graph(nodes)
+    return resolved
+
+
+def _resolved_member(member: M) -> M:
+    return replace(
+        member,
+        inputs={port: _resolve(name) for port, name in member.inputs.items()},
+        outputs={port: _resolve(name) for port, name in member.outputs.items()},
+    )
 
 
 def _resolve(topic: str) -> str:

@@ -28,7 +28,7 @@ class ActionServices:
                 Trigger,
                 partial(self._act, node.name, action),
             )
-            for node in runtime.graph.nodes
+            for node in runtime.graph.members
             for action in node.type.actions
         ]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
@@ -121,9 +121,11 @@ class Desk:
     def _make_windows(self) -> list[Window]:
         """A window for each node that has anything to show; those that fit are kept."""
         there = {window.name: window for window in self._windows}
-        return [self._make_window(n, there.get(n.name)) for n in self._graph.nodes if has_window(n)]
+        return [
+            self._make_window(n, there.get(n.name)) for n in self._graph.members if has_window(n)
+        ]
 
-    def _make_window(self, node: Node, there: Window | None) -> Window:
+    def _make_window(self, node: Member, there: Window | None) -> Window:
         if there is not None and there.shows(node, self._runtime):
             return there
         gui = self._server.gui
@@ -142,7 +144,7 @@ class Desk:
 
     def _end_actors(self) -> None:
         """End those of nodes that have left the graph."""
-        there = {node.name for node in self._runtime.graph.nodes}
+        there = {node.name for node in self._runtime.graph.members}
         for name in self._actors.keys() - there:
             self._actors.pop(name).close(0)
 

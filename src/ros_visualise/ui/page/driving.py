@@ -107,5 +107,5 @@ def velocity_topic(graph: Graph) -> str | None:
 def _flies(graph: Graph, topic: str) -> bool:
     """Whether the robot that listens to a topic can take off."""
     return any(
-        topic in node.inputs.values() and "take_off" in node.type.actions for node in graph.nodes
+        topic in node.inputs.values() and "take_off" in node.type.actions for node in graph.members
     )

@@ -25,14 +25,14 @@ class _Place(NamedTuple):
 
 def graph_picture(graph: Graph) -> str:
     """An SVG of a graph; what passes later stands lower."""
-    if not graph.nodes:
+    if not graph.members:
         return '<div class="rv-note">nobody is there yet</div>'
     rows = [row for layer in _layers(graph) for row in _rows(layer)]
     width = max(_WIDTH, *(_widths(row) for row in rows))
     places = _places(rows, width)
     height = max(place.y for place in places.values()) + _ROW / 2
     lines = "".join(_line(places[a], places[b]) for a, b in _edges(graph))
-    nodes = "".join(_node(node.name, places["node", node.name]) for node in graph.nodes)
+    nodes = "".join(_node(node.name, places["node", node.name]) for node in graph.members)
     topics = "".join(_topic(n, places["topic", n]) for n in (*graph.inputs, *graph.topics))
     return (
         f'<svg class="rv-graph" viewBox="0 0 {width:g} {height:g}" role="img">'
@@ -44,15 +44,15 @@ Key = tuple[str, str]
 
 
 def _edges(graph: Graph) -> list[tuple[Key, Key]]:
-    out = [(("node", n.name), ("topic", t)) for n in graph.nodes for t in n.outputs.values()]
-    into = [(("topic", t), ("node", n.name)) for n in graph.nodes for t in n.inputs.values()]
+    out = [(("node", n.name), ("topic", t)) for n in graph.members for t in n.outputs.values()]
+    into = [(("topic", t), ("node", n.name)) for n in graph.members for t in n.inputs.values()]
     return out + into
 
 
 def _layers(graph: Graph) -> list[list[Key]]:
     """Nodes and topics, each below all that leads to it; what nobody takes comes first."""
     depth: dict[Key, int] = {("topic", topic): 0 for topic in graph.inputs}
-    for node in graph.nodes:  # in the order in which messages pass
+    for node in graph.members:  # in the order in which messages pass
         inputs = [("topic", topic) for topic in node.inputs.values()]
         above = [depth[key] for key in inputs if key in depth]  # but for what goes round
         depth["node", node.name] = max(above, default=-1) + 1

@@ -9,7 +9,7 @@ from itertools import groupby
 import viser
 
 from ros_visualise.data import PointCloud
-from ros_visualise.graph import Node
+from ros_visualise.graph import Member
 from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.controls import Controls
@@ -29,7 +29,7 @@ class Window:
         self,
         gui: viser.GuiApi,
         runtime: Runtime,
-        node: Node,
+        node: Member,
         worker: Worker,
         scene: Scene,
         act: Callable[[str, str], None],
@@ -69,7 +69,7 @@ class Window:
         """What can be placed."""
         return self._panel
 
-    def shows(self, node: Node, runtime: Runtime) -> bool:
+    def shows(self, node: Member, runtime: Runtime) -> bool:
         """Whether a window made for this node would be just like it."""
         return self._looks == (_looks_of(node), _clouds_of(runtime))
 
@@ -106,7 +106,7 @@ class Window:
     def _lay_over(self, topic: str) -> None:
         self._overlay.topic = None if topic == _NO_OVERLAY else topic
 
-    def _add_actions(self, node: Node, act: Callable[[str, str], None]) -> None:
+    def _add_actions(self, node: Member, act: Callable[[str, str], None]) -> None:
         for name, help in node.type.actions.items():
             self._add_button(name, help, partial(act, node.name, name))
 
@@ -120,7 +120,7 @@ class Window:
                 self._controls.add(members)
 
 
-def has_window(node: Node) -> bool:
+def has_window(node: Member) -> bool:
     """Whether a node has anything to show: images, parameters or actions."""
     return bool(images_of(node) or specs(node.params) or node.type.actions)
 
@@ -130,5 +130,5 @@ def _clouds_of(runtime: Runtime) -> list[str]:
     return [name for name, topic in runtime.graph.topics.items() if topic.type is PointCloud]
 
 
-def _looks_of(node: Node) -> object:
+def _looks_of(node: Member) -> object:
     return node.name, type(node.params), images_of(node)

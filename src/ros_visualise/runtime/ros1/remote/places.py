@@ -53,7 +53,8 @@ def to_graph(
     found: Iterable[Place], parameters: Mapping[str, Parameters[Any]], types: Mapping[str, type]
 ) -> Graph:
     """The graph of these places, in the order in which messages pass them."""
-    return Graph(tuple(_node(place, parameters[place.name], types) for place in in_order(found)))
+    nodes = (_node(place, parameters[place.name], types) for place in in_order(found))
+    return Graph(None, tuple(nodes))
 
 
 def in_order(found: Iterable[Place]) -> list[Place]:

@@ -54,7 +54,7 @@ class RemoteRuntime:
     playback = None
 
     def __init__(self, compressed: bool = False) -> None:
-        self.graph = Graph(())
+        self.graph = Graph(None, ())
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
