@@ -17,8 +17,8 @@ import page
 from ros_visualise.pipelines import recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.ui import ViewOptions, open_view
 
 _SPIN_S = 0.05

@@ -60,6 +60,20 @@ def test_imports_point_down(path: Path):
         assert package not in ROS or "ros1" in path.parts, f"imports {name}"
 
 
+def test_what_opens_everything_is_above_it():
+    """`sources.opening` imports the rooms of `sources`; none of them imports it, or another one."""
+    rooms = {"kitti", "logs", "recordings"}
+    allowed = {"kitti": {"recordings"}, "logs": {"recordings"}, "recordings": set()}
+    for room in rooms:
+        for path in (ROOT / "sources" / room).rglob("*.py"):
+            found = {
+                n.split(".")[2]
+                for n in imported_names(path)
+                if n.count(".") > 1 and n.startswith("ros_visualise.sources.")
+            }
+            assert not found & ({*rooms, "opening"} - {room} - allowed[room]), path
+
+
 def test_help_imports_nothing_heavy():
     code = (
         "import sys, ros_visualise.cli as cli\n"

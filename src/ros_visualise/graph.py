@@ -18,7 +18,7 @@ M = TypeVar("M", bound="Member")
 
 
 @dataclass(frozen=True)
-class Topic:
+class TopicSpec:
     """A topic: the class of its messages, who publishes it, and whether only on demand.
 
     ``ros`` is its type on a ROS graph and in recordings, and whether its last message holds.
@@ -44,7 +44,7 @@ class Member:
     outputs: Mapping[str, str]
 
     @property
-    def topics(self) -> dict[str, Topic]:
+    def topics(self) -> dict[str, TopicSpec]:
         """What it publishes, by the topics' names."""
         return {topic: self._topic(port) for port, topic in self.outputs.items()}
 
@@ -59,11 +59,11 @@ class Member:
         except ParameterError as error:
             raise ParameterError(f"{self.name}: {error}") from None
 
-    def _topic(self, port: str) -> Topic:
+    def _topic(self, port: str) -> TopicSpec:
         cls = self.type.outputs[port]
         qos = LATCHED if port in self.type.latched else VOLATILE
         ros = TopicType(type_name(cls), qos=qos)
-        return Topic(cls, self.name, port in self.type.on_demand, ros)
+        return TopicSpec(cls, self.name, port in self.type.on_demand, ros)
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class SourceNode(Member):
 
     type: SourceType
 
-    def _topic(self, port: str) -> Topic:
+    def _topic(self, port: str) -> TopicSpec:
         topic = super()._topic(port)
         return replace(topic, ros=self.type.ros.get(port, topic.ros))
 
@@ -127,7 +127,7 @@ class Graph:
         }
 
     @property
-    def topics(self) -> dict[str, Topic]:
+    def topics(self) -> dict[str, TopicSpec]:
         """Every topic by name, in the order of the nodes."""
         return {name: topic for one in self.members for name, topic in one.topics.items()}
 

@@ -6,7 +6,7 @@ import pytest
 from ros_visualise.data import Header, Odometry, Transforms, TransformStamped
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 TF = TopicType("tf2_msgs/msg/TFMessage")
 TURNED = np.array([0, 0, np.sqrt(0.5), np.sqrt(0.5)])  # to the left

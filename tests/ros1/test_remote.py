@@ -23,7 +23,7 @@ from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 from ros_visualise.runtime.ros1.remote.discovery import Peer, survey
 from ros_visualise.runtime.ros1.remote.places import Place, in_order
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 pytestmark = [
     pytest.mark.usefixtures("ros_master"),

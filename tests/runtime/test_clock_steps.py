@@ -10,8 +10,8 @@ from ros_visualise.pipelines import image_pipeline
 from ros_visualise.rate import WallClock
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources import camera
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 
 FRAMES = 40
 HOUR_NS = 3_600_000_000_000

@@ -16,8 +16,8 @@ from ros_visualise.params import Parameters, param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.runner import NodeRunner
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 
 PERIOD_NS = round(1e9 / 30)
 FRAMES = 40

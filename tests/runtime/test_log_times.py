@@ -10,8 +10,8 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.pipelines import recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 
 START_NS = 1_700_000_000_000_000_000
 HOUR_NS = 3_600_000_000_000

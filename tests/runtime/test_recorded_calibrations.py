@@ -13,8 +13,8 @@ from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 
 FRAMES = 5
 IMAGES = ("/image_raw", "/controlled_stream", "/processed_image", "/edges")

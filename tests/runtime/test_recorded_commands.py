@@ -10,8 +10,8 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings.opening import open_recording
 
 PERIOD_NS = 100_000_000
 START_NS = 1_700_000_000_000_000_000

@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 TOPICS = {name: TopicType("sensor_msgs/msg/Image") for name in ("/a", "/b")}
 

@@ -20,7 +20,7 @@ from ros_visualise.data import Header, Image
 from ros_visualise.errors import RecordingError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Recorder, open_recorder
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 Usage = namedtuple("Usage", "total used free")
 IMAGE = TopicType("sensor_msgs/msg/Image")

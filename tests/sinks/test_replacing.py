@@ -14,7 +14,7 @@ from test_full_disk import IMAGE, count_in_bag, count_in_mp4, noise, write_all
 
 from ros_visualise.errors import OpenError, RecordingError
 from ros_visualise.sinks import open_recorder
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 TOPICS = {"/a": IMAGE}
 NAMES = ["r.mcap", "r.bag", "r.mp4", "r"]

@@ -19,7 +19,7 @@ from ros_visualise.pipelines import (
     recording_pipeline,
     simulation_pipeline,
 )
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.yaml_files import BadYaml, load_yaml
 

@@ -18,8 +18,8 @@ from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.trajectory import FORMATS, save
 from ros_visualise.sinks.trajectory_plot import plot_trajectory
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Loss
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.sources.trajectories import Trajectory, read_trajectory
 
 

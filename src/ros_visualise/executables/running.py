@@ -26,11 +26,11 @@ from ros_visualise.runtime.ros1.playing import PlayingParams, playing_params
 from ros_visualise.runtime.ros1.process import Process
 from ros_visualise.runtime.ros1.reconfigure import starting_values
 from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
 from ros_visualise.sources.recordings.images import first_image
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.ui import View, ViewOptions, open_view
 from ros_visualise.ui.watching import watch
 

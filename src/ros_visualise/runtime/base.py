@@ -25,7 +25,7 @@ class Subscription(Protocol):
         """End it."""
 
 
-class Recording(Protocol):
+class ActiveRecording(Protocol):
     """A file that is being written."""
 
     @property
@@ -80,7 +80,7 @@ class Runtime(Protocol):
         The layout is that of the ``--json`` run report.
         """
 
-    def start_recording(self, target: str | Path, overwrite: bool = False) -> Recording:
+    def start_recording(self, target: str | Path, overwrite: bool = False) -> ActiveRecording:
         """Record to a file from now on.
 
         Raises:

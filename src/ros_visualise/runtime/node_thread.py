@@ -18,7 +18,7 @@ _KEPT = 256
 _TICK_S = 0.1
 
 
-class Input:
+class InputPort:
     """One input of a node: marks what comes in, on its way to the one inbox.
 
     Args:
@@ -58,7 +58,7 @@ class NodeThread:
         self.inbox = Inbox(lossless=False)
         kinds = runner.node.type.inputs
         self.inputs = [
-            (topic, Input(self.inbox, port, kinds[port], self._input_closed))
+            (topic, InputPort(self.inbox, port, kinds[port], self._input_closed))
             for port, topic in runner.node.inputs.items()
         ]
         self._open = len(self.inputs)

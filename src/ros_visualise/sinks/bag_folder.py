@@ -13,11 +13,11 @@ from mcap.writer import MCAP0_MAGIC
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sinks.targets import Target, sync, take_over
+from ros_visualise.sources.recordings.metadata import METADATA
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 
-METADATA = "metadata.yaml"
 _BEGINNINGS = {
     ".mcap": MCAP0_MAGIC,
     ".db3": b"SQLite format 3\0",

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.sources.recordings.metadata import METADATA
 
 _MAX_BYTES = 200  # of a name that a browser gives; file systems take 255
 _LEFT_BY_SQLITE = ("-wal", "-journal", "-shm")
@@ -99,7 +100,7 @@ def _files_read(source: Path) -> Iterator[Path]:
     beside = Path(os.path.realpath(source))
     yield from (beside.with_name(f"{beside.name}{end}") for end in _LEFT_BY_SQLITE if beside.name)
     folder = source if os.path.isdir(source) else source.parent
-    if os.path.isfile(folder / "metadata.yaml"):  # of a ROS 2 bag all files are read
+    if os.path.isfile(folder / METADATA):  # of a ROS 2 bag all files are read
         yield folder
     if os.path.isdir(source):  # and of KITTI's what is beside the folders
         for place in (folder.absolute(), Path(os.path.realpath(folder))):

@@ -19,7 +19,7 @@ def open_source(path: str | os.PathLike[str]) -> Recording:
     Raises:
         OpenError: it cannot be opened; the message says what to do.
     """
-    from ros_visualise.sources.recordings.opening import open_recording
+    from ros_visualise.sources.opening import open_recording
 
     if not _may_be_video(Path(path)):
         return open_recording(Path(path))
@@ -42,7 +42,7 @@ def info(path: str | os.PathLike[str], check: bool = False) -> dict[str, Any]:
     Raises:
         OpenError: it cannot be opened.
     """
-    from ros_visualise.sources.recordings.opening import open_recording
+    from ros_visualise.sources.opening import open_recording
     from ros_visualise.sources.recordings.summary import read_through, summarize
 
     if _may_be_video(Path(path)):
@@ -70,13 +70,13 @@ def _describe_video(path: str | os.PathLike[str], check: bool) -> dict[str, Any]
 
 
 def _may_be_video(path: Path) -> bool:
-    from ros_visualise.sources.recordings.opening import is_recording
+    from ros_visualise.sources.opening import is_recording
 
     return os.path.isfile(path) and not is_recording(path)
 
 
 def _neither(path: str | os.PathLike[str]) -> OpenError:
-    from ros_visualise.sources.recordings.opening import KINDS, unknown_file
+    from ros_visualise.sources.opening import KINDS, unknown_file
 
     what = f"neither a recording ({KINDS}) nor a video that FFmpeg can read"
     return unknown_file(Path(path), what, "check the path, or copy it again")

@@ -9,7 +9,7 @@ from kitti_reading import fixed_transform, messages, replace_file
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.kitti import is_kitti, open_kitti
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 MS = 1_000_000
 

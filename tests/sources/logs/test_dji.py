@@ -7,7 +7,7 @@ import pytest
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.logs.dji import open_srt
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 S = 10**9
 

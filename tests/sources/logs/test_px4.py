@@ -14,7 +14,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.px4 import open_ulog
 from ros_visualise.sources.logs.strays import find_strays
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 
 @pytest.fixture(scope="module")

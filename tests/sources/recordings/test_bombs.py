@@ -17,7 +17,7 @@ from ros_visualise import limits
 from ros_visualise.errors import DamagedMessage, OpenError
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sources.logs.dji import open_srt
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MB = 1 << 20

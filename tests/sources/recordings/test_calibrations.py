@@ -4,7 +4,7 @@ import made_bags
 import pytest
 from made_bags import PERIOD_NS, START_NS, BagWriter
 
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 IMAGE, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"

@@ -10,7 +10,7 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType
 
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.mcap import open_mcap
+from ros_visualise.sources.recordings.mcap_file import open_mcap
 from ros_visualise.sources.recordings.storage import LATEST_NS
 
 STYLES: list[dict[str, Any]] = [

@@ -12,7 +12,7 @@ from made_mcaps import ROS1, ROS2, STRING, Written, in_order, numbered, write_mc
 from mcap.writer import CompressionType, IndexType, Writer
 
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.recordings.mcap import open_mcap
+from ros_visualise.sources.recordings.mcap_file import open_mcap
 
 STYLES: list[dict[str, Any]] = [
     {"compression": CompressionType.NONE},

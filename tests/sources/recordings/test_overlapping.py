@@ -8,8 +8,8 @@ import pytest
 from made_mcaps import Written, in_order, text, write_mcap, written
 from mcap.writer import CompressionType
 
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import merging
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.sources.recordings.shelf import Shelf
 
 CHUNKS, PER_CHUNK = 50, 8

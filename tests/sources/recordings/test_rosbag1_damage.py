@@ -9,7 +9,7 @@ import pytest
 from made_bags import BagWriter, chunks, contents, drive, message_counts, pieces, without_index
 
 from ros_visualise.errors import OpenError
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 
 STEPS = 6
 COMPRESSIONS = ["none", "lz4", "bz2"]

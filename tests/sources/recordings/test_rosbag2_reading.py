@@ -23,8 +23,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from ros_visualise.data import LaserScan
 from ros_visualise.errors import OpenError
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 
 STORAGES = [StoragePlugin.SQLITE3, StoragePlugin.MCAP]

@@ -12,8 +12,8 @@ from mcap.writer import CompressionType, Writer
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.opening import open_recording
 from ros_visualise.sources.recordings.summary import summarize
 
 VECTOR = "geometry_msgs/msg/Vector3"

@@ -11,7 +11,7 @@ from mcap.writer import Writer
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.sinks import open_recorder
-from ros_visualise.sources.recordings.opening import open_recording
+from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.schemas import Schemas
 
 UNREADABLE = {

@@ -1,6 +1,6 @@
 """Recordings of many topics: bags, MCAP files, KITTI folders, flight logs; what all of them are.
 
-`ros_visualise.sources.recordings.opening.open_recording` opens one.
+`ros_visualise.sources.opening.open_recording` opens one.
 """
 
 from __future__ import annotations

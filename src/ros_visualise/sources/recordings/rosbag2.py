@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import logging
 import re
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +15,12 @@ from ros_visualise.errors import OpenError
 from ros_visualise.limits import check_disk
 from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
-from ros_visualise.sources.recordings.mcap import McapFile
+from ros_visualise.sources.recordings.mcap_file import McapFile
 from ros_visualise.sources.recordings.merging import MergedRecording
+from ros_visualise.sources.recordings.metadata import METADATA, Metadata, read_metadata
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.sqlite3 import SqliteFile
+from ros_visualise.sources.recordings.sqlite_file import SqliteFile
 from ros_visualise.sources.recordings.storage import Storage, add_note
-from ros_visualise.yaml_files import BadYaml, load_yaml
-
-log = logging.getLogger(__name__)
 
 _PACKED = ".zstd"
 _FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
@@ -32,18 +28,6 @@ _FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
     ".mcap": McapFile,
 }
 _BLOCK_BYTES = 8 << 20
-
-
-@dataclass(frozen=True)
-class _Metadata:
-    """What a ``metadata.yaml`` says, as far as it can be read; None: nothing.
-
-    ``compression_mode`` is empty, ``file`` or ``message``.
-    """
-
-    files: tuple[str, ...] = ()
-    messages: int | None = None
-    compression_mode: str | None = None
 
 
 def open_rosbag2(path: Path) -> Recording:
@@ -56,10 +40,10 @@ def open_rosbag2(path: Path) -> Recording:
     """
     loss = Loss()
     if path.is_dir():
-        metadata = _read_metadata(path / "metadata.yaml")
+        metadata = read_metadata(path)
         files = _files(path, metadata, loss)
     else:
-        metadata, files = _Metadata(), [path]
+        metadata, files = Metadata(), [path]
     with ExitStack() as stack:
         storages = _open_files(path, files, loss, stack)
         packed = metadata.compression_mode == "message"
@@ -74,25 +58,7 @@ def open_rosbag2(path: Path) -> Recording:
     return recording
 
 
-def _read_metadata(path: Path) -> _Metadata:
-    try:
-        content = load_yaml(path)
-        about = content["rosbag2_bagfile_information"]
-        names = tuple(map(str, about.get("relative_file_paths") or ()))
-        mode = str(about.get("compression_mode") or "").lower().replace("none", "")
-        messages = about.get("message_count")
-    except FileNotFoundError:
-        log.warning("%s: metadata.yaml is missing; the files tell what it would say", path.parent)
-    except BadYaml as error:
-        log.warning("%s: cannot be read: %s; the files tell what it would say", path, error)
-    except (OSError, KeyError, TypeError, AttributeError):
-        log.warning("%s: cannot be read; the files tell what it would say", path)
-    else:
-        return _Metadata(names, messages if isinstance(messages, int) else None, mode)
-    return _Metadata()
-
-
-def _files(folder: Path, metadata: _Metadata, loss: Loss) -> list[Path]:
+def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
     """Those that are named and there; where one lacks or none is named, also the others."""
     names = dict.fromkeys(re.split(r"[/\\]", name)[-1] for name in metadata.files)
     found = [folder / name for name in names if (folder / name).is_file()]
@@ -185,10 +151,10 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
     return target
 
 
-def _compare(metadata: _Metadata, storages: Iterable[Storage], loss: Loss) -> None:
+def _compare(metadata: Metadata, storages: Iterable[Storage], loss: Loss) -> None:
     found = sum(sum(storage.counts.values()) for storage in storages)
     missing = (metadata.messages or 0) - found
     if missing > 0:
         loss.messages = max(loss.messages, missing)
         if not loss.notes:  # which say why
-            add_note(loss, f"metadata.yaml counts {metadata.messages} messages, {found} are there")
+            add_note(loss, f"{METADATA} counts {metadata.messages} messages, {found} are there")

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import viser
 
-from ros_visualise.runtime.base import Recording, Runtime
+from ros_visualise.runtime.base import ActiveRecording, Runtime
 from ros_visualise.sinks.names import in_folder
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
@@ -25,7 +25,7 @@ class Recorder:
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
         self._runtime, self._folder = runtime, folder
-        self._recording: Recording | None = None
+        self._recording: ActiveRecording | None = None
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
         self._button = gui.add_button(_START)
         self._note = gui.add_html("", visible=False)
@@ -54,13 +54,13 @@ class Recorder:
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
 
-    def _show(self, recording: Recording) -> None:
+    def _show(self, recording: ActiveRecording) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         state = f"{recording.path}: {recording.written} messages{dropped}"
         self._note.content = f'<div class="rv-note">{escape(state)}</div>'
         self._note.visible = True
 
-    def _stop(self, recording: Recording) -> None:
+    def _stop(self, recording: ActiveRecording) -> None:
         self._runtime.stop_recording(recording)
         self._show(recording)
         self._recording = None

@@ -17,8 +17,8 @@ from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Loss
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
-from ros_visualise.sources.recordings.sqlite3_cut import cut_rows, is_spilled, missing_bytes
-from ros_visualise.sources.recordings.sqlite3_tables import (
+from ros_visualise.sources.recordings.sqlite_cut import cut_rows, is_spilled, missing_bytes
+from ros_visualise.sources.recordings.sqlite_tables import (
     channels,
     connect,
     damage_by_name,

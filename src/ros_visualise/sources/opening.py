@@ -8,6 +8,7 @@ from pathlib import Path
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.logs.srt import begins_srt
 from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.metadata import METADATA
 
 _ROSBAG1 = b"#ROSBAG V"
 _MCAP = b"\x89MCAP0\r\n"
@@ -88,7 +89,7 @@ def _open_file(path: Path) -> Recording:
 
             return open_rosbag1(path)
         case "mcap":
-            from ros_visualise.sources.recordings.mcap import open_mcap
+            from ros_visualise.sources.recordings.mcap_file import open_mcap
 
             return open_mcap(path)
         case "sqlite":
@@ -112,7 +113,7 @@ def _open_folder(path: Path) -> Recording:
     from ros_visualise.sources.kitti import find_whole, is_kitti, open_kitti
     from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 
-    if (path / "metadata.yaml").is_file():
+    if (path / METADATA).is_file():
         return open_rosbag2(path)
     if is_kitti(path):
         return open_kitti(path)
@@ -136,7 +137,7 @@ def _recordings_in(folder: Path) -> list[Path]:
     return [
         item
         for item in items
-        if ((item / "metadata.yaml").is_file() if item.is_dir() else is_recording(item))
+        if ((item / METADATA).is_file() if item.is_dir() else is_recording(item))
     ]
 
 
@@ -147,7 +148,7 @@ def _is_one_split_bag(files: list[Path]) -> bool:
 
 
 def _is_listed(path: Path) -> bool:
-    metadata = path.parent / "metadata.yaml"
+    metadata = path.parent / METADATA
     return metadata.is_file() and path.name in metadata.read_text(errors="replace")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from ros_visualise.errors import OpenError
 from ros_visualise.sources import open_source
-from ros_visualise.sources.recordings.opening import is_recording, open_recording
+from ros_visualise.sources.opening import is_recording, open_recording
 
 START = {
     "mcap": b"\x89MCAP0\r\n",
