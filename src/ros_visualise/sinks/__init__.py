@@ -180,7 +180,7 @@ def open_recorder(
         from ros_visualise.sinks.folder import FolderRecorder
 
         return FolderRecorder(path, wanted, settings)
-    from ros_visualise.sinks.mcap import McapRecorder
+    from ros_visualise.sinks.mcap_file import McapRecorder
 
     return McapRecorder(path, wanted, settings)
 

@@ -17,7 +17,7 @@ from ros_visualise.errors import RecordingError, RosVisualiseError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.bag_folder import BagFolder
-from ros_visualise.sinks.mcap import McapRecorder
+from ros_visualise.sinks.mcap_file import McapRecorder
 from ros_visualise.sources.recordings.metadata import METADATA
 
 _VERSION = 8  # what ROS 2 Iron writes, and later ones read
