@@ -216,7 +216,7 @@ def _add_trajectory(commands: Any) -> None:
     way.add_argument(
         "--format", choices=("tum", "kitti"), default="tum", help="of OUT (%(default)s)"
     )
-    way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png, .svg or .pdf")
+    way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
     way.add_argument("--overwrite", action="store_true", help="replace files that exist")
     way.add_argument("--json", action="store_true", help="say what it is as one JSON object")
     add_memory_option(way)

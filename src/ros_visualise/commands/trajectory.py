@@ -45,8 +45,10 @@ def _check(args: Namespace) -> None:
     targets = [args.output] if args.plot is None else [args.output, args.plot]
     check_targets(targets, args.input)
     if args.plot is not None and args.plot.suffix.lower() not in FIGURE_FORMATS:
-        kinds = ", ".join(FIGURE_FORMATS)
-        raise UsageError(f"{args.plot}: the name of a picture ends in one of {kinds}")
+        kinds = " or ".join(FIGURE_FORMATS)
+        raise UsageError(
+            f"{args.plot}: a picture is drawn as SVG or PNG; give a name that ends in {kinds}"
+        )
     for target in targets:
         TargetFile.check(target, args.overwrite)
 

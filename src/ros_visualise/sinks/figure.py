@@ -1,4 +1,4 @@
-"""Drawings of lines, dots and texts, saved as SVG, PDF or PNG."""
+"""Drawings of lines, dots and texts, saved as SVG or PNG."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from ros_visualise.data import Floats, Pixels
 
 _PNG_SCALE = 2
 _SHIFT = 4  # bits of a pixel's fraction in OpenCV's drawing
-_WIDE = 0.556  # of Helvetica's digits and of most of its letters, in its size
-_NARROW = dict.fromkeys(" .,:;/()[]|!ijltfI", 0.278) | {"-": 0.333, "m": 0.833, "w": 0.722}
 
 Color = tuple[int, int, int]
 
@@ -112,22 +110,8 @@ class Figure:
         _, data = cv2.imencode(".png", pixels)
         return bytes(data)
 
-    def pdf(self) -> bytes:
-        """As a PDF file, in whose units of 1/72 inch the page is that large."""
-        content = "\n".join(_pdf_of(one, self.height) for one in self._drawn).encode("latin-1")
-        page = f"/Type /Page /Parent 2 0 R /MediaBox [0 0 {self.width} {self.height}]"
-        font = "/Type /Font /Subtype /Type1 /BaseFont /Helvetica /Encoding /WinAnsiEncoding"
-        return _pdf_file(
-            b"<< /Type /Catalog /Pages 2 0 R >>",
-            b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
-            f"<< {page} /Contents 4 0 R /Resources << /Font << /F1 5 0 R >> >> >>".encode(),
-            f"<< /Length {len(content)} >>\nstream\n".encode() + content + b"\nendstream",
-            f"<< {font} >>".encode(),
-        )
-
 
 FIGURE_FORMATS: dict[str, Callable[[Figure], bytes]] = {
-    ".pdf": Figure.pdf,
     ".png": Figure.png,
     ".svg": Figure.svg,
 }
@@ -148,32 +132,3 @@ def _write(pixels: Pixels, one: _Text) -> None:
     x = one.x * _PNG_SCALE - width * {"start": 0.0, "middle": 0.5, "end": 1.0}[one.anchor]
     place = round(x), round(one.y * _PNG_SCALE)
     cv2.putText(pixels, one.text, place, font, scale, one.color[::-1], 1, cv2.LINE_AA)
-
-
-def _pdf_of(one: _Line | _Dot | _Text, height: float) -> str:
-    color = " ".join(f"{part / 255:.3f}" for part in one.color)
-    if isinstance(one, _Line):
-        x, y = one.points[0]
-        steps = "\n".join(f"{x:.2f} {height - y:.2f} l" for x, y in one.points[1:])
-        return f"{color} RG {one.width:g} w 1 j\n{x:.2f} {height - y:.2f} m\n{steps}\nS"
-    if isinstance(one, _Dot):  # a line without length that has round ends
-        place = f"{one.x:.2f} {height - one.y:.2f}"
-        return f"{color} RG {2 * one.radius:g} w 1 J\n{place} m\n{place} l\nS\n0 J"
-    shift = {"start": 0.0, "middle": 0.5, "end": 1.0}[one.anchor]
-    width = one.size * sum(_NARROW.get(letter, _WIDE) for letter in one.text)
-    text = one.text.encode("latin-1", "replace").decode("latin-1")
-    for special in "\\()":
-        text = text.replace(special, "\\" + special)
-    place = f"{one.x - shift * width:.2f} {height - one.y:.2f}"
-    return f"{color} rg BT /F1 {one.size:g} Tf {place} Td ({text}) Tj ET"
-
-
-def _pdf_file(*objects: bytes) -> bytes:
-    data, places = b"%PDF-1.4\n", []
-    for number, one in enumerate(objects, 1):
-        places.append(len(data))
-        data += b"%d 0 obj\n%s\nendobj\n" % (number, one)
-    table = b"".join(b"%010d 00000 n \n" % place for place in places)
-    count = len(objects) + 1
-    trailer = b"trailer\n<< /Size %d /Root 1 0 R >>\nstartxref\n%d\n%%%%EOF\n" % (count, len(data))
-    return data + b"xref\n0 %d\n0000000000 65535 f \n%s%s" % (count, table, trailer)
