@@ -16,7 +16,6 @@ from ros_visualise.data import CompressedImage, Image
 from ros_visualise.errors import OpenError, TooLarge, UsageError
 from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.images import read_image
 from ros_visualise.vision.compression import decompress
 
 MB = 1 << 20
@@ -123,9 +122,9 @@ def test_a_size_to_scale_to_is_refused_in_one_line():
 def test_gray_counts_as_the_colours_that_are_made_of_it():
     most, more = np.zeros((1000, 1398), np.uint8), np.zeros((1000, 1399), np.uint8)
     types = Definitions("ros1").types
-    assert read_image(to_message(Image(most, "mono8"), types)).width == 1398
+    assert Image.read(to_message(Image(most, "mono8"), types)).width == 1398
     with pytest.raises(TooLarge, match="an image of 1399x1000 takes 4 MiB in colour, and 4 MiB"):
-        read_image(to_message(Image(more, "mono8"), types))
+        Image.read(to_message(Image(more, "mono8"), types))
 
 
 def test_a_node_makes_no_image_that_is_too_large():

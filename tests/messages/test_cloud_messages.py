@@ -136,7 +136,7 @@ def test_fields_without_a_name_are_padding_and_a_count_of_none_is_one():
 def test_a_cloud_of_no_points_may_say_nothing_of_them(height, width):
     none = {"height": height, "width": width, "data": b"", "row_step": 0}
     assert from_message(message(**none, point_step=0), PointCloud).points.shape == (0,)
-    assert from_message(message(**none, point_step=0, fields=[]), PointCloud).nbytes == 0
+    assert from_message(message(**none, point_step=0, fields=[]), PointCloud).points.nbytes == 0
 
 
 @pytest.mark.parametrize(

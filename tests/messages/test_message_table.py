@@ -5,7 +5,16 @@ from typing import Any
 import numpy as np
 from through import ROS1, ROS2
 
-from ros_visualise.data import MESSAGES, Image, Transforms
+from ros_visualise.data import (
+    MESSAGES,
+    Deferred,
+    Image,
+    Odometry,
+    PointCloud,
+    Text,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.messages import data_class, to_message, type_name
 
 
@@ -23,6 +32,18 @@ def test_every_message_has_a_type_of_its_own() -> None:
     for name in names - {"rcl_interfaces/msg/ParameterEvent"}:
         assert ROS1.knows(name)
     assert all(ROS2.knows(name) for name in names)
+
+
+def test_every_message_tells_what_it_takes_to_let_it_wait() -> None:
+    image = Image(np.zeros((100, 200), np.uint8), "mono8")
+    assert 20_000 <= image.nbytes < 22_000
+    assert Deferred((100, 200), np.uint8, lambda: np.zeros(0)).nbytes == 20_000
+    frames = Transforms(
+        tuple(TransformStamped(f"f{i}", np.zeros(3), np.zeros(4)) for i in range(9))
+    )
+    assert frames.nbytes > 9 * TransformStamped("f", np.zeros(3), np.zeros(4)).nbytes
+    assert [kind for kind in MESSAGES if kind.waiting == 1] == [PointCloud, Image]
+    assert all(kind.waiting > 1 for kind in (Odometry, Text))
 
 
 def test_classes_with_slots_are_filled() -> None:

@@ -39,7 +39,7 @@ from ros_visualise.data import (
 from ros_visualise.errors import UsageError
 from ros_visualise.messages import from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.figures import numeric_fields
+from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.runtime.ros1.types import TYPES, message_class
 
 ROSBAGS = Definitions("ros1")

@@ -9,14 +9,12 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from typing import Any
 
-from ros_visualise.data import Image, PointCloud
+from ros_visualise.data import Image
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry
 
 _AHEAD_BYTES = 32 << 20
 _BATCH_BYTES = 256 << 10
-_SMALL_BYTES = 1024  # at least so much is taken to be in use by any message
 
 
 class ReadAhead:
@@ -95,6 +93,4 @@ def _prepare(message: Any) -> int:
     if isinstance(message, Image):
         with contextlib.suppress(DamagedMessage):  # who takes it meets it again
             _ = message.pixels
-    if isinstance(message, Image | PointCloud | Recorded):
-        return message.nbytes + _SMALL_BYTES
-    return _SMALL_BYTES
+    return int(message.nbytes)

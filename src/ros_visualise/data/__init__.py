@@ -1,95 +1,43 @@
 """The messages that travel between nodes: frozen dataclasses on numpy arrays.
 
 A message is never changed after it was made, so it passes between threads by reference.
+
+What is imported here can travel on a topic: a new kind of message is one file, and a line here.
 """
 
-from ros_visualise.data.frames import Transforms, TransformStamped
-from ros_visualise.data.header import Floats, Header, Pixels
-from ros_visualise.data.images import (
-    ENCODINGS,
-    MEASUREMENTS,
-    CameraInfo,
-    CompressedImage,
-    Deferred,
-    Image,
-)
-from ros_visualise.data.maps import OccupancyGrid, PolygonStamped
-from ros_visualise.data.parameters import ParameterEvent
-from ros_visualise.data.poses import (
-    Odometry,
-    Path,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    Twist,
-    TwistStamped,
-)
-from ros_visualise.data.sensors import (
-    FluidPressure,
-    Imu,
-    LaserScan,
-    MagneticField,
-    NavSatFix,
-    PointCloud,
-    TimeReference,
-)
-from ros_visualise.data.text import Text
+from ros_visualise.data.cameras import CameraInfo as CameraInfo
+from ros_visualise.data.clouds import PointCloud as PointCloud
+from ros_visualise.data.encodings import ENCODINGS as ENCODINGS
+from ros_visualise.data.encodings import MEASUREMENTS as MEASUREMENTS
+from ros_visualise.data.encodings import Deferred as Deferred
+from ros_visualise.data.frames import Transforms as Transforms
+from ros_visualise.data.frames import TransformStamped as TransformStamped
+from ros_visualise.data.header import Floats as Floats
+from ros_visualise.data.header import Header as Header
+from ros_visualise.data.header import Pixels as Pixels
+from ros_visualise.data.images import CompressedImage as CompressedImage
+from ros_visualise.data.images import Image as Image
+from ros_visualise.data.maps import OccupancyGrid as OccupancyGrid
+from ros_visualise.data.maps import PolygonStamped as PolygonStamped
+from ros_visualise.data.message import Message as Message
+from ros_visualise.data.parameters import ParameterEvent as ParameterEvent
+from ros_visualise.data.paths import Path as Path
+from ros_visualise.data.paths import PoseArray as PoseArray
+from ros_visualise.data.poses import Odometry as Odometry
+from ros_visualise.data.poses import PoseStamped as PoseStamped
+from ros_visualise.data.poses import PoseWithCovarianceStamped as PoseWithCovarianceStamped
+from ros_visualise.data.poses import Twist as Twist
+from ros_visualise.data.poses import TwistStamped as TwistStamped
+from ros_visualise.data.sensors import FluidPressure as FluidPressure
+from ros_visualise.data.sensors import Imu as Imu
+from ros_visualise.data.sensors import LaserScan as LaserScan
+from ros_visualise.data.sensors import MagneticField as MagneticField
+from ros_visualise.data.sensors import NavSatFix as NavSatFix
+from ros_visualise.data.sensors import TimeReference as TimeReference
+from ros_visualise.data.text import Text as Text
 
-MESSAGES: tuple[type, ...] = (
-    CameraInfo,
-    FluidPressure,
-    Image,
-    Imu,
-    LaserScan,
-    MagneticField,
-    NavSatFix,
-    OccupancyGrid,
-    Odometry,
-    ParameterEvent,
-    Path,
-    PointCloud,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    Text,
-    TimeReference,
-    TransformStamped,
-    Transforms,
-    Twist,
-    TwistStamped,
+_FOUND = [kind for kind in globals().values() if isinstance(kind, type)]
+MESSAGES: tuple[type[Message], ...] = tuple(
+    kind for kind in _FOUND if issubclass(kind, Message) and kind not in (Message, CompressedImage)
 )
-"""What can travel on a topic: each has a `Header`."""
-
-__all__ = [
-    "ENCODINGS",
-    "MEASUREMENTS",
-    "MESSAGES",
-    "CameraInfo",
-    "CompressedImage",
-    "Deferred",
-    "Floats",
-    "FluidPressure",
-    "Header",
-    "Image",
-    "Imu",
-    "LaserScan",
-    "MagneticField",
-    "NavSatFix",
-    "OccupancyGrid",
-    "Odometry",
-    "ParameterEvent",
-    "Path",
-    "Pixels",
-    "PointCloud",
-    "PolygonStamped",
-    "PoseArray",
-    "PoseStamped",
-    "PoseWithCovarianceStamped",
-    "Text",
-    "TimeReference",
-    "TransformStamped",
-    "Transforms",
-    "Twist",
-    "TwistStamped",
-]
+"""What can travel on a topic. Compressed images do as `Image`."""

@@ -1,106 +1,41 @@
-"""Images and the calibration of the camera that took them."""
+"""Images, and images as files."""
 
 from __future__ import annotations
 
-import math
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import sys
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.data.cameras import CameraInfo
+from ros_visualise.data.encodings import ENCODINGS, MEASUREMENTS, Deferred
+from ros_visualise.data.fields import header, read_header
 from ros_visualise.data.header import Header, Pixels, read_only
+from ros_visualise.data.message import Message
+from ros_visualise.data.yuv import planes_to_bgr, yuv422_to_bgr
+from ros_visualise.limits import check_image
 
-_BAYER = ("rggb", "bggr", "gbrg", "grbg")
-ENCODINGS: dict[str, tuple[str, int]] = {
-    "mono8": ("uint8", 1),
-    "mono16": ("uint16", 1),
-    "bgr8": ("uint8", 3),
-    "rgb8": ("uint8", 3),
-    "bgra8": ("uint8", 4),
-    "rgba8": ("uint8", 4),
-    "bgr16": ("uint16", 3),
-    "rgb16": ("uint16", 3),
-    "bgra16": ("uint16", 4),
-    "rgba16": ("uint16", 4),
-    **{f"bayer_{pattern}8": ("uint8", 1) for pattern in _BAYER},
-    **{f"bayer_{pattern}16": ("uint16", 1) for pattern in _BAYER},
+_ALSO_CALLED = {
+    "8UC1": "mono8",
+    "8UC3": "bgr8",
+    "8UC4": "bgra8",
+    "16UC3": "bgr16",
+    "16UC4": "bgra16",
 }
-"""Gray and colours: name in sensor_msgs/image_encodings -> (numpy dtype, channels)."""
+"""OpenCV's own names, which say nothing of colours -> what is taken for them; 16UC1 is depth."""
 
-_COLORLESS = ("8UC2", "16UC1", "16UC2")  # OpenCV's other unsigned types are gray or colours
-_TYPES = {"8S": "int8", "16S": "int16", "32S": "int32", "32F": "float32", "64F": "float64"}
-MEASUREMENTS: dict[str, tuple[str, int]] = {
-    **{name: (f"uint{name.partition('U')[0]}", int(name[-1])) for name in _COLORLESS},
-    **{
-        f"{name}C{channels}": (dtype, channels)
-        for name, dtype in _TYPES.items()
-        for channels in (1, 2, 3, 4)
-    },
-}
-"""Numbers that are neither gray nor colours, as `ENCODINGS`.
+_YUV422 = {"yuv422": "UYVY", "uyvy": "UYVY", "yuv422_yuy2": "YUYV", "yuyv": "YUYV"}
+"""What many cameras send -> the order of its bytes. They are read as bgr8."""
 
-Depth is ``32FC1`` in metres, NaN where there is none, or ``16UC1`` in millimetres, there 0 (REP
-118); ``mono16`` has the same bytes and is gray.
-"""
-
-
-class Deferred:
-    """Pixels that are made when somebody first asks for them, once, whichever thread asks.
-
-    Args:
-        shape: (height, width) or (height, width, channels) of the array that ``make`` returns.
-        dtype: its type.
-        make: called at most once.
-    """
-
-    def __init__(
-        self, shape: tuple[int, ...], dtype: npt.DTypeLike, make: Callable[[], Pixels]
-    ) -> None:
-        self.shape = shape
-        self.dtype = np.dtype(dtype)
-        self._make: Callable[[], Pixels] | None = make
-        self._pixels: Pixels | None = None
-        self._lock = threading.Lock()
-
-    def __call__(self) -> Pixels:
-        if self._pixels is None:
-            with self._lock:
-                if self._make is not None:
-                    self._pixels = read_only(self._make())
-                    self._make = None  # lets go of what it was made from
-        assert self._pixels is not None
-        return self._pixels
+_PLANES = {"nv12": 1, "nv21": 1, "nv24": 4}
+"""All gray, then all colours -> bytes of colours for two of gray. They are read as bgr8 too."""
 
 
 @dataclass(frozen=True, eq=False)
-class CameraInfo:
-    """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
-
-    ``K`` is 3x3, ``R`` 3x3 and ``P`` 3x4, row-major and in pixels, origin at the centre of the
-    top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``. The calibration
-    that goes with an image has the image's header.
-    """
-
-    height: int
-    width: int
-    K: npt.NDArray[np.float64]
-    D: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
-    R: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
-    P: npt.NDArray[np.float64] | None = None
-    distortion_model: str = "plumb_bob"
-    header: Header = Header()
-
-    @classmethod
-    def uncalibrated(cls, height: int, width: int) -> CameraInfo:
-        """What ROS says of a camera that nobody has calibrated: its size, and ``K`` all zero."""
-        zero = np.zeros((3, 4))
-        return cls(height, width, K=zero[:, :3], D=np.zeros(0), P=zero, distortion_model="")
-
-
-@dataclass(frozen=True, eq=False)
-class Image:
+class Image(Message):
     """One image and, where the camera is calibrated, the calibration that goes with it.
 
     ``data`` is an array of shape (height, width) for one channel or (height, width, channels), or
@@ -110,6 +45,10 @@ class Image:
     Raises:
         ValueError: shape or type do not fit the encoding.
     """
+
+    type_name: ClassVar[str] = "sensor_msgs/msg/Image"
+    waiting: ClassVar[int] = 1
+    plotted: ClassVar[bool] = False
 
     data: Pixels | Deferred
     encoding: str
@@ -143,20 +82,112 @@ class Image:
         return int(self.data.shape[1])
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of its pixels."""
-        return math.prod(self.data.shape) * self.data.dtype.itemsize
-
-    @property
     def is_color(self) -> bool:
         """More than one channel."""
         return len(self.data.shape) == 3
 
+    def fields(self) -> dict[str, Any]:
+        """The fields of a sensor_msgs/msg/Image, with the pixels as they lie in memory."""
+        pixels = np.ascontiguousarray(self.pixels)
+        return {
+            "header": header(self.header),
+            "height": self.height,
+            "width": self.width,
+            "encoding": self.encoding,
+            "is_bigendian": int(pixels.itemsize > 1 and sys.byteorder == "big"),
+            "step": pixels.nbytes // self.height if self.height else 0,
+            "data": pixels.reshape(-1).view(np.uint8),
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> Image:
+        """The image in a sensor_msgs/msg/Image; its pixels are the message's own where they can be.
+
+        Raises:
+            TooLarge: nodes would take too much memory for it.
+            ValueError: it has no pixels, its sizes contradict one another, or nobody knows its
+                encoding.
+        """
+        if not (message.height and message.width):
+            raise ValueError(f"an image of {message.width}x{message.height} pixels")
+        check_image(message.width, message.height, message.step // message.width)
+        name = str(message.encoding)
+        found = read_header(message.header)
+        if name in _YUV422:
+            return cls(_yuv422(message, _YUV422[name]), "bgr8", found)
+        if name in _PLANES:
+            return cls(_planes(message, name), "bgr8", found)
+        encoding = _ALSO_CALLED.get(name, name)
+        known = ENCODINGS if encoding in ENCODINGS else MEASUREMENTS
+        if encoding not in known:
+            names = ", ".join((*ENCODINGS, *_ALSO_CALLED, *MEASUREMENTS, *_YUV422, *_PLANES))
+            raise ValueError(f"unknown image encoding {name!r}; known are {names}")
+        return cls(_pixels(message, *known[encoding]), encoding, found)
+
 
 @dataclass(frozen=True, eq=False)
-class CompressedImage:
+class CompressedImage(Message):
     """An image as JPEG or PNG; ``format`` is as image_transport writes it."""
+
+    type_name: ClassVar[str] = "sensor_msgs/msg/CompressedImage"
 
     data: npt.NDArray[np.uint8]
     format: str
     header: Header = Header()
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a sensor_msgs/msg/CompressedImage."""
+        return {"header": header(self.header), "format": self.format, "data": self.data}
+
+    @classmethod
+    def read(cls, message: Any) -> CompressedImage:
+        """The compressed image in a sensor_msgs/msg/CompressedImage."""
+        data = np.frombuffer(message.data, np.uint8)
+        return cls(data, str(message.format), read_header(message.header))
+
+
+def _pixels(message: Any, dtype: str, channels: int) -> Pixels:
+    height, width = int(message.height), int(message.width)
+    stored = np.dtype(dtype).newbyteorder(">" if message.is_bigendian else "<")
+    rows = _rows(message, height, width * channels * stored.itemsize)
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    pixels: Pixels = rows.view(stored).reshape(shape).astype(dtype, copy=False)
+    return pixels if pixels.flags.aligned else pixels.copy()
+
+
+def _rows(message: Any, count: int, row: int) -> Pixels:
+    """The bytes of ``count`` rows (count, row), without what is beyond ``row`` bytes in each."""
+    step = int(message.step)
+    flat = np.frombuffer(message.data, np.uint8)
+    if step < row or flat.size != step * count:
+        size = f"{message.encoding} of {message.width}x{message.height}"
+        if step < row:
+            raise ValueError(f"a row of {size} needs {row} bytes, but its step is {step}")
+        raise ValueError(
+            f"{size} with a step of {step} bytes needs {step * count} bytes, but the message holds"
+            f" {flat.size}"
+        )
+    return np.ascontiguousarray(flat.reshape(count, step)[:, :row])
+
+
+def _yuv422(message: Any, order: str) -> Deferred:
+    _need_even(message, message.width)
+    packed = _pixels(message, "uint8", 2)
+    shape = (*packed.shape[:2], 3)
+    return Deferred(shape, np.uint8, partial(yuv422_to_bgr, packed, order))
+
+
+def _planes(message: Any, name: str) -> Deferred:
+    height, width = int(message.height), int(message.width)
+    if name == "nv24" and message.step != width:
+        raise ValueError(f"nv24 of {width} pixels with a step of {message.step} bytes is not read")
+    if name != "nv24":
+        _need_even(message, width, height)
+    rows = _rows(message, height + height * _PLANES[name] // 2, width)
+    return Deferred((height, width, 3), np.uint8, partial(planes_to_bgr, rows, name))
+
+
+def _need_even(message: Any, *sides: int) -> None:
+    if any(side % 2 for side in sides):
+        size = f"{message.width}x{message.height}"
+        raise ValueError(f"{message.encoding} of an odd size, {size} pixels")

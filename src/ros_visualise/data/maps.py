@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.data.fields import Fields, header, read_header, read_time, time
 from ros_visualise.data.header import Floats, Header, keep
+from ros_visualise.data.message import Message
+from ros_visualise.data.vectors import columns, pose_fields, xyz, xyzw
 
 
 @dataclass(frozen=True, eq=False)
-class OccupancyGrid:
+class OccupancyGrid(Message):
     """How likely the cells of a grid are occupied, or how much it costs to be in them.
 
     ``cells`` (height, width) int8: 0 is free, 100 occupied, -1 unknown; squares of ``resolution``
@@ -19,6 +23,9 @@ class OccupancyGrid:
     corner of ``cells[0, 0]``, is at ``position_xyz`` (3,) metres and ``quat_xyzw`` (4,) in the
     frame of the header. ``loaded_ns`` is when the map was loaded, in nanoseconds.
     """
+
+    type_name: ClassVar[str] = "nav_msgs/msg/OccupancyGrid"
+    plotted: ClassVar[bool] = False
 
     cells: npt.NDArray[np.int8]
     resolution: float
@@ -33,21 +40,70 @@ class OccupancyGrid:
         keep(self, np.int8, cells=self.cells.shape)
         keep(self, position_xyz=(3,), quat_xyzw=(4,))
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of its cells."""
-        return int(self.cells.nbytes)
+    def fields(self) -> dict[str, Any]:
+        """The fields of a nav_msgs/msg/OccupancyGrid."""
+        height, width = self.cells.shape
+        info = {
+            "map_load_time": time(self.loaded_ns),
+            "resolution": self.resolution,
+            "width": width,
+            "height": height,
+            "origin": pose_fields(self.position_xyz, self.quat_xyzw),
+        }
+        return {
+            "header": header(self.header),
+            "info": Fields("nav_msgs/msg/MapMetaData", info),
+            "data": np.ascontiguousarray(self.cells).ravel(),
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> OccupancyGrid:
+        """The map in a nav_msgs/msg/OccupancyGrid.
+
+        Raises:
+            ValueError: it holds more or fewer cells than its size says.
+        """
+        info = message.info
+        height, width = int(info.height), int(info.width)
+        cells = np.asarray(message.data, np.int8)
+        if cells.size != height * width:
+            raise ValueError(f"a map of {width}x{height} cells, but the message holds {cells.size}")
+        return cls(
+            cells=cells.reshape(height, width),
+            resolution=float(info.resolution),
+            position_xyz=np.array(xyz(info.origin.position)),
+            quat_xyzw=np.array(xyzw(info.origin.orientation)),
+            loaded_ns=read_time(info.map_load_time),
+            header=read_header(message.header),
+        )
 
 
 @dataclass(frozen=True, eq=False)
-class PolygonStamped:
+class PolygonStamped(Message):
     """Corners (N, 3) in metres in the frame of the header; the last one joins the first.
 
     The outline of a robot on the ground is sent as such.
     """
+
+    type_name: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
+    plotted: ClassVar[bool] = False
 
     points_xyz: npt.NDArray[np.float32]
     header: Header = Header()
 
     def __post_init__(self) -> None:
         keep(self, np.float32, points_xyz=(len(self.points_xyz), 3))
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a geometry_msgs/msg/PolygonStamped."""
+        points = {"points": columns("geometry_msgs/msg/Point32", self.points_xyz)}
+        return {
+            "header": header(self.header),
+            "polygon": Fields("geometry_msgs/msg/Polygon", points),
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> PolygonStamped:
+        """The corners in a geometry_msgs/msg/PolygonStamped."""
+        points = [xyz(point) for point in message.polygon.points]
+        return cls(np.array(points, np.float32).reshape(-1, 3), read_header(message.header))

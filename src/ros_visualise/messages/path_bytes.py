@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.data import Path
-from ros_visualise.messages.build import check_times
+from ros_visualise.data.fields import check_times
 from ros_visualise.messages.definitions import Encoding
 
 _NS = 1_000_000_000

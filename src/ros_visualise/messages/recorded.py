@@ -7,7 +7,8 @@ import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ros_visualise.data import CameraInfo, CompressedImage, Header, Image, Text, Twist
+from ros_visualise.data import CameraInfo, CompressedImage, Header, Image
+from ros_visualise.data.message import OBJECT_BYTES
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions
@@ -47,6 +48,7 @@ class Recorded:
         calibration: of an image, the message with its camera's calibration, if there is one.
     """
 
+    plotted = True  # as of `ros_visualise.data.Message`
     __slots__ = (
         "_content",
         "_header",
@@ -77,8 +79,8 @@ class Recorded:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of it."""
-        return len(self.data)
+        """About the bytes that it takes in memory."""
+        return len(self.data) + OBJECT_BYTES
 
     @property
     def header(self) -> Header:
@@ -125,8 +127,8 @@ class Recorded:
             ) from error
         except (ValueError, TypeError) as error:
             raise DamagedMessage(f"{self.type_name}: {error}") from error
-        if isinstance(found, (Text, Twist)):
-            return replace(found, header=self.header)  # ROS's messages have none of their own
+        if not found.has_header:
+            return replace(found, header=self.header)
         if isinstance(found, Image) and self.calibration is not None:
             info = self.calibration.content
             if isinstance(info, CameraInfo):

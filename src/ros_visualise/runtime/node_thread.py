@@ -7,13 +7,10 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ros_visualise.data import Image, PointCloud
+from ros_visualise.data import Message
 from ros_visualise.runtime.queues import END, Inbox, Packet
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import Topic
-
-_KEPT = 256
-"""Messages of an input that may wait for their turn, but of images and clouds the newest alone."""
 
 _TICK_S = 0.1
 
@@ -28,9 +25,11 @@ class InputPort:
         closed: called when nothing more comes.
     """
 
-    def __init__(self, inbox: Inbox, port: str, kind: type, closed: Callable[[], None]) -> None:
+    def __init__(
+        self, inbox: Inbox, port: str, kind: type[Message], closed: Callable[[], None]
+    ) -> None:
         self._inbox, self._port, self._closed = inbox, port, closed
-        self._keep = 1 if kind in (Image, PointCloud) else _KEPT
+        self._keep = kind.waiting
 
     def put(self, packet: Packet) -> None:
         """Take a packet."""

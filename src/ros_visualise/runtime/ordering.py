@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 
-from ros_visualise.data import Image, Path, PointCloud, Transforms
 from ros_visualise.graph import Graph
 from ros_visualise.messages import type_name
-from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
+from ros_visualise.messages.recorded import TopicType, recorded_ns
 from ros_visualise.runtime.queues import END, Packet
 
 _FINISHED = 2**63
-_SMALL_BYTES = 1024  # of objects around the data
 
 
 def recordable(graph: Graph) -> dict[str, TopicType]:
@@ -140,10 +138,4 @@ def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
 
 
 def _size(packet: Packet) -> int:
-    """About the bytes that a message takes while it waits."""
-    message = packet.message
-    if isinstance(message, Image | Path | PointCloud | Recorded):
-        return message.nbytes + _SMALL_BYTES
-    if isinstance(message, Transforms):
-        return _SMALL_BYTES * (1 + len(message.transforms))
-    return _SMALL_BYTES + sum(getattr(value, "nbytes", 0) for value in vars(message).values())
+    return 0 if packet.message is None else int(packet.message.nbytes)

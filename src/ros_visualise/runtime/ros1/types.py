@@ -2,72 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from importlib import import_module
 from typing import Any
 
 import genpy
-from geometry_msgs import msg as geometry_msgs
-from nav_msgs import msg as nav_msgs
-from sensor_msgs import msg as sensor_msgs
-from std_msgs import msg as std_msgs
-from tf2_msgs import msg as tf2_msgs
 
+from ros_visualise.data import Message
 from ros_visualise.errors import UsageError
-from ros_visualise.messages import type_name
 
-_CLASSES = (
-    std_msgs.Header,
-    std_msgs.String,
-    sensor_msgs.CameraInfo,
-    sensor_msgs.CompressedImage,
-    sensor_msgs.FluidPressure,
-    sensor_msgs.Image,
-    sensor_msgs.Imu,
-    sensor_msgs.LaserScan,
-    sensor_msgs.MagneticField,
-    sensor_msgs.NavSatFix,
-    sensor_msgs.NavSatStatus,
-    sensor_msgs.PointCloud2,
-    sensor_msgs.PointField,
-    sensor_msgs.RegionOfInterest,
-    sensor_msgs.TimeReference,
-    geometry_msgs.Point,
-    geometry_msgs.Point32,
-    geometry_msgs.Polygon,
-    geometry_msgs.PolygonStamped,
-    geometry_msgs.Vector3,
-    geometry_msgs.Quaternion,
-    geometry_msgs.Pose,
-    geometry_msgs.PoseArray,
-    geometry_msgs.PoseStamped,
-    geometry_msgs.PoseWithCovariance,
-    geometry_msgs.PoseWithCovarianceStamped,
-    geometry_msgs.Transform,
-    geometry_msgs.TransformStamped,
-    geometry_msgs.Twist,
-    geometry_msgs.TwistStamped,
-    geometry_msgs.TwistWithCovariance,
-    nav_msgs.MapMetaData,
-    nav_msgs.OccupancyGrid,
-    nav_msgs.Odometry,
-    nav_msgs.Path,
-    tf2_msgs.TFMessage,
+
+class _Types(dict[str, Any]):
+    """Imports the class of a type when it is first asked for.
+
+    Raises:
+        KeyError: ROS 1 has no such message, or its package is not installed.
+    """
+
+    def __missing__(self, type_name: str) -> Any:
+        package, _, name = type_name.partition("/msg/")
+        try:
+            found = getattr(import_module(f"{package}.msg"), name)
+        except (ImportError, AttributeError):
+            raise KeyError(type_name) from None
+        self[type_name] = found
+        return found
+
+
+TYPES = _Types(
+    {"builtin_interfaces/msg/Time": genpy.Time, "builtin_interfaces/msg/Duration": genpy.Duration}
 )
-
-TYPES: Mapping[str, Any] = {
-    "builtin_interfaces/msg/Time": genpy.Time,
-    **{cls._type.replace("/", "/msg/"): cls for cls in _CLASSES},
-}
 """ROS type name, as ``sensor_msgs/msg/Image`` -> class."""
 
 
-def message_class(data_class: type) -> Any:
+def message_class(data_class: type[Message]) -> Any:
     """The class of the messages that a topic of ``data_class`` has.
 
     Raises:
         UsageError: ROS 1 has none.
     """
-    found = TYPES.get(type_name(data_class))
-    if found is None:
-        raise UsageError(f"ROS 1 has no message for {data_class.__name__}")
-    return found
+    try:
+        return TYPES[data_class.type_name]
+    except KeyError:
+        raise UsageError(f"ROS 1 has no message for {data_class.__name__}") from None

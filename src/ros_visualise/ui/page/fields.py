@@ -10,20 +10,10 @@ from typing import Any
 import numpy as np
 import viser
 
-from ros_visualise.data import (
-    CameraInfo,
-    Image,
-    OccupancyGrid,
-    Path,
-    PointCloud,
-    PolygonStamped,
-    PoseArray,
-    Text,
-    Transforms,
-)
+from ros_visualise.data import Message
 from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.figures import numeric_fields
+from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.controls import set_value
@@ -36,17 +26,6 @@ _KEPT = 20_000
 _DRAWN = 1500  # samples of a line that are sent at most
 _WAITING = 1000
 _NS = 1_000_000_000
-_NO_FIGURES = (
-    CameraInfo,
-    Image,
-    OccupancyGrid,
-    Path,
-    PointCloud,
-    PolygonStamped,
-    PoseArray,
-    Text,
-    Transforms,
-)
 
 
 class History:
@@ -98,9 +77,9 @@ class FieldPlot:
         self._followed = _NONE
         self._known: tuple[str, ...] = ()
 
-    def follow(self, topics: Mapping[str, type]) -> None:
+    def follow(self, topics: Mapping[str, type[Message]]) -> None:
         """These are the topics from now on, and the classes of their messages."""
-        names = [name for name, kind in topics.items() if kind not in _NO_FIGURES]
+        names = [name for name, kind in topics.items() if kind.plotted]
         if self._topic.value not in names:
             set_value(self._topic, _NONE)
         self._topic.options = (_NONE, *names)

@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from ros_visualise.messages.build import field_names, read_time
+from ros_visualise.data.fields import field_names, read_time
 
 _LONGEST = 9  # elements of an array that are taken as numbers of their own: a 3x3 matrix
 _NS = 1e-9

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import Header
+from ros_visualise.data.header import Header
 
 Types = Mapping[str, Any]
 
@@ -85,7 +85,7 @@ def _is_constant(one: Field[Any]) -> bool:
     return str(one.type).startswith("ClassVar")  # rosbags makes fields of a type's constants
 
 
-def field(message: Any, name: str) -> Any:
+def field_of(message: Any, name: str) -> Any:
     """A field by the table's name."""
     return getattr(message, field_names(message.__class__)[name])
 
@@ -119,7 +119,7 @@ def check_times(stamps_ns: npt.NDArray[np.int64]) -> None:
 
 def read_time(time: Any) -> int:
     """Nanoseconds of a time."""
-    return int(field(time, "sec")) * _NS + int(field(time, "nanosec"))
+    return int(field_of(time, "sec")) * _NS + int(field_of(time, "nanosec"))
 
 
 def header(header: Header) -> Fields:

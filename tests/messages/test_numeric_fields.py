@@ -6,7 +6,7 @@ from through import HEADER, ROS1, ROS2, through_ros1, through_ros2
 
 from ros_visualise.data import Imu, Odometry, PointCloud, Text, Transforms
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.figures import field_paths, numeric_fields
+from ros_visualise.messages.numeric_fields import field_paths, numeric_fields
 
 IMU = Imu(
     [0, 0, 0.6, 0.8], [1, 2, 3], [4, 5, np.nan], angular_covariance=np.arange(9).reshape(3, 3)

@@ -1,0 +1,75 @@
+"""The calibration of a camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data.fields import Fields, field_of, header, read_header
+from ros_visualise.data.header import Header
+from ros_visualise.data.message import Message
+
+
+@dataclass(frozen=True, eq=False)
+class CameraInfo(Message):
+    """A pinhole camera's calibration, as sensor_msgs/CameraInfo has it.
+
+    ``K`` is 3x3, ``R`` 3x3 and ``P`` 3x4, row-major and in pixels, origin at the centre of the
+    top-left pixel; ``D`` are the distortion coefficients of ``distortion_model``. The calibration
+    that goes with an image has the image's header.
+    """
+
+    type_name: ClassVar[str] = "sensor_msgs/msg/CameraInfo"
+    plotted: ClassVar[bool] = False
+
+    height: int
+    width: int
+    K: npt.NDArray[np.float64]
+    D: npt.NDArray[np.float64] = field(default_factory=lambda: np.zeros(5))
+    R: npt.NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+    P: npt.NDArray[np.float64] | None = None
+    distortion_model: str = "plumb_bob"
+    header: Header = Header()
+
+    @classmethod
+    def uncalibrated(cls, height: int, width: int) -> CameraInfo:
+        """What ROS says of a camera that nobody has calibrated: its size, and ``K`` all zero."""
+        zero = np.zeros((3, 4))
+        return cls(height, width, K=zero[:, :3], D=np.zeros(0), P=zero, distortion_model="")
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a sensor_msgs/msg/CameraInfo."""
+        P = np.column_stack([self.K, np.zeros(3)]) if self.P is None else self.P
+        matrices = {"d": self.D, "k": self.K, "r": self.R, "p": P}
+        whole_image = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
+        return {
+            "header": header(self.header),
+            "height": self.height,
+            "width": self.width,
+            "distortion_model": self.distortion_model,
+            **{name: np.asarray(m, np.float64).ravel() for name, m in matrices.items()},
+            "binning_x": 0,
+            "binning_y": 0,
+            "roi": Fields("sensor_msgs/msg/RegionOfInterest", {**whole_image, "do_rectify": False}),
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> CameraInfo:
+        """The calibration in a sensor_msgs/msg/CameraInfo."""
+
+        def matrix(name: str, *shape: int) -> Any:
+            return np.array(field_of(message, name), np.float64).reshape(shape)
+
+        return cls(
+            height=int(message.height),
+            width=int(message.width),
+            K=matrix("k", 3, 3),
+            D=matrix("d", -1),
+            R=matrix("r", 3, 3),
+            P=matrix("p", 3, 4),
+            distortion_model=str(message.distortion_model),
+            header=read_header(message.header),
+        )
