@@ -6,7 +6,12 @@ from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import parse_node
 from ros_visualise.nodes import find, load, node
-from ros_visualise.pipelines import image_pipeline, path_pipeline
+from ros_visualise.pipelines import (
+    demo_pipeline,
+    image_pipeline,
+    path_pipeline,
+    simulation_pipeline,
+)
 
 OWN = """
 from dataclasses import dataclass
@@ -131,6 +136,20 @@ def test_two_files_of_one_name_do_not_break_one_another(own, tmp_path):
 def test_an_unknown_built_in_name_is_answered_with_those_that_there_are():
     with pytest.raises(UsageError, match=r"no node 'demo'; there is camera, edge_detector"):
         find("demo")
+
+
+def test_an_unknown_robot_is_answered_with_those_that_there_are():
+    for name in "rover", "landscape":
+        with pytest.raises(UsageError, match=f"no robot '{name}': choose husky or quadrotor"):
+            simulation_pipeline(name)
+
+
+def test_the_demo_is_a_robot_on_its_mission_or_any_source_of_images():
+    robot = demo_pipeline("husky", (320, 240)).source
+    assert (robot.name, robot.params.mission) == ("husky", "default")
+    assert (robot.params.camera_width, robot.params.camera_height) == (320, 240)
+    drawn = demo_pipeline("landscape", (320, 240)).source
+    assert (drawn.name, drawn.params.size) == ("landscape", "320x240")
 
 
 def test_two_nodes_cannot_publish_to_one_topic():

@@ -103,7 +103,7 @@ def _add_playing(commands: Any) -> None:
         help="a simulated robot, or a drawn landscape, which needs no MuJoCo",
     )
     sim = commands.add_parser("sim", parents=[playing], help="a simulated robot")
-    sim.add_argument("robot", choices=("husky", "quadrotor"))
+    sim.add_argument("robot", help="husky or quadrotor")
     sim.add_argument("--world", default="field", help="plane, playpen or field (%(default)s)")
     sim.add_argument(
         "--mission",

@@ -13,6 +13,9 @@ from ros_visualise.messages.recorded import TopicType
 
 T = TypeVar("T")
 
+VELOCITY_AXES = ("linear.x", "linear.y", "linear.z", "angular.z")
+"""Components of a Twist along and about which a robot may be driven."""
+
 
 @dataclass(frozen=True)
 class NoParams:
@@ -53,7 +56,9 @@ class SourceType:
 
     ``makes_time`` where its messages tell what time it is, as those of a recording and of a
     simulation; else they are stamped with the time that there is. ``ros`` are the types of those
-    outputs for which their class does not say it, as of a recording.
+    outputs for which their class does not say it, as of a recording. ``velocity_axes`` are those of
+    `VELOCITY_AXES` along which it follows a Twist: only a robot has any. ``seamless`` where its end
+    leads back to its start, so that it is looped while somebody looks on.
     """
 
     name: str
@@ -68,6 +73,8 @@ class SourceType:
     actions: Mapping[str, str] = field(default_factory=dict)
     ros: Mapping[str, TopicType] = field(default_factory=dict)
     makes_time: bool = False
+    velocity_axes: tuple[str, ...] = ()
+    seamless: bool = False
 
 
 class Source(Protocol):
@@ -173,8 +180,18 @@ def source(
     latched: tuple[str, ...] = (),
     live: bool = False,
     makes_time: bool = False,
+    velocity_axes: tuple[str, ...] = (),
+    seamless: bool = False,
 ) -> Callable[[T], T]:
-    """Declare the decorated class as a source; see `SourceType`."""
+    """Declare the decorated class as a source; see `SourceType`.
+
+    Raises:
+        UsageError: one of ``velocity_axes`` is none of `VELOCITY_AXES`.
+    """
+    for axis in velocity_axes:
+        if axis not in VELOCITY_AXES:
+            there = ", ".join(VELOCITY_AXES)
+            raise UsageError(f"source {name}: no velocity axis {axis!r}; there is {there}")
 
     def declare(target: T) -> T:
         target.declared = SourceType(  # type: ignore[attr-defined]
@@ -189,6 +206,8 @@ def source(
             latched=frozenset(latched),
             actions=_actions_of(target),
             makes_time=makes_time,
+            velocity_axes=velocity_axes,
+            seamless=seamless,
         )
         return target
 
@@ -215,8 +234,14 @@ def _completed(cls: type) -> type:
 
 
 def _actions_of(target: Any) -> dict[str, str]:
-    found = {name: getattr(method, "action", None) for name, method in vars(target).items()}
-    return {name: help for name, help in found.items() if isinstance(help, str)}
+    """Name -> help of each action of a class, its base classes' included; a function has none."""
+    found: dict[str, str] = {}
+    for cls in inspect.getmro(target) if isinstance(target, type) else ():
+        for name, method in vars(cls).items():
+            help = getattr(method, "action", None)
+            if isinstance(help, str):
+                found.setdefault(name, help)
+    return found
 
 
 def _first_line(target: Any) -> str:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import logging
 from collections.abc import Collection, Mapping, Sequence
+from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise.data import (
@@ -16,11 +19,14 @@ from ros_visualise.data import (
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.nodes import NodeType, SourceType, find_node, find_source
+from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.vision.reshape import Size
+
+log = logging.getLogger(__name__)
 
 IMAGE_NODES = ("fps_control", "filters", "edge_detector")
 """The nodes that images pass in the pipelines, in order."""
@@ -124,18 +130,50 @@ def recording_pipeline(
     return Graph(source, nodes)
 
 
-def simulation_pipeline(robot: str, **settings: Any) -> Graph:
+def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -> Graph:
     """A simulated robot, its images through the image nodes, and its odometry to path.
 
     Args:
         robot: name of a declared source that simulates one.
+        size: (width, height) of its images; None: its own.
         settings: its parameters.
+
+    Raises:
+        UsageError: there is no such robot; those that there are are listed.
     """
-    source = _placed(find_source(robot))
+    source = _placed(_find_robot(robot))
     images = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
     path = place(find_node("path"), {"odom": source.outputs["odom"]})
+    if size is not None:
+        settings |= {"camera_width": size[0], "camera_height": size[1]}
     filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
     return Graph(source, (*images, path)).configured({robot: settings, "filters": filters})
+
+
+def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
+    """A robot on its default mission, or a source of images that needs no file.
+
+    Args:
+        source: its name; None: the quadrotor, or the landscape where MuJoCo is not installed.
+        size: (width, height) of the images; None: the source's own.
+    """
+    if source is None:
+        source = "quadrotor" if find_spec("mujoco") else "landscape"
+        if source == "landscape":
+            log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
+    if find_source(source).velocity_axes:
+        return simulation_pipeline(source, size, mission="default")
+    return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
+
+
+def _find_robot(name: str) -> SourceType:
+    with contextlib.suppress(UsageError):
+        found = find_source(name)
+        if found.velocity_axes:
+            return found
+    all_sources = [one for one in find_all() if isinstance(one, SourceType)]
+    there = " or ".join(one.name for one in all_sources if one.velocity_axes)
+    raise UsageError(f"no robot {name!r}: choose {there}")
 
 
 _PATH_INPUTS: dict[type, str] = {

@@ -1,13 +1,16 @@
 """Driving a robot from the page, and asking nodes to do something."""
 
 import threading
+import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from page_client import Client
 
-from ros_visualise.graph import Graph
+from ros_visualise.data import Odometry, Twist
+from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.nodes import NoParams, source
 from ros_visualise.pipelines import simulation_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
@@ -127,6 +130,55 @@ def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
     client.set("drive", "■ stop")
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0), timeout_s=10)
     free.set()
+
+
+@source(
+    "blimp",
+    params=NoParams,
+    inputs={"cmd_vel": Twist},
+    outputs={"odom": Odometry},
+    velocity_axes=("linear.z",),
+)
+class Blimp:
+    """It goes up and down, and needs no take-off."""
+
+    def __init__(self, _, playback):
+        self._playback = playback
+
+    def messages(self):
+        while not self._playback.closed:
+            time.sleep(0.01)
+            yield "odom", Odometry(np.zeros(3), np.array([0.0, 0, 0, 1]))
+
+    def close(self):
+        pass
+
+
+def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
+    declared = Blimp.declared
+    blimp = SourceNode("blimp", declared, NoParams(), {"cmd_vel": "/cmd_vel"}, {"odom": "/odom"})
+    running = LocalRuntime(Graph(blimp), Playback(hold=True))
+    told, page = Told(running), Page(port=port)
+    page.open(told)
+    running.start()
+    client = Client(port)
+    try:
+        client.read_until(lambda: "drive" in client.values)
+        client.set("drive", "▲ forward")
+        client.set("drive", "△ up")
+        client.read_until(lambda: len(told.velocities) > 3)
+        assert set(told.velocities) == {(0.0, 0.8, 0.0)}
+    finally:
+        client.socket.close()
+        page.close()
+        running.stop()
+
+
+def test_a_rover_goes_neither_up_nor_down(client, husky):
+    client.set("drive", "△ up")
+    client.set("drive", "◀ left")
+    client.read_until(lambda: len(husky.velocities) > 3)
+    assert {up for _, up, _ in husky.velocities} == {0.0}
 
 
 def test_an_action_is_a_button(client, husky):

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise import nodes as registry
@@ -15,6 +13,7 @@ from ros_visualise.graph import Graph, parse_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
+    demo_pipeline,
     image_pipeline,
     recording_pipeline,
     simulation_pipeline,
@@ -22,8 +21,6 @@ from ros_visualise.pipelines import (
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.yaml_files import BadYaml, load_yaml
-
-log = logging.getLogger(__name__)
 
 _NONE = "none"
 _PATH = "path"
@@ -68,12 +65,7 @@ def stepped_topic(graph: Graph) -> str:
 
 
 def _demo(args: Namespace) -> Graph:
-    wanted = args.scene or ("quadrotor" if find_spec("mujoco") else "landscape")
-    if not args.scene and wanted == "landscape":
-        log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
-    if wanted == "landscape":
-        return image_pipeline("landscape", **_size(args))
-    return simulation_pipeline(wanted, mission="default", **_camera_size(args))
+    return demo_pipeline(args.scene, parse_size(args.size))
 
 
 def _sim(args: Namespace) -> Graph:
@@ -82,8 +74,8 @@ def _sim(args: Namespace) -> Graph:
         raise UsageError(
             "the robot would stand for ever: add --mission lawn_mower or --duration 60"
         )
-    place = {"world": args.world, "mission": mission, "seed": args.seed}
-    return simulation_pipeline(args.robot, **place, **_camera_size(args))
+    scenario = {"world": args.world, "mission": mission, "seed": args.seed}
+    return simulation_pipeline(args.robot, parse_size(args.size), **scenario)
 
 
 def _video(args: Namespace) -> Graph:
@@ -138,11 +130,6 @@ def _refuse_unfed_pair(graph: Graph) -> None:
 
 def _size(args: Namespace) -> dict[str, str]:
     return {"size": args.size} if args.size else {}
-
-
-def _camera_size(args: Namespace) -> dict[str, int]:
-    size = parse_size(args.size)
-    return {} if size is None else {"camera_width": size[0], "camera_height": size[1]}
 
 
 def _topic(name: str | None) -> str | None:

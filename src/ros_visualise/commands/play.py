@@ -40,7 +40,7 @@ def run(args: Namespace) -> int:
 def _run(args: Namespace, graph: Graph, view: View) -> int:
     playback = Playback(
         rate=1.0 if args.rate is None else args.rate,
-        loop=args.loop or (view.stays and graph.members[0].name == "landscape"),
+        loop=args.loop or (view.stays and graph.source is not None and graph.source.type.seamless),
         start_s=args.start or 0.0,
         duration_s=args.duration,
         frames=args.frames,

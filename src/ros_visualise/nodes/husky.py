@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ros_visualise.nodes import action, source
+from ros_visualise.nodes import source
 from ros_visualise.simulation.settings import HuskyParams, PlaceParams
 from ros_visualise.simulation.source import INPUTS, LATCHED, OUTPUTS, SimulatedRobot
 from ros_visualise.sources.playback import Playback
@@ -22,24 +22,10 @@ class HuskyNodeParams(PlaceParams, HuskyParams):
     outputs=OUTPUTS,
     latched=LATCHED,
     makes_time=True,
+    velocity_axes=("linear.x", "angular.z"),
 )
 class Husky(SimulatedRobot):
     """A simulated rover, a skid-steered Husky."""
 
     def __init__(self, params: HuskyNodeParams, playback: Playback) -> None:
         super().__init__("husky", params, params, playback)
-
-    @action("stop, and give up what it was doing")
-    def stop(self) -> None:
-        """Stop, and give up what it was doing."""
-        self.act("stop")
-
-    @action("set it down at its start; all begins anew but time")
-    def reset(self) -> None:
-        """Set it down at its start, where all begins anew but time."""
-        super().reset()
-
-    @action("begin its mission anew")
-    def start_mission(self) -> None:
-        """Begin its mission anew."""
-        self.act("start_mission")

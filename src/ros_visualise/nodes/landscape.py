@@ -21,7 +21,7 @@ class LandscapeParams:
     frame_id: str = param("camera_optical", "frame of the images", restart=True)
 
 
-@source("landscape", params=LandscapeParams, outputs={"image": Image})
+@source("landscape", params=LandscapeParams, outputs={"image": Image}, seamless=True)
 class Landscape:
     """Fly over a landscape made by the program."""
 

@@ -23,6 +23,7 @@ class QuadrotorNodeParams(PlaceParams, QuadrotorParams):
     outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure},
     latched=LATCHED,
     makes_time=True,
+    velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),
 )
 class Quadrotor(SimulatedRobot):
     """A simulated quadrotor that looks down."""
@@ -30,27 +31,12 @@ class Quadrotor(SimulatedRobot):
     def __init__(self, params: QuadrotorNodeParams, playback: Playback) -> None:
         super().__init__("quadrotor", params, params, playback)
 
-    @action("rise and stay in the air")
+    @action("take off and hover")
     def take_off(self) -> None:
-        """Rise and stay in the air."""
+        """Take off and hover."""
         self.act("take_off")
 
-    @action("come down where it is")
+    @action("land right below")
     def land(self) -> None:
-        """Come down where it is."""
+        """Land right below."""
         self.act("land")
-
-    @action("stop, and give up what it was doing")
-    def stop(self) -> None:
-        """Stop, and give up what it was doing."""
-        self.act("stop")
-
-    @action("set it down at its start; all begins anew but time")
-    def reset(self) -> None:
-        """Set it down at its start, where all begins anew but time."""
-        super().reset()
-
-    @action("begin its mission anew")
-    def start_mission(self) -> None:
-        """Begin its mission anew."""
-        self.act("start_mission")

@@ -19,6 +19,7 @@ from ros_visualise.data import (
     Transforms,
     Twist,
 )
+from ros_visualise.declarations import action
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.simulation.settings import PlaceParams, RobotParams
 from ros_visualise.simulation.simulator import Simulation
@@ -156,13 +157,24 @@ class SimulatedRobot:
     def close(self) -> None:
         """Nothing is open: the renderer goes with the messages."""
 
-    def act(self, action: str) -> None:
-        """Do what `Simulation.act` knows."""
+    def act(self, name: str) -> None:
+        """Do an action that `Simulation.act` knows."""
         self._ended = self._told
-        self._simulation.act(action)
+        self._simulation.act(name)
 
+    @action("stop the robot and give up its goal or mission")
+    def stop(self) -> None:
+        """Stop the robot."""
+        self.act("stop")
+
+    @action("start the mission from its beginning")
+    def start_mission(self) -> None:
+        """Start the mission."""
+        self.act("start_mission")
+
+    @action("put the robot back at its start; odometry and mission begin anew, time goes on")
     def reset(self) -> None:
-        """Set it down at its start, where all begins anew but time."""
+        """Put the robot back at its start."""
         self._playback.restart()
 
     def _has_ended(self, twist: Twist) -> bool:

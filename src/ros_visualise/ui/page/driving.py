@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 from typing import Any
 
@@ -16,17 +16,12 @@ from ros_visualise.ui.page.worker import Worker
 
 _STOP = "■"
 _Share = tuple[float, float, float, float]
-_ON_THE_GROUND: Mapping[str, tuple[Any, _Share]] = {
-    "▲ forward": ("i", (1, 0, 0, 0)),
-    "▼ back": ("m", (-1, 0, 0, 0)),
-    "◀ left": ("j", (0, 0, 0, 1)),
-    "▶ right": ("l", (0, 0, 0, -1)),
+_MOVES: Mapping[str, Mapping[str, tuple[Any, _Share]]] = {
+    "linear.x": {"▲ forward": ("i", (1, 0, 0, 0)), "▼ back": ("m", (-1, 0, 0, 0))},
+    "angular.z": {"◀ left": ("j", (0, 0, 0, 1)), "▶ right": ("l", (0, 0, 0, -1))},
+    "linear.z": {"△ up": ("t", (0, 0, 1, 0)), "▽ down": ("b", (0, 0, -1, 0))},
 }
-"""Label -> key, and (x, y, z, turn) as shares of the speeds."""
-_IN_THE_AIR: Mapping[str, tuple[Any, _Share]] = {
-    "△ up": ("t", (0, 0, 1, 0)),
-    "▽ down": ("b", (0, 0, -1, 0)),
-}
+"""Axis of the velocity -> label -> key, and (x, y, z, turn) as shares of the speeds."""
 
 
 class Driving:
@@ -48,9 +43,13 @@ class Driving:
         folder.visible = self._topic is not None
         if self._topic is None:
             return
-        moves = dict(_ON_THE_GROUND)
-        if _flies(runtime.graph, self._topic):
-            moves |= _IN_THE_AIR
+        axes = _velocity_axes(runtime.graph, self._topic)
+        moves = {
+            label: move
+            for axis, both in _MOVES.items()
+            if axis in axes
+            for label, move in both.items()
+        }
         with folder:
             self._speed = gui.add_slider("speed", 0.1, 3.0, 0.1, 0.8, hint="m/s")
             self._turn = gui.add_slider("turn", 0.1, 2.0, 0.1, 0.6, hint="rad/s")
@@ -104,8 +103,9 @@ def velocity_topic(graph: Graph) -> str | None:
     return next((topic for topic, kind in graph.inputs.items() if kind is Twist), None)
 
 
-def _flies(graph: Graph, topic: str) -> bool:
-    """Whether the robot that listens to a topic can take off."""
-    return any(
-        topic in node.inputs.values() and "take_off" in node.type.actions for node in graph.members
-    )
+def _velocity_axes(graph: Graph, topic: str) -> Collection[str]:
+    """Along which axes the robot that listens to a topic can go; all where nobody knows it."""
+    source = graph.source
+    if source is not None and topic in source.inputs.values():
+        return source.type.velocity_axes
+    return tuple(_MOVES)
