@@ -157,7 +157,7 @@ class Blimp:
 def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
     declared = Blimp.declared
     blimp = SourceNode("blimp", declared, NoParams(), {"cmd_vel": "/cmd_vel"}, {"odom": "/odom"})
-    running = LocalRuntime(Graph(blimp), Playback(hold=True))
+    running = LocalRuntime(Graph(blimp, ()), Playback(hold=True))
     told, page = Told(running), Page(port=port)
     page.open(told)
     running.start()
