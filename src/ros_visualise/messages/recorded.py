@@ -24,11 +24,17 @@ class TopicType:
     """The type of a topic's messages: ``name`` as ``sensor_msgs/msg/Image``.
 
     ``definitions`` knows it where ROS itself does not, else it may be None.
+
+    Of a topic of a recording, there may also be what is only copied: ``offered_qos``, a YAML list
+    with the QoS profiles of its publishers as rosbag2 has them, and ``callerids``, the names of the
+    ROS 1 nodes that published it.
     """
 
     name: str
     definitions: Definitions | None = None
     qos: QoS = VOLATILE
+    offered_qos: str = ""
+    callerids: tuple[str, ...] = ()
 
     @property
     def data_class(self) -> type:
@@ -46,6 +52,8 @@ class Recorded:
         definitions: the types of its recording.
         stamp_ns: when it was recorded.
         calibration: of an image, the message with its camera's calibration, if there is one.
+        publish_ns: when it was sent, if the recording tells; else it counts as when recorded.
+        sequence: its number among those of its publisher; 0 where the recording has none.
     """
 
     plotted = True  # as of `ros_visualise.data.Message`
@@ -56,6 +64,8 @@ class Recorded:
         "calibration",
         "data",
         "definitions",
+        "publish_ns",
+        "sequence",
         "stamp_ns",
         "type_name",
     )
@@ -67,12 +77,16 @@ class Recorded:
         definitions: Definitions,
         stamp_ns: int,
         calibration: Recorded | None = None,
+        publish_ns: int | None = None,
+        sequence: int = 0,
     ) -> None:
         self.type_name = type_name
         self.data = data
         self.definitions = definitions
         self.stamp_ns = stamp_ns
         self.calibration = calibration
+        self.publish_ns = stamp_ns if publish_ns is None else publish_ns
+        self.sequence = sequence
         self._header: Header | None = None
         self._content: Any = None
         self._lock = threading.Lock()

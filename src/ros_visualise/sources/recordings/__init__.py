@@ -5,15 +5,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from mcap.records import Attachment, Metadata
 from numpy.typing import NDArray
 
 from ros_visualise.messages.recorded import TopicType
+
+Extra = Attachment | Metadata
+"""What a recording holds beside its messages: a file, or texts by name; as MCAP has them."""
 
 
 class Entry(NamedTuple):
@@ -107,6 +111,9 @@ class Recording(Protocol):
 
     def stamps_ns(self) -> Mapping[str, NDArray[np.int64]]:
         """The stamps of each topic's messages in their order, from the index where there is one."""
+
+    def extras(self) -> Iterator[Extra]:
+        """What it holds beside its messages, in the order of the file; damaged ones are a loss."""
 
     def close(self) -> None:
         """Let go of its files; may be called from any thread, and ends what is being read."""

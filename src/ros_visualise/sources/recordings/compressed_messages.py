@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.errors import TooLarge
-from ros_visualise.sources.recordings import Entry, Loss
+from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_note
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_all
@@ -43,6 +43,10 @@ class CompressedMessages:
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`."""
         return self._storage.stamps_ns()
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Storage.extras`."""
+        return self._storage.extras()
 
     def close(self) -> None:
         """As `Storage.close`."""

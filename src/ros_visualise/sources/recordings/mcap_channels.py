@@ -6,6 +6,7 @@ Source: mcap.dev/spec/registry, the profiles ``ros1`` and ``ros2`` and their enc
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from mcap.records import Channel as McapChannel
 from mcap.records import Schema
@@ -39,21 +40,28 @@ def describe(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> C
 def _ros_channel(channel: McapChannel, schema: Schema, schemas: Schemas) -> Channel:
     encoding = channel.message_encoding
     name = ros_name(schema.name)
+    found = Channel(
+        channel.topic,
+        name,
+        latched=_is_latched(channel),
+        offered_qos=channel.metadata.get("offered_qos_profiles", ""),
+        callerid=channel.metadata.get("callerid", ""),
+    )
     if schema.encoding not in _LANGUAGES[encoding]:
         why = f"{schema.encoding or 'no schema'}: only ROS's own definitions are read"
-        return Channel(channel.topic, name, unreadable=why)
+        return replace(found, unreadable=why)
     is_idl = schema.encoding == "ros2idl"
     text = schema.data.decode("utf-8", "replace")
     try:
         definitions = schemas.define(_ENCODINGS[encoding], name, text, is_idl)
     except DamagedMessage as damage:
         if is_idl:
-            return Channel(channel.topic, name, unreadable=str(damage))
+            return replace(found, unreadable=str(damage))
         given, why = _given_digest(channel), str(damage)
         kept = schemas.keep(_ENCODINGS[encoding], name, text, given, why)
-        return Channel(channel.topic, name, kept, given, _is_latched(channel), why)
+        return replace(found, definitions=kept, digest=given, unreadable=why)
     told = _given_digest(channel) or digest(definitions, name)
-    return Channel(channel.topic, name, definitions, told, _is_latched(channel))
+    return replace(found, definitions=definitions, digest=told)
 
 
 def _given_digest(channel: McapChannel) -> str:

@@ -11,9 +11,11 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import OpenError
-from ros_visualise.sources.recordings import Loss, Recording
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_file
+from ros_visualise.sources.recordings import Extra, Loss, Recording
 from ros_visualise.sources.recordings.mcap_channels import describe
+from ros_visualise.sources.recordings.mcap_extras import parse_extra
 from ros_visualise.sources.recordings.mcap_index import (
     UNKNOWN,
     Index,
@@ -75,6 +77,7 @@ class McapFile:
             raise OpenError(f"{path}: {error.strerror}; copy it again") from None
         self._rows = index.rows
         self._channel_sets = index.channel_sets
+        self._extras = index.extras
         self.starts_ns, self.ends_ns = self._rows["start_ns"], self._rows["end_ns"]
         self.counts: Mapping[int, int] = index.counts
         self.compressions: Collection[str] = index.compressions or {"none"}
@@ -118,6 +121,19 @@ class McapFile:
         for piece in range(len(self._rows)):
             yield from self._indexed_stamps(piece) or self._opened_stamps(piece)
 
+    def extras(self) -> Iterator[Extra]:
+        """As `Storage.extras`."""
+        for offset, length in self._extras:
+            try:
+                check_file(length)
+                record = self._bytes(offset, length)
+                if record is None:
+                    return
+                yield parse_extra(record)
+            except (OSError, Damaged, TooLarge) as damage:
+                note = f"an attachment or metadata at byte {offset} is lost: {damage}"
+                add_note(self._loss, f"{self._label}{note}")
+
     def close(self) -> None:
         """As `Storage.close`."""
         with self._lock:
@@ -145,11 +161,7 @@ class McapFile:
             return []
         channels = len(self._channel_sets[row["channels"]])
         size = index_bytes(channels, int(row["messages"]))
-        with self._lock:
-            if self._file.closed:
-                return []
-            self._file.seek(int(row["offset"] + row["length"]))
-            found = indexed_stamps(self._file.read(size))
+        found = indexed_stamps(self._bytes(int(row["offset"] + row["length"]), size) or b"")
         is_whole = sum(len(stamps_ns) for _, stamps_ns in found) == row["messages"]
         return found if is_whole else []
 
@@ -163,20 +175,26 @@ class McapFile:
     def _load(self, piece: int, check: bool = True) -> Records | None:
         """The records of a piece; None where they are damaged, or the file is closed."""
         row = self._rows[piece]
-        with self._lock:
-            if self._file.closed:
-                return None
-            try:
-                self._file.seek(int(row["offset"]))
-                data = self._file.read(int(row["length"]))
-            except OSError as error:
-                self._lose(piece, f"{error.strerror}", int(row["messages"]))
-                return None
+        try:
+            data = self._bytes(int(row["offset"]), int(row["length"]))
+        except OSError as error:
+            self._lose(piece, f"{error.strerror}", int(row["messages"]))
+            return None
+        if data is None:
+            return None
         try:
             return decompress(data, check) if row["is_chunk"] else data
         except Damaged as damage:
             self._lose(piece, str(damage), int(row["messages"]))
             return None
+
+    def _bytes(self, offset: int, length: int) -> bytes | None:
+        """A part of the file; None once it is closed."""
+        with self._lock:
+            if self._file.closed:
+                return None
+            self._file.seek(offset)
+            return self._file.read(length)
 
     def _lose(self, piece: int, why: str, messages: int) -> None:
         if piece in self._damaged:

@@ -52,17 +52,22 @@ _FOOTER_LENGTH = 20
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _CHUNK_INDEX_TAIL = struct.Struct("<QI")
 _OFFSET_OF_CHANNEL = struct.Struct("<HQ")
+_EXTRA_INDEX = struct.Struct("<QQ")
 
 
 @dataclass
 class Index:
-    """The pieces of a file, and what it says of its channels."""
+    """The pieces of a file, and what it says of its channels.
+
+    ``extras``: where its attachments and records of metadata begin, and their lengths.
+    """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: dict[int, int] = field(default_factory=dict)
     compressions: set[str] = field(default_factory=set)
     channel_sets: list[frozenset[int]] = field(default_factory=list)
+    extras: list[tuple[int, int]] = field(default_factory=list)
     _rows: bytearray = field(default_factory=bytearray)
     _set_numbers: dict[frozenset[int], int] = field(default_factory=dict)
 
@@ -132,6 +137,7 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
         and statistics.message_count == sum(index.counts.values())
         and (UNKNOWN in known or int(known.sum()) == statistics.message_count)
         and index.counts.keys() <= index.channels.keys()
+        and statistics.attachment_count + statistics.metadata_count == len(index.extras)
         and bool(((rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])).all())
         and all(_is_there(file, rows[i]) for i in {0, chunks - 1})
     )
@@ -192,8 +198,11 @@ def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
             index.describe([schema], [])
         elif kind == Opcode.CHANNEL and (channel := read_channel(body)):
             index.describe([], [channel])
+        elif kind in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+            index.extras.append(_EXTRA_INDEX.unpack_from(body))
         elif kind == Opcode.STATISTICS:
             statistics = read_statistics(body)
+    index.extras.sort()
     return index, statistics, chunks
 
 

@@ -52,14 +52,17 @@ class McapPiece:
         """As `Piece.read`."""
         places = self._places
         while self._next < len(places) and places[self._next][0] < before_ns:
-            stamp_ns, number, start, stop = places[self._next]
+            stamp_ns, number, start, stop, publish_ns, sequence = places[self._next]
             data = self._data(start, stop)
             self._next = len(places) if data is None else self._next + 1
             if self._next == len(places):
                 self._shelf.leave(self)
             if data is not None:
                 topic, type_name, definitions = self._channels[number]
-                yield Entry(topic, stamp_ns, Recorded(type_name, data, definitions, stamp_ns))
+                message = Recorded(
+                    type_name, data, definitions, stamp_ns, None, publish_ns, sequence
+                )
+                yield Entry(topic, stamp_ns, message)
 
     def forget(self) -> None:
         """As `Keeper.forget`."""
@@ -88,7 +91,7 @@ class McapPiece:
             return
         size = 0
         for index in range(self._next, len(self._places)):
-            _, _, start, stop = self._places[index]
+            start, stop = self._places[index][2:4]
             size += stop - start
             if size > share and self._ahead:
                 size -= stop - start

@@ -62,8 +62,9 @@ class ChunkHead(NamedTuple):
 Records = bytes | memoryview
 """The bytes of one record after another."""
 
-Place = tuple[int, int, int, int]
-"""A message among records: its log time, its channel, where its bytes start and where they stop."""
+Place = tuple[int, int, int, int, int, int]
+"""A message among records: its log time, its channel, where its bytes start and where they stop,
+its publish time, and its sequence."""
 
 
 def chunk_head(record: bytes) -> ChunkHead:
@@ -133,12 +134,13 @@ def messages(
     last, is_sorted = -1, True
     unpack, message_bytes, kind_message = _MESSAGE.unpack_from, _MESSAGE.size, int(Opcode.MESSAGE)
     while position + message_bytes <= end:
-        kind, length, channel, _, log_time, _ = unpack(records, position)
+        kind, length, channel, sequence, log_time, publish_time = unpack(records, position)
         after = position + HEAD_BYTES + length
         if kind == kind_message and start_ns <= log_time < stop_ns and channel in channels:
             if after > end or length < message_bytes - HEAD_BYTES:
                 break
-            found.append((log_time, channel, position + message_bytes, after))
+            start = position + message_bytes
+            found.append((log_time, channel, start, after, publish_time, sequence))
             is_sorted = is_sorted and log_time >= last
             last = log_time
         position = after

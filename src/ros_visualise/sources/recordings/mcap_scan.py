@@ -83,6 +83,8 @@ class _Pieces:
             self._index.describe([], filter(None, [read_channel(self._body(record))]))
         elif record.kind == Opcode.CHUNK:
             self._begin_chunk(record)
+        elif record.kind in (Opcode.ATTACHMENT, Opcode.METADATA):
+            self._index.extras.append((record.start, record.end - record.start))
         elif record.kind == Opcode.STATISTICS:
             statistics = read_statistics(self._body(record))
             self._claimed = statistics.message_count if statistics else 0
@@ -170,7 +172,7 @@ class _Pieces:
         found, _ = messages(records, ANY_CHANNEL, *EVER)
         if found:
             span_ns = (found[0][0], found[-1][0])
-            self._add(chunk, span_ns, Counter(channel for _, channel, _, _ in found))
+            self._add(chunk, span_ns, Counter(channel for _, channel, *_ in found))
 
     def _add(
         self, piece: _Piece, span_ns: tuple[int, int], counts: Counter[int], is_chunk: bool = True

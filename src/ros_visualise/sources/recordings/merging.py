@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Loss, TopicInfo, left_out
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo, left_out
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import (
@@ -104,6 +105,10 @@ class MergedRecording:
         empty = np.empty(0, np.int64)
         return {topic: np.sort(np.concatenate([empty, *parts])) for topic, parts in found.items()}
 
+    def extras(self) -> Iterator[Extra]:
+        """As `Recording.extras`."""
+        return chain.from_iterable(storage.extras() for storage in self._storages)
+
     def close(self) -> None:
         """As `Recording.close`."""
         self._closed.set()
@@ -178,6 +183,8 @@ class _Topics:
                 chosen.type_name,
                 chosen.definitions,
                 LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
+                "\n".join(_told(channel.offered_qos.strip() for channel, _ in alike)),
+                _told(channel.callerid for channel, _ in alike),
             ),
             sum(count for _, count in alike),
             chosen.digest,
@@ -185,3 +192,8 @@ class _Topics:
             chosen.unreadable,
             {channel.type_name: channel.digest for channel, _ in others},
         )
+
+
+def _told(texts: Iterable[str]) -> tuple[str, ...]:
+    """Each of them once, without empty ones."""
+    return tuple(dict.fromkeys(filter(None, texts)))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
 from ros_visualise.sources.series import DamagedFile, Series
 
 log = logging.getLogger(__name__)
@@ -95,6 +95,10 @@ class SeriesRecording:
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """The stamps of each topic's messages in their order."""
         return {one.topic: np.sort(one.stamps_ns) for one in self._series}
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Recording.extras`; there is nothing."""
+        return iter(())
 
     def close(self) -> None:
         """End what is being read."""

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
-from ros_visualise.sources.recordings import Entry, Loss
+from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.sqlite_cut import cut_rows, is_spilled, missing_bytes
@@ -116,6 +116,10 @@ class SqliteFile:
         rows = self._rows if self._rows is not None else self._scan()[0]
         for topic in np.unique(rows["topic"]):
             yield int(topic), rows["stamp_ns"][rows["topic"] == topic]
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Storage.extras`; there is nothing."""
+        return iter(())
 
     def close(self) -> None:
         """As `Storage.close`."""

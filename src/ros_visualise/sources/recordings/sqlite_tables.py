@@ -6,6 +6,7 @@ import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -104,15 +105,16 @@ def _channel(
         return Channel(name, type_name, unreadable=f"{encoding}: only ROS messages are read")
     language, text = definitions.get(type_name, ("", ""))
     given = str(topic.get("type_description_hash") or "")
-    latched = is_latched(str(topic.get("offered_qos_profiles", "")))
+    qos = str(topic.get("offered_qos_profiles") or "")
+    found = Channel(name, type_name, latched=is_latched(qos), offered_qos=qos)
     try:
         known = schemas.define("cdr", type_name, text, is_idl=language == "ros2idl")
     except DamagedMessage as damage:
         if language == "ros2idl":
-            return Channel(name, type_name, unreadable=str(damage))
+            return replace(found, unreadable=str(damage))
         kept = schemas.keep("cdr", type_name, text, given, str(damage))
-        return Channel(name, type_name, kept, given, latched, str(damage))
-    return Channel(name, type_name, known, given or digest(known, type_name), latched)
+        return replace(found, definitions=kept, digest=given, unreadable=str(damage))
+    return replace(found, definitions=known, digest=given or digest(known, type_name))
 
 
 def _is_table(database: sqlite3.Connection, name: str) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.sources.recordings import Entry, Loss
+from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.shelf import Shelf
 
 LATEST_NS = 2**64
@@ -23,7 +23,8 @@ _MOST_NOTES = 20
 class Channel:
     """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so.
 
-    Without definitions they can not be copied either.
+    Without definitions they can not be copied either. ``offered_qos`` and ``callerid``: as
+    `TopicType` has them, of one publisher.
     """
 
     topic: str
@@ -32,6 +33,8 @@ class Channel:
     digest: str = ""
     latched: bool = False
     unreadable: str = ""
+    offered_qos: str = ""
+    callerid: str = ""
 
     def is_like(self, other: Channel) -> bool:
         """Whether both are of one type; that of ROS 1 and ROS 2 counts as one."""
@@ -118,6 +121,9 @@ class Storage(Protocol):
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """Channels and stamps of their messages, those of one channel in any number of arrays."""
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Recording.extras`."""
 
     def close(self) -> None:
         """Let go of the file; may be called from any thread."""

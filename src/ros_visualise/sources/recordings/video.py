@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Generator, Mapping
+from collections.abc import Collection, Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Header
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Loss, TopicInfo
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
 from ros_visualise.sources.video import Video
 
 _TOPIC = "/image_raw"
@@ -61,6 +61,10 @@ class VideoRecording:
     def stamps_ns(self) -> Mapping[str, npt.NDArray[np.int64]]:
         """The times of the images, from decoding them."""
         return {_TOPIC: np.array([entry.stamp_ns for entry in self.read()], np.int64)}
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Recording.extras`; there is nothing."""
+        return iter(())
 
     def close(self) -> None:
         """End what is being read."""

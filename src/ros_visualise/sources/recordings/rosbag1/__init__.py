@@ -7,7 +7,7 @@ That alone is read at first; where the messages lie in a chunk is read when thei
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Generator, Iterable, Mapping
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import BinaryIO
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
-from ros_visualise.sources.recordings import Entry, TopicInfo
+from ros_visualise.sources.recordings import Entry, Extra, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
@@ -109,6 +109,10 @@ class RosBag:
             topic: np.sort(np.concatenate([np.empty(0, np.int64), *parts]), kind="stable")
             for topic, parts in found.items()
         }
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Recording.extras`; there is nothing."""
+        return iter(())
 
     def close(self) -> None:
         """End what is being read."""
