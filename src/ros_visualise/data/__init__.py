@@ -19,6 +19,10 @@ from ros_visualise.data.images import CompressedImage as CompressedImage
 from ros_visualise.data.images import Image as Image
 from ros_visualise.data.maps import OccupancyGrid as OccupancyGrid
 from ros_visualise.data.maps import PolygonStamped as PolygonStamped
+from ros_visualise.data.markers import Marker as Marker
+from ros_visualise.data.markers import MarkerAction as MarkerAction
+from ros_visualise.data.markers import MarkerArray as MarkerArray
+from ros_visualise.data.markers import MarkerType as MarkerType
 from ros_visualise.data.message import Message as Message
 from ros_visualise.data.parameters import ParameterEvent as ParameterEvent
 from ros_visualise.data.paths import Path as Path

@@ -102,6 +102,18 @@ def time(stamp_ns: int) -> Fields:
     return Fields("builtin_interfaces/msg/Time", {"sec": sec, "nanosec": nanosec})
 
 
+def duration(length_ns: int) -> Fields:
+    """A duration.
+
+    Raises:
+        ValueError: ROS cannot hold it.
+    """
+    sec, nanosec = divmod(length_ns, _NS)
+    if not -_SECONDS <= sec < _SECONDS:
+        raise ValueError(f"a duration of {sec} s: ROS holds 68 years alone")
+    return Fields("builtin_interfaces/msg/Duration", {"sec": sec, "nanosec": nanosec})
+
+
 def times(stamps_ns: npt.NDArray[np.int64]) -> Columns:
     """Many times; as `time`."""
     check_times(stamps_ns)
