@@ -1,5 +1,6 @@
 """Our data in genpy's messages, through their own serialization and back."""
 
+import sys
 from dataclasses import replace
 from io import BytesIO
 from typing import Any
@@ -19,6 +20,9 @@ from ros_visualise.data import (
     Imu,
     LaserScan,
     MagneticField,
+    Marker,
+    MarkerArray,
+    MarkerType,
     NavSatFix,
     OccupancyGrid,
     Odometry,
@@ -96,6 +100,15 @@ DATA = [
     TransformStamped("lidar", numbers(3), numbers(4), HEADER),
     Twist(numbers(3), numbers(3)),
     TwistStamped(numbers(3), numbers(3), HEADER),
+    Marker(
+        MarkerType.LINE_LIST,
+        numbers(3),
+        numbers(4),
+        points_xyz=numbers(4, 3),
+        colors_rgba=numbers(4, 4),
+        lifetime_ns=1_500_000_000,
+        header=HEADER,
+    ),
 ]
 TRANSFORMS = Transforms((TransformStamped("lidar", numbers(3), numbers(4), HEADER),) * 2)
 
@@ -146,10 +159,23 @@ def test_several_transforms_survive() -> None:
 
 
 def test_every_message_is_of_the_class_that_its_topic_has() -> None:
-    data_of_all = [*DATA, TRANSFORMS]
+    markers = MarkerArray((Marker(MarkerType.CUBE, header=HEADER),))
+    data_of_all = [*DATA, TRANSFORMS, markers]
     for data in data_of_all:
         assert type(to_message(data, TYPES)) is message_class(type(data))
     assert {type(data) for data in data_of_all} >= set(MESSAGES) - {ParameterEvent}
+
+
+def test_a_type_whose_package_is_not_installed_is_made_from_its_definition(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "visualization_msgs", None)
+    monkeypatch.setitem(sys.modules, "visualization_msgs.msg", None)
+    made = type(TYPES)(TYPES)
+    made.pop("visualization_msgs/msg/MarkerArray", None)
+    kind = made["visualization_msgs/msg/MarkerArray"]
+    assert kind._type == "visualization_msgs/MarkerArray"
+    assert kind._md5sum == "d155b9ce5188fbaf89745847fd5882d7"
 
 
 def test_what_ros_1_lacks_is_refused() -> None:

@@ -6,30 +6,32 @@ from importlib import import_module
 from typing import Any
 
 import genpy
+from genpy.dynamic import generate_dynamic
 
 from ros_visualise.data import Message
 from ros_visualise.errors import UsageError
+from ros_visualise.messages.definitions import Definitions
+
+_DEFINITIONS = Definitions("ros1")
 
 
 class _Types(dict[str, Any]):
-    """Imports the class of a type when it is first asked for.
+    """Finds the class of a type when it is first asked for: that of its package, if installed.
 
     Raises:
-        KeyError: ROS 1 has no such message, or its package is not installed.
+        KeyError: ROS 1 has no such message.
     """
 
     def __missing__(self, type_name: str) -> Any:
-        package, _, name = type_name.partition("/msg/")
-        try:
-            found = getattr(import_module(f"{package}.msg"), name)
-        except (ImportError, AttributeError):
-            raise KeyError(type_name) from None
-        self[type_name] = found
+        found = self[type_name] = _installed(type_name) or _generated(type_name)
         return found
 
 
 TYPES = _Types(
-    {"builtin_interfaces/msg/Time": genpy.Time, "builtin_interfaces/msg/Duration": genpy.Duration}
+    {
+        "builtin_interfaces/msg/Time": genpy.Time,
+        "builtin_interfaces/msg/Duration": genpy.Duration,
+    }
 )
 """ROS type name, as ``sensor_msgs/msg/Image`` -> class."""
 
@@ -44,3 +46,19 @@ def message_class(data_class: type[Message]) -> Any:
         return TYPES[data_class.type_name]
     except KeyError:
         raise UsageError(f"ROS 1 has no message for {data_class.__name__}") from None
+
+
+def _installed(type_name: str) -> Any:
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(import_module(f"{package}.msg"), name, None)
+    except ImportError:
+        return None
+
+
+def _generated(type_name: str) -> Any:
+    """A class made from the type's definition: it has the same MD5, and others understand it."""
+    if not _DEFINITIONS.knows(type_name):
+        raise KeyError(type_name)
+    name = type_name.replace("/msg/", "/")
+    return generate_dynamic(name, _DEFINITIONS.text(type_name))[name]
