@@ -49,12 +49,14 @@ class Drawing:
 
     Attributes:
         coloring: one of ``colorings``, where a person can choose by what it is coloured.
+        gathers: each of its messages changes something of what those before it left there.
         stays: it holds until the next message, and moves with its frame until then; what does not
             stays where its frame was at the message's time.
     """
 
     colorings: ClassVar[type[Enum] | None] = None
     coloring: Enum | None = None
+    gathers: ClassVar[bool] = False
     stays: ClassVar[bool] = False
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
@@ -69,6 +71,13 @@ class Drawing:
             DamagedMessage: it contradicts itself.
         """
         raise NotImplementedError
+
+    def gather(self, message: Any, now_ns: int) -> None:
+        """Of what ``gathers``: take a message in, at that time of the data."""
+
+    def update(self, frames: Frames, now_ns: int) -> str:
+        """Of what ``gathers``: draw it as it is at that time; why some of it is not drawn."""
+        return ""
 
     def frame_of(self, message: Any, frames: Frames) -> str:
         """The frame in which a message is drawn; no name is the fixed frame."""

@@ -9,6 +9,8 @@ from ros_visualise.data import (
     Image,
     Imu,
     LaserScan,
+    Marker,
+    MarkerArray,
     NavSatFix,
     OccupancyGrid,
     Odometry,
@@ -18,6 +20,7 @@ from ros_visualise.data import (
     PoseArray,
     PoseStamped,
     PoseWithCovarianceStamped,
+    Text,
     Transforms,
     TransformStamped,
 )
@@ -26,6 +29,7 @@ from ros_visualise.ui.scene.cameras import Camera
 from ros_visualise.ui.scene.drawing import Drawing
 from ros_visualise.ui.scene.grids import Grid
 from ros_visualise.ui.scene.lines import Outline, PathDrawing
+from ros_visualise.ui.scene.markers import Markers
 from ros_visualise.ui.scene.particles import Particles
 from ros_visualise.ui.scene.points import Cloud, Scan
 from ros_visualise.ui.scene.poses import Pose
@@ -42,12 +46,16 @@ DRAWINGS: dict[type, type[Drawing]] = {
     OccupancyGrid: Grid,
     PolygonStamped: Outline,
     PoseArray: Particles,
+    Marker: Markers,
+    MarkerArray: Markers,
     NavSatFix: Fix,
     Imu: ImuDrawing,
     Image: Camera,
     CameraInfo: Camera,
 }
 CAMERAS = (Image, CameraInfo)
+HELD = (Text, Transforms, Marker, MarkerArray)
+"""What holds until it is revoked: all of it is taken, whoever looked on when it came."""
 
 
 def is_spatial(kind: type) -> bool:

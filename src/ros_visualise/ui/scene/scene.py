@@ -16,7 +16,7 @@ from ros_visualise.errors import NoTransform
 from ros_visualise.ui.scene.axes import Axes
 from ros_visualise.ui.scene.drawing import Look
 from ros_visualise.ui.scene.frames import Frames
-from ros_visualise.ui.scene.kinds import is_static
+from ros_visualise.ui.scene.kinds import DRAWINGS, is_static
 from ros_visualise.ui.scene.robots import Robot
 from ros_visualise.ui.scene.topics import Entry, Topics
 from ros_visualise.ui.scene.view import View
@@ -35,6 +35,9 @@ class Scene:
     Args:
         server: the page.
         clock: seconds.
+
+    Attributes:
+        is_live: what is shown cannot be paused, and time goes on where nothing comes.
     """
 
     def __init__(
@@ -45,6 +48,8 @@ class Scene:
         self._server, self._clock = server, clock
         self._topics = Topics(server.scene)
         self._look = Look()
+        self.is_live = False
+        self._newest = 0, 0.0  # stamp of what is shown, and when it came
         self._fixed = ""
         self._lock = threading.RLock()
         self.view = View(server, clock)
@@ -76,6 +81,8 @@ class Scene:
     def show(self, topic: str, message: Any) -> None:
         """Draw a message as soon as it can be said where."""
         with self._lock:
+            if message.header.stamp_ns > self._newest[0]:
+                self._newest = message.header.stamp_ns, self._clock()
             if isinstance(message, Transforms):
                 for what in self.frames.add(message, is_static(topic)):
                     log.warning("%s: %s (said once)", topic, what)
@@ -102,6 +109,7 @@ class Scene:
         What was drawn is not there any more, until it comes again.
         """
         with self._lock:
+            self._newest = 0, 0.0
             for _, entry in self._topics:
                 entry.forget()
 
@@ -166,6 +174,8 @@ class Scene:
         if info is not None:
             self.calibrations[message.header.frame_id] = info
         self.frames.see(message.header.frame_id)
+        if DRAWINGS[entry.kind].gathers:
+            self._topics.drawing(topic).gather(message, self._now_ns())
         if entry.wanted:
             entry.waiting, entry.until_s = message, self._clock() + _PATIENCE_S
 
@@ -181,11 +191,19 @@ class Scene:
             else:
                 entry.follow(self.frames)
             if entry.drawing is not None:
+                if entry.drawing.gathers:
+                    entry.problem = entry.drawing.update(self.frames, self._now_ns())
                 entry.drawing.visible = self._topics.is_seen(topic)
         except Exception as error:
             entry.waiting = None
             entry.problem = f"{type(error).__name__}: {error}"
             self._say(topic, entry.problem, error)
+
+    def _now_ns(self) -> int:
+        """The time of the data: that of the newest message, and on where nobody can stop it."""
+        stamp_ns, came_s = self._newest
+        passed_s = self._clock() - came_s if self.is_live else 0.0
+        return stamp_ns + round(passed_s * 1e9)
 
     def _say(self, topic: str, what: str, bug: Exception | None = None) -> None:
         if topic not in self._said:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Container, Mapping
 
-from ros_visualise.data import Image, Text, Transforms
+from ros_visualise.data import Image, Text
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime, Subscription
 from ros_visualise.ui.rounds import Rounds
-from ros_visualise.ui.scene.kinds import is_robot, is_spatial
+from ros_visualise.ui.scene.kinds import HELD, is_robot, is_spatial
 from ros_visualise.ui.scene.scene import Scene
 
 _PERIOD_S = 1 / 15
 _IMAGE_PERIOD_S = 1 / 5
-_HELD = (Transforms, Text)  # what holds until the next comes, whoever looked on when it came
-_TRANSFORMS = 1000  # that wait at most: none must be lost in between
+_MOST_HELD = 1000  # that wait at most: none must be lost in between
 
 
 def topics_of(graph: Graph) -> dict[str, type]:
@@ -32,8 +31,8 @@ def topics_of(graph: Graph) -> dict[str, type]:
 class SceneThread:
     """Takes messages from a runtime and has a scene draw them, 15 times a second at most.
 
-    Transforms are taken at all times, so that whoever comes while nothing moves sees all at its
-    place; nothing else is done while nobody looks.
+    Transforms and markers are taken at all times, so that whoever comes while nothing moves sees
+    all at its place; nothing else is done while nobody looks.
 
     Args:
         runtime: what runs.
@@ -50,8 +49,9 @@ class SceneThread:
         in_haste: Callable[[], bool],
     ) -> None:
         self._runtime, self._scene = runtime, scene
+        scene.is_live = runtime.playback is None
         self._is_watched = is_watched
-        self._transforms: dict[str, Subscription] = {}
+        self._held: dict[str, Subscription] = {}
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
@@ -67,11 +67,11 @@ class SceneThread:
         with self._rounds.at_work:
             self._kinds = topics_of(graph)
             self._scene.follow(self._kinds)
-            wanted = {topic for topic, kind in self._kinds.items() if kind in _HELD}
-            for topic in self._transforms.keys() - wanted:
-                self._transforms.pop(topic).close()
-            for topic in wanted - self._transforms.keys():
-                self._transforms[topic] = self._runtime.subscribe(topic, _TRANSFORMS)
+            wanted = {topic for topic, kind in self._kinds.items() if kind in HELD}
+            for topic in self._held.keys() - wanted:
+                self._held.pop(topic).close()
+            for topic in wanted - self._held.keys():
+                self._held[topic] = self._runtime.subscribe(topic, _MOST_HELD)
             self._rest_but(self._kinds)
 
     def close(self, timeout_s: float) -> None:
@@ -80,18 +80,19 @@ class SceneThread:
 
     def _finish(self) -> None:
         self._rest_but(())
-        for subscription in self._transforms.values():
+        for subscription in self._held.values():
             subscription.close()
 
     def _do_round(self) -> None:
-        for topic, subscription in self._transforms.items():
+        for topic, subscription in self._held.items():
             while (message := subscription.take(0)) is not None:
+                self._forget_before_jump()
                 self._scene.show(topic, message)
         if not self._is_watched():
             self._rest_but(())
             return
         for topic, kind in self._kinds.items():
-            if kind not in _HELD:
+            if kind not in HELD:
                 self._take(topic, kind)
         self._scene.refresh()
 

@@ -60,7 +60,8 @@ class Entry:
         """Draw the message that waits."""
         message, before = self.waiting, self.shown
         self.waiting, self.shown, self.problem = None, message, ""
-        if before is not None and message.header.stamp_ns < before.header.stamp_ns:
+        went_back = before is not None and message.header.stamp_ns < before.header.stamp_ns
+        if went_back and not drawing.gathers:
             drawing.reset()
         try:
             drawing.draw(message, look)

@@ -1,0 +1,117 @@
+"""Markers that are no solids: lines, points, texts and triangles, each in a node of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+import viser
+
+from ros_visualise.data import Floats, Marker, MarkerType, Pixels
+from ros_visualise.ui.scene.solids import colors_of
+
+_HAIR_PX = 1.0  # of a line whose width is 0
+
+
+def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    """Draw a marker in its own frame; nothing of one that is made of solids.
+
+    Raises:
+        ValueError: it cannot be drawn.
+    """
+    if marker.type not in set(MarkerType):
+        raise ValueError(f"nobody knows the type {marker.type}")
+    draw = _DRAWN.get(MarkerType(marker.type))
+    if draw is not None:
+        draw(scene, name, marker)
+
+
+def segments_of(marker: Marker) -> tuple[Floats, Pixels]:
+    """Start and end of the lines of a marker, (N, 2, 3), and their colours (N, 2, 3)."""
+    count = len(marker.points_xyz)
+    colors = _rgb(colors_of(marker, count))
+    if marker.type == MarkerType.LINE_STRIP:
+        ends = np.stack([np.arange(count - 1), np.arange(1, count)], axis=1)
+    else:
+        ends = np.arange(count - count % 2).reshape(-1, 2)
+    ends = ends.reshape(-1, 2).astype(np.intp)
+    return marker.points_xyz[ends], colors[ends]
+
+
+def _add_lines(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    points, colors = segments_of(marker)
+    if not len(points):
+        return
+    width = float(marker.scale_xyz[0])
+    scene.add_line_segments(
+        name,
+        points.astype(np.float32),
+        colors,
+        thickness=width if width > 0 else _HAIR_PX,
+        thickness_units="world" if width > 0 else "screen",
+    )
+
+
+def _add_points(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    if len(marker.points_xyz):
+        scene.add_point_cloud(
+            name,
+            marker.points_xyz.astype(np.float32),
+            _rgb(colors_of(marker, len(marker.points_xyz))),
+            point_size=float(marker.scale_xyz[0]),
+            point_shape="square",
+            precision="float32",
+            point_shading="flat",
+        )
+
+
+def _add_text(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    """The height of a capital letter is the third of the scales; the page has one colour of it."""
+    height = float(marker.scale_xyz[2])
+    if marker.text and height > 0:
+        scene.add_label(
+            name,
+            marker.text,
+            font_size_mode="scene",
+            font_scene_height=height,
+            anchor="center-center",
+        )
+
+
+def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    """Coloured by corner or by triangle, whichever there are colours for."""
+    count = len(marker.points_xyz) // 3
+    if not count:
+        raise ValueError("has no three points for a triangle")
+    if len(marker.colors_rgba) == count:
+        rgba = marker.colors_rgba.repeat(3, axis=0)
+    else:
+        rgba = colors_of(marker, len(marker.points_xyz))[: 3 * count]
+    faces = np.arange(3 * count).reshape(-1, 3)
+    mesh = trimesh.Trimesh(
+        marker.points_xyz[: 3 * count] * marker.scale_xyz,
+        np.concatenate([faces, faces[:, ::-1]]),  # to be seen from both sides
+        vertex_colors=_bytes(rgba),
+        process=False,
+    )
+    scene.add_mesh_trimesh(name, mesh)
+
+
+def _rgb(rgba: npt.NDArray[np.floating]) -> Pixels:
+    return _bytes(rgba)[:, :3]
+
+
+def _bytes(rgba: npt.NDArray[np.floating]) -> Pixels:
+    found: Pixels = np.round(np.nan_to_num(np.clip(rgba, 0, 1)) * 255).astype(np.uint8)
+    return found
+
+
+_DRAWN: dict[MarkerType, Callable[[viser.SceneApi, str, Marker], None]] = {
+    MarkerType.LINE_STRIP: _add_lines,
+    MarkerType.LINE_LIST: _add_lines,
+    MarkerType.POINTS: _add_points,
+    MarkerType.TEXT_VIEW_FACING: _add_text,
+    MarkerType.TRIANGLE_LIST: _add_triangles,
+}
