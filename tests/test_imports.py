@@ -12,7 +12,7 @@ import ros_visualise
 ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {
-        *("errors", "data", "params", "geometry", "rate"),
+        *("errors", "data", "params", "geometry", "rate", "joining"),
         *("limits", "yaml_files", "printing", "signals"),
     },
     {"messages", "vision"},

@@ -7,14 +7,18 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from ros_visualise.data import MESSAGES
+from ros_visualise.data import MESSAGES, Transforms
 from ros_visualise.errors import UsageError
+from ros_visualise.joining import Each, Join, Latest
 from ros_visualise.messages.recorded import TopicType
 
 T = TypeVar("T")
 
 VELOCITY_AXES = ("linear.x", "linear.y", "linear.z", "angular.z")
 """Components of a Twist along and about which a robot may be driven."""
+
+TRANSFORMS = {"tf": Transforms, "tf_static": Transforms}
+"""The inputs from which a node with frames knows them."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,9 @@ class NodeType:
     ``late_s`` is how much older than the last a message of an input may be without time having
     jumped back; ``timed`` where its step wants to know when a message came; ``stateless`` where the
     same message and parameters always give the same answer; ``actions`` are the names of its
-    actions, and what each does.
+    actions, and what each does. ``stepped`` are the inputs whose messages its step is given, and
+    ``join`` is how they come together; ``frames`` where it is also given the frames that there are,
+    which come by the inputs of `TRANSFORMS`.
     """
 
     name: str
@@ -48,6 +54,9 @@ class NodeType:
     doc: str = ""
     latched: frozenset[str] = frozenset()
     actions: Mapping[str, str] = field(default_factory=dict)
+    stepped: Mapping[str, type] = field(default_factory=dict)
+    join: Join = Each()
+    frames: bool = False
 
 
 @dataclass(frozen=True)
@@ -134,12 +143,14 @@ def node(
     drops: str | None = None,
     late_s: float = 0.0,
     timed: bool = False,
+    join: Join = Each(),
+    frames: bool = False,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
 
     Raises:
-        UsageError: an input or output is not a message of `ros_visualise.data`, or there is no
-            such output.
+        UsageError: an input or output is not a message of `ros_visualise.data`, there is no such
+            output, nothing to join, or the step does not take what it is given.
     """
     for port in (*on_demand, *latched):
         if port not in outputs:
@@ -148,13 +159,17 @@ def node(
         if kind not in MESSAGES:
             there = ", ".join(message.__name__ for message in MESSAGES)
             raise UsageError(f"node {name}: {kind.__name__} is no message; there is {there}")
+    _check_join(name, join, inputs)
+    extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
 
     def declare(target: T) -> T:
+        for given in [[port] for port in inputs] if join == Each() else [[*inputs]]:
+            _check_step(name, target, [*given, *extras])
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
             _completed(target) if isinstance(target, type) else lambda _: _Function(target),  # type: ignore[arg-type]
             params,
-            inputs,
+            {**inputs, **(TRANSFORMS if frames else {})},
             outputs,
             frozenset(on_demand),
             drops,
@@ -164,6 +179,9 @@ def node(
             doc=_first_line(target),
             latched=frozenset(latched),
             actions=_actions_of(target),
+            stepped=inputs,
+            join=join,
+            frames=frames,
         )
         return target
 
@@ -226,6 +244,29 @@ def action(help: str) -> Callable[[T], T]:
         return method
 
     return declare
+
+
+def _check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
+    if join != Each() and len(inputs) < 2:
+        raise UsageError(f"node {name}: {join} joins several inputs; there is {', '.join(inputs)}")
+    if isinstance(join, Latest) and join.trigger not in inputs:
+        raise UsageError(f"node {name}: no input {join.trigger!r}; there is {', '.join(inputs)}")
+
+
+def _check_step(name: str, target: Any, given: list[str]) -> None:
+    """Refuse a step that does not take what it is given by name."""
+    is_class = isinstance(target, type)
+    step = getattr(target, "step", None) if is_class else target
+    if step is None:
+        raise UsageError(f"node {name}: the class {target.__name__} has no method step")
+    signature = inspect.signature(step)
+    try:
+        signature.bind(*([None] if is_class else []), **dict.fromkeys(given))
+    except TypeError:
+        takes = ", ".join(one for one in signature.parameters if not (is_class and one == "self"))
+        raise UsageError(
+            f"node {name}: its step is given {', '.join(given)}, but takes {takes or 'nothing'}"
+        ) from None
 
 
 def _completed(cls: type) -> type:

@@ -1,0 +1,214 @@
+"""How the messages of a node's several inputs come together: what it declares, and the work."""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import Counter
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+_KEPT = 100
+_KEPT_BYTES = 256 * 2**20
+
+
+@dataclass(frozen=True)
+class Each:
+    """Every message by itself, as it comes."""
+
+
+@dataclass(frozen=True)
+class Exact:
+    """One message of every input, all with the same stamp."""
+
+
+@dataclass(frozen=True)
+class Approx:
+    """One message of every input, with stamps at most ``slop_s`` apart: those nearest in time."""
+
+    slop_s: float
+
+    def __post_init__(self) -> None:
+        if not self.slop_s >= 0:
+            raise ValueError(f"Approx({self.slop_s}): give the seconds as 0 or more")
+
+
+@dataclass(frozen=True)
+class Latest:
+    """Every message of the input ``trigger``, with the latest of each other input."""
+
+    trigger: str
+
+
+Join = Each | Exact | Approx | Latest
+
+
+class Waiting(NamedTuple):
+    """A message that waits for others: ``item`` is what stands for it outside."""
+
+    stamp_ns: int
+    order: int  # among those of the same stamp, so that items are never compared
+    item: Any
+    nbytes: int
+
+
+class Joiner(Protocol):
+    """Puts messages together; the same messages in the same order always give the same sets.
+
+    ``dropped`` counts, for an input and a reason, the messages that came into no set.
+    """
+
+    dropped: Counter[tuple[str, str]]
+
+    def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
+        """Take a message of an input; the sets that are whole by it: input -> item."""
+
+    def finish(self) -> list[dict[str, Any]]:
+        """Nothing more comes: the sets that only waited for something still nearer."""
+
+    def reset(self, stamp_ns: int) -> None:
+        """Time has jumped to ``stamp_ns``."""
+
+
+def joiner(join: Join, ports: Collection[str]) -> Joiner:
+    """What joins the messages of some inputs as it is declared."""
+    if isinstance(join, Latest):
+        return _LatestOfOthers(join.trigger, ports)
+    if isinstance(join, Each):
+        return _OneByOne()
+    return _ByStamp(ports, round(join.slop_s * 1e9) if isinstance(join, Approx) else 0)
+
+
+class _OneByOne:
+    """Joins nothing."""
+
+    def __init__(self) -> None:
+        self.dropped: Counter[tuple[str, str]] = Counter()
+
+    def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
+        return [{port: item}]
+
+    def finish(self) -> list[dict[str, Any]]:
+        return []
+
+    def reset(self, stamp_ns: int) -> None:
+        pass
+
+
+class _LatestOfOthers:
+    """Joins what triggers with the newest of the others, by their stamps, that came before it."""
+
+    def __init__(self, trigger: str, ports: Collection[str]) -> None:
+        self.dropped: Counter[tuple[str, str]] = Counter()
+        self._trigger = trigger
+        self._others = [port for port in ports if port != trigger]
+        self._newest: dict[str, tuple[int, Any]] = {}
+
+    def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
+        if port != self._trigger:
+            if port not in self._newest or stamp_ns >= self._newest[port][0]:
+                self._newest[port] = stamp_ns, item
+            return []
+        if len(self._newest) < len(self._others):
+            self.dropped[port, "unmatched"] += 1
+            return []
+        return [{port: item} | {other: self._newest[other][1] for other in self._others}]
+
+    def finish(self) -> list[dict[str, Any]]:
+        return []
+
+    def reset(self, stamp_ns: int) -> None:
+        """What is older than the new time, as a map that was sent once, still holds."""
+        self._newest = {p: kept for p, kept in self._newest.items() if kept[0] <= stamp_ns}
+
+
+class _ByStamp:
+    """Joins messages by their stamps, whichever input is ahead.
+
+    The latest of the inputs' oldest messages is the pivot: what is older by more than the slop can
+    never be matched. A set is made of what is nearest to the pivot on each input, as soon as no
+    nearer one can come. Where messages come in the order of their stamps, the sets depend on
+    nothing but them.
+    """
+
+    def __init__(self, ports: Collection[str], slop_ns: int) -> None:
+        self.dropped: Counter[tuple[str, str]] = Counter()
+        self._slop_ns = slop_ns
+        self._waiting: dict[str, list[Waiting]] = {port: [] for port in ports}
+        self._count = self._nbytes = 0
+
+    def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
+        self._count += 1
+        self._nbytes += nbytes
+        insort(self._waiting[port], Waiting(stamp_ns, self._count, item, nbytes))
+        sets = self._sets(is_end=False)
+        self._make_room()
+        return sets
+
+    def finish(self) -> list[dict[str, Any]]:
+        sets = self._sets(is_end=True)
+        self._drop_all("unmatched")
+        return sets
+
+    def reset(self, stamp_ns: int) -> None:
+        self._drop_all("stale")
+
+    def _sets(self, is_end: bool) -> list[dict[str, Any]]:
+        found = []
+        while all(self._waiting.values()):
+            pivot_ns = max(waiting[0].stamp_ns for waiting in self._waiting.values())
+            if self._drop_before(dict.fromkeys(self._waiting, pivot_ns - self._slop_ns)):
+                continue
+            if not is_end and any(w[-1].stamp_ns < pivot_ns for w in self._waiting.values()):
+                break
+            found.append(self._take(self._nearest(pivot_ns)))
+        return found
+
+    def _nearest(self, pivot_ns: int) -> dict[str, Waiting]:
+        """Of each input what is nearest to the pivot; if that is too far apart, not after it."""
+        nearest = {
+            port: min(waiting, key=lambda one: abs(one.stamp_ns - pivot_ns))
+            for port, waiting in self._waiting.items()
+        }
+        stamps = [one.stamp_ns for one in nearest.values()]
+        if max(stamps) - min(stamps) <= self._slop_ns:
+            return nearest
+        return {
+            port: max(one for one in waiting if one.stamp_ns <= pivot_ns)
+            for port, waiting in self._waiting.items()
+        }
+
+    def _take(self, chosen: Mapping[str, Waiting]) -> dict[str, Any]:
+        self._drop_before({port: one.stamp_ns for port, one in chosen.items()})
+        for port, one in chosen.items():
+            self._waiting[port].remove(one)
+            self._nbytes -= one.nbytes
+        return {port: one.item for port, one in chosen.items()}
+
+    def _drop_before(self, stamps_ns: Mapping[str, int]) -> bool:
+        """Let go of what is older; whether there was any."""
+        before = self.dropped.total()
+        for port, stamp_ns in stamps_ns.items():
+            while self._waiting[port] and self._waiting[port][0].stamp_ns < stamp_ns:
+                self._drop_first(port, "unmatched")
+        return self.dropped.total() > before
+
+    def _make_room(self) -> None:
+        """Let go of the oldest where too many wait for others, or too large ones."""
+        for port, waiting in self._waiting.items():
+            if len(waiting) > _KEPT:
+                self._drop_first(port, "crowded out")
+        while self._nbytes > _KEPT_BYTES:
+            crowds = [(w[0], port) for port, w in self._waiting.items() if len(w) > 1]
+            if not crowds:
+                return
+            self._drop_first(min(crowds)[1], "crowded out")
+
+    def _drop_all(self, why: str) -> None:
+        for port, waiting in self._waiting.items():
+            while waiting:
+                self._drop_first(port, why)
+
+    def _drop_first(self, port: str, why: str) -> None:
+        self._nbytes -= self._waiting[port].pop(0).nbytes
+        self.dropped[port, why] += 1
