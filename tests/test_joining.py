@@ -74,9 +74,7 @@ def test_approx_of_three_is_never_further_apart_than_the_slop():
 def test_sets_do_not_depend_on_which_input_is_ahead(join):
     choose = random.Random(7)
     streams = {port: sorted(choose.sample(range(400), 60)) for port in ("image", "boxes", "tags")}
-    found = {
-        repr(joined(join, in_some_order(streams, seed), tuple(streams))) for seed in range(30)
-    }
+    found = {repr(joined(join, in_some_order(streams, seed), tuple(streams))) for seed in range(30)}
     assert len(found) == 1
 
 

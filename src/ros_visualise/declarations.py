@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from ros_visualise.data import MESSAGES, Transforms
+from ros_visualise.data import MESSAGES, Message, Transforms
 from ros_visualise.errors import UsageError
-from ros_visualise.joining import Each, Join, Latest
+from ros_visualise.joining import EACH, Join, Latest
 from ros_visualise.messages.recorded import TopicType
 
 T = TypeVar("T")
@@ -54,8 +54,8 @@ class NodeType:
     doc: str = ""
     latched: frozenset[str] = frozenset()
     actions: Mapping[str, str] = field(default_factory=dict)
-    stepped: Mapping[str, type] = field(default_factory=dict)
-    join: Join = Each()
+    stepped: Mapping[str, type[Message]] = field(default_factory=dict)
+    join: Join = EACH
     frames: bool = False
 
 
@@ -143,7 +143,7 @@ def node(
     drops: str | None = None,
     late_s: float = 0.0,
     timed: bool = False,
-    join: Join = Each(),
+    join: Join = EACH,
     frames: bool = False,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
@@ -163,7 +163,7 @@ def node(
     extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
 
     def declare(target: T) -> T:
-        for given in [[port] for port in inputs] if join == Each() else [[*inputs]]:
+        for given in [[port] for port in inputs] if join == EACH else [[*inputs]]:
             _check_step(name, target, [*given, *extras])
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
@@ -247,7 +247,7 @@ def action(help: str) -> Callable[[T], T]:
 
 
 def _check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
-    if join != Each() and len(inputs) < 2:
+    if join != EACH and len(inputs) < 2:
         raise UsageError(f"node {name}: {join} joins several inputs; there is {', '.join(inputs)}")
     if isinstance(join, Latest) and join.trigger not in inputs:
         raise UsageError(f"node {name}: no input {join.trigger!r}; there is {', '.join(inputs)}")

@@ -42,6 +42,8 @@ class Latest:
 
 Join = Each | Exact | Approx | Latest
 
+EACH = Each()
+
 
 class Waiting(NamedTuple):
     """A message that waits for others: ``item`` is what stands for it outside."""

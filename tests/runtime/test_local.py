@@ -498,6 +498,9 @@ def test_a_source_is_closed_where_a_node_cannot_be_made():
         def __init__(self, params):
             raise OpenError("no table: give one")
 
+        def step(self, image, params):
+            pass
+
     graph = Graph(
         SourceNode("closing", Closing.declared, CounterParams(), {}, {"image": "/in"}),
         (Node("broken", Broken.declared, NoParams(), {"image": "/in"}, {"image": "/out"}),),

@@ -93,6 +93,12 @@ class FrameTree:
         with self._lock:
             return self._newest(_name(target), _name(source))
 
+    def is_awaited(self, stamp_ns: int, within_s: float) -> bool:
+        """Whether some frame that moves is not known at a time yet, but was shortly before."""
+        with self._lock:
+            moving = [one.span_ns[1] for one in self._histories.values() if not one.static]
+        return any(stamp_ns - within_s * _S < newest_ns < stamp_ns for newest_ns in moving)
+
     def frames(self) -> list[str]:
         """The names of all frames, sorted."""
         with self._lock:

@@ -13,6 +13,7 @@ from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.params import Parameters, Value, specs
+from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
@@ -202,7 +203,8 @@ class LocalRuntime:
     def _join(self, node: Node) -> NodeThread:
         outputs = {name: self._topics[output] for name, output in node.outputs.items()}
         runner = NodeRunner(node, self.parameters[node.name])
-        thread = NodeThread(runner, outputs, ticks=self.graph.source is None)
+        joining = joining_of(self.graph, runner)
+        thread = NodeThread(runner, joining, outputs, ticks=self.graph.source is None)
         for topic, entrance in thread.inputs:
             self._topics[topic].connect(entrance)
         return thread

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from ros_visualise.data import Message
+from ros_visualise.runtime.joining import Joining, Question
 from ros_visualise.runtime.queues import END, Inbox, Packet
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
-from ros_visualise.runtime.topics import Topic
+from ros_visualise.runtime.topics import Consumer, Topic
 
 _TICK_S = 0.1
 
@@ -21,15 +22,13 @@ class InputPort:
     Args:
         inbox: of the node.
         port: the input's name.
-        kind: class of its messages.
+        keep: how many of its messages may wait.
         closed: called when nothing more comes.
     """
 
-    def __init__(
-        self, inbox: Inbox, port: str, kind: type[Message], closed: Callable[[], None]
-    ) -> None:
+    def __init__(self, inbox: Inbox, port: str, keep: int, closed: Callable[[], None]) -> None:
         self._inbox, self._port, self._closed = inbox, port, closed
-        self._keep = kind.waiting
+        self._keep = keep
 
     def put(self, packet: Packet) -> None:
         """Take a packet."""
@@ -40,27 +39,47 @@ class InputPort:
         self._closed()
 
 
+class NumbersOf:
+    """Tells a node which numbers a topic has that it does not listen to, but is made from."""
+
+    def __init__(self, topic: str, inbox: Inbox) -> None:
+        self._topic, self._inbox = topic, inbox
+
+    def put(self, packet: Packet) -> None:
+        """Take a number."""
+        self._inbox.put(packet._replace(message=None, port=self._topic))
+
+    def close(self) -> None:
+        """Nothing more comes, and so on the inputs."""
+
+
 class NodeThread:
     """Takes one node's messages, runs its steps, publishes what comes out.
 
     Args:
         runner: the node.
+        joining: puts the messages of its inputs together.
         outputs: output name -> topic.
         ticks: ask the node now and then what is due. That goes by the clock on the wall, and would
             make two runs of the same recording differ.
     """
 
-    def __init__(self, runner: NodeRunner, outputs: Mapping[str, Topic], ticks: bool) -> None:
+    def __init__(
+        self, runner: NodeRunner, joining: Joining, outputs: Mapping[str, Topic], ticks: bool
+    ) -> None:
         self.runner = runner
+        self._joining = joining
         self._tick_s = _TICK_S if ticks and not runner.stateless else None
         self._ticked_s = time.monotonic()
         self.inbox = Inbox(lossless=False)
         kinds = runner.node.type.inputs
-        self.inputs = [
-            (topic, InputPort(self.inbox, port, kinds[port], self._input_closed))
-            for port, topic in runner.node.inputs.items()
+        ports = runner.node.inputs.items()
+        self.inputs: list[tuple[str, Consumer]] = [
+            (topic, InputPort(self.inbox, port, joining.keep(kinds[port]), self._input_closed))
+            for port, topic in ports
         ]
         self._open = len(self.inputs)
+        self.inputs += [(topic, NumbersOf(topic, self.inbox)) for topic in joining.origins]
         self._closing = threading.Lock()
         self._outputs = outputs
         self._last = Packet(0, None, 0)
@@ -70,12 +89,9 @@ class NodeThread:
         """Until the inbox is closed and empty."""
         try:
             while not self.inbox.ended:
-                packet = self.inbox.take(self._tick_s)
-                if packet is not None:
-                    with self._at_work:
-                        self._last = packet
-                        self._publish(self._step(packet))
+                self._answer(self._joining.take(self.inbox, self._tick_s))
                 self._tick_in_time()
+            self._answer(self._joining.finish())
             with self._at_work:
                 self._last = self._last._replace(number=END)
                 self._publish(self.runner.finish())
@@ -96,15 +112,17 @@ class NodeThread:
     def report(self) -> dict[str, Any]:
         """Counts, latencies and the node's own figures."""
         report = self.runner.report()
-        if self.inbox.dropped:
-            report["dropped"]["queue"] = self.inbox.dropped
-            report["received"] += self.inbox.dropped
+        report["received"] += self.inbox.dropped
+        lost = Counter(report["dropped"]) + self._joining.dropped
+        lost["queue"] += self.inbox.dropped
+        report["dropped"] = dict(+lost)
         return report
 
-    def _step(self, packet: Packet) -> Mapping[str, Any]:
-        if packet.message is None:
-            return NOTHING
-        return self.runner.step(packet)
+    def _answer(self, questions: Iterable[Question]) -> None:
+        for number, packets in questions:
+            with self._at_work:
+                self._last = number
+                self._publish(self.runner.step(*packets) if packets else NOTHING)
 
     def _tick_in_time(self) -> None:
         if self._tick_s is not None and time.monotonic() - self._ticked_s >= self._tick_s:
@@ -119,7 +137,8 @@ class NodeThread:
 
     def _publish(self, answer: Mapping[str, Any]) -> None:
         for port, topic in self._outputs.items():
-            topic.publish(self._last._replace(message=answer.get(port), port=""))
+            message = answer.get(port)
+            topic.publish(self._last._replace(message=message, port="", again=False))
 
     def _input_closed(self) -> None:
         with self._closing:  # publishers end when they like

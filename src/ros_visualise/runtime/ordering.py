@@ -31,16 +31,21 @@ class Ordering:
     Args:
         graph: what runs.
         topics: those whose messages are wanted, in the order of `recordable`.
+        apart: leave out the numbers of what none of these topics is made from.
 
     Attributes:
         inputs: topics whose packets it is to be given: also those that numbers come from.
         size: bytes of what waits.
     """
 
-    def __init__(self, graph: Graph, topics: Collection[str]) -> None:
+    def __init__(self, graph: Graph, topics: Collection[str], apart: bool = False) -> None:
         self.size = 0
         self._told = _told(graph)
         self._followers = _followers(graph, topics)
+        if apart:
+            self._followers = {
+                begin: made for begin, made in self._followers.items() if made or begin in topics
+            }
         self.inputs = tuple(dict.fromkeys((*self._followers, *topics)))
         self._waiting: dict[str, deque[Packet]] = {topic: deque() for topic in topics}
         self._place = {topic: place for place, topic in enumerate(topics)}
@@ -53,6 +58,11 @@ class Ordering:
     def ended(self) -> bool:
         """Whether nothing more is to come."""
         return min(self._answered.values(), default=_FINISHED) == _FINISHED
+
+    @property
+    def answered(self) -> int:
+        """The newest number that all have answered, as far as it went to them."""
+        return min(self._begun, *(owed[0] - 1 for owed in self._owed.values() if owed), END)
 
     def waits(self, topic: str) -> bool:
         """Whether a message of a topic waits."""
@@ -96,14 +106,15 @@ class Ordering:
     def _count(self, topic: str, packet: Packet) -> None:
         """Note who owes an answer to this number, or that it was given."""
         number = packet.number
-        self._answered[topic] = max(self._answered[topic], number)
+        done = number - 1 if packet.more else number
+        self._answered[topic] = max(self._answered[topic], done)
         if topic in self._followers:
             self._begun, self._begun_ns = max(self._begun, number), packet.log_ns
             for follower in self._followers[topic]:
                 if self._answered[follower] < number:
                     self._owed[follower].append(number)
         owed = self._owed[topic]
-        while owed and owed[0] <= number:
+        while owed and owed[0] <= done:
             owed.popleft()
 
     def _is_answered(self, number: int) -> bool:

@@ -18,7 +18,8 @@ class Packet(NamedTuple):
     did, and ``log_ns`` the time under which it is recorded, where the source tells it. What nodes
     make of it keeps all three, so that a recorder can put all topics in order, at the times at
     which they came about. ``port`` is the input of the node that it waits for; ``turns`` how often
-    the source had been sent elsewhere or opened anew.
+    the source had been sent elsewhere or opened anew. ``more``: this is not the publisher's last
+    word on this number. ``again``: the node had this message before.
     """
 
     number: int
@@ -27,6 +28,8 @@ class Packet(NamedTuple):
     port: str = ""
     log_ns: int | None = None
     turns: int = 0
+    more: bool = False
+    again: bool = False
 
 
 class Inbox:
@@ -129,7 +132,8 @@ class Inbox:
 
     def _repeated(self) -> Packet | None:
         assert self._taken is not None
-        return self._taken._replace(number=self._number, arrival_ns=time.monotonic_ns())
+        arrival_ns = time.monotonic_ns()
+        return self._taken._replace(number=self._number, arrival_ns=arrival_ns, again=True)
 
     def close(self, discard: bool = False) -> None:
         """Nothing more comes in; what is there can still be taken unless discarded."""

@@ -9,7 +9,8 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ros_visualise.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.params import Parameters
@@ -25,7 +26,7 @@ _PATIENCE_S = 0.2  # of who asks for figures, with a step that takes long
 
 
 class NodeRunner:
-    """One node at work: its state, its live parameters, its counts.
+    """One node at work: its state, its live parameters, its counts, and the frames that it knows.
 
     An error in a step costs that one message: it is said once for each place in the code where it
     comes from, counted under ``error``, and ``failed`` stays set.
@@ -34,6 +35,7 @@ class NodeRunner:
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
         self.node = node
         self.stats = NodeStats()
+        self.frames = FrameTree()
         self.failed = False
         self.stateless = node.type.stateless
         self._type = node.type
@@ -45,24 +47,27 @@ class NodeRunner:
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
 
-    def step(self, packet: Packet) -> Mapping[str, Any]:
-        """What the node makes of a message, which waits for it at one of its inputs.
+    def step(self, *packets: Packet) -> Mapping[str, Any]:
+        """What the node makes of a message, or of those of several inputs that belong together.
 
         The answer is output name -> message.
         """
-        self.stats.received += 1
         started_ns = time.monotonic_ns()
+        packet = max(packets, key=lambda one: (one.turns, one.arrival_ns))
         if packet.turns < self._turns:  # of before a seek, by another way than what came after it
             self.stats.dropped["stale"] += 1
             return NOTHING
         try:
-            message = content(packet.message)
+            messages = {one.port: self._content(one) for one in packets}
             with self._at_state:
-                self._reset_if_time_jumped(packet, message.header.stamp_ns)
-                outputs = self._by_output(self._ask(packet, message))
-        except DamagedMessage as error:
+                self._reset_if_time_jumped(messages, packet.turns)
+                outputs = self._by_output(self._ask(packet, messages))
+        except DamagedMessage:
             self.stats.dropped["damaged"] += 1
-            self._say(error, self.node.inputs[packet.port])
+            return NOTHING
+        except NoTransform as error:
+            self.stats.dropped["no transform"] += 1
+            self._say(error)
             return NOTHING
         except Exception as error:
             self.stats.dropped["error"] += 1
@@ -107,10 +112,19 @@ class NodeRunner:
             self._fail(error)
             return NOTHING
 
-    def _ask(self, packet: Packet, message: Any) -> Any:
-        given = {packet.port: message, "params": self._parameters.current}
+    def _content(self, packet: Packet) -> Any:
+        try:
+            return content(packet.message)
+        except DamagedMessage as error:
+            self._say(error, self.node.inputs[packet.port])
+            raise
+
+    def _ask(self, packet: Packet, messages: Mapping[str, Any]) -> Any:
+        given = {**messages, "params": self._parameters.current}
         if self._type.timed:
             given["arrival_ns"] = packet.log_ns or packet.arrival_ns
+        if self._type.frames:
+            given["frames"] = self.frames
         return self._state.step(**given)
 
     def _by_output(self, answer: Any) -> Mapping[str, Any]:
@@ -125,14 +139,19 @@ class NodeRunner:
                 raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
         return outputs
 
-    def _reset_if_time_jumped(self, packet: Packet, stamp_ns: int) -> None:
-        newest_ns = self._newest_ns.get(packet.port, stamp_ns)
-        goes_back = stamp_ns < newest_ns - round(self._type.late_s * 1e9)
-        if self._newest_ns and (goes_back or packet.turns != self._turns):
+    def _reset_if_time_jumped(self, messages: Mapping[str, Any], turns: int) -> None:
+        stamps = {port: message.header.stamp_ns for port, message in messages.items()}
+        late_ns = round(self._type.late_s * 1e9)
+        goes_back = any(
+            stamp_ns < self._newest_ns.get(port, stamp_ns) - late_ns
+            for port, stamp_ns in stamps.items()
+        )
+        if self._newest_ns and (goes_back or turns != self._turns):
             self._state.reset()
             self._newest_ns.clear()
-            newest_ns = stamp_ns
-        self._newest_ns[packet.port], self._turns = max(stamp_ns, newest_ns), packet.turns
+        for port, stamp_ns in stamps.items():
+            self._newest_ns[port] = max(stamp_ns, self._newest_ns.get(port, stamp_ns))
+        self._turns = turns
 
     def _fail(self, error: Exception) -> None:
         self.failed = True
