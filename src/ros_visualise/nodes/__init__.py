@@ -21,7 +21,18 @@ and where needed
 - ``report()``, figures of its own for the run report,
 - methods decorated with `action`: buttons on the page, services on a ROS graph.
 
-A node of several inputs gets each message alone, so its ``step`` has a default for each of them.
+A node of several inputs says how their messages come together, by their stamps:
+
+    @node("locator", inputs={"image": Image, "boxes": PoseArray}, join=Exact(), frames=True, ...)
+    def locator(image, boxes, params, frames): ...
+
+``join`` is one of `ros_visualise.joining`: ``Exact()``, the same stamp; ``Approx(slop_s)``, the
+nearest; ``Latest("image")``, each image with the latest of the others. Without it each message
+comes alone, so that ``step`` has a default for each of them. Messages that come into no step are
+counted. With ``frames`` the step is also given a `ros_visualise.geometry.frames.FrameTree`, by
+``/tf`` and ``/tf_static`` as they were known then; a message waits for the transforms of its time,
+half a second at most. A step that ends with NoTransform costs that message.
+
 ``step``, ``tick``, ``finish`` and actions answer with the message of its only output, with a dict
 of output name to message, or with None: nothing for this one.
 
