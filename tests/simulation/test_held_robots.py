@@ -41,7 +41,7 @@ def test_flown_at_a_fence_it_comes_back_at_once():
     place = np.array([m.position_xyz for m in collect(simulation, 25.0)["truth"]])
     assert place[-1, 1] > 9
     assert place[-1, 1] < 10
-    assert math.dist(simulation._robot._point, place[-1]) < 0.8
+    assert math.dist(simulation._robot._reference.position, place[-1]) < 0.8
     simulation.command(twist(y=-1.0, z=0.2))
     back = collect(simulation, 3.0)["truth"][-1].position_xyz
     assert back[1] < place[-1, 1] - 1.0
@@ -137,4 +137,4 @@ def test_a_rover_that_makes_no_way_says_so_once_where_it_is(caplog):
     simulation._data.qpos[:7] = 9.2, 4.5, 0.132, 1, 0, 0, 0
     simulation.command(twist(x=0.5))
     collect(simulation, 15.0)
-    assert caplog.messages == ["husky makes no way at (9.4, 4.5): something is in its way"]
+    assert caplog.messages == ["husky does not move at (9.4, 4.5): something is in its way"]

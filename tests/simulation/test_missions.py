@@ -105,12 +105,12 @@ def test_an_eight_goes_through_its_middle_twice():
 
 def test_a_carrot_waits_for_who_follows_it():
     route = Route([(0, 0, 0), (10, 0, 0)])
-    carrot = Carrot(route, leash_m=2.0)
+    carrot = Carrot(route, lookahead_m=2.0)
     for _ in range(100):
-        carrot.lead((0, 0, 0), 0.1)
+        carrot.advance((0, 0, 0), 0.1)
     assert carrot.point == pytest.approx((2, 0, 0))
     while not carrot.at_end:
-        carrot.lead(carrot.point, 0.1)
+        carrot.advance(carrot.point, 0.1)
     assert carrot.point == (10, 0, 0)
 
 
@@ -126,7 +126,7 @@ def test_the_corners_of_a_way_are_where_it_turns_sharply():
 
 
 def test_a_carrot_waits_at_the_start_and_at_corners_until_its_follower_is_there():
-    carrot = Carrot(Route([(0, 0, 0), (2, 0, 0), (2, 1, 0)]), leash_m=1.0, there_m=0.1)
+    carrot = Carrot(Route([(0, 0, 0), (2, 0, 0), (2, 1, 0)]), lookahead_m=1.0, tolerance_m=0.1)
     for follower, point in [
         ((0, 0.2, 0), (0, 0, 0)),
         ((0, 0.1, 0), (1, 0, 0)),
@@ -134,7 +134,7 @@ def test_a_carrot_waits_at_the_start_and_at_corners_until_its_follower_is_there(
         ((1.95, 0, 0), (2, 0.95, 0)),
     ]:
         for _ in range(100):
-            carrot.lead(follower, 0.05)
+            carrot.advance(follower, 0.05)
         assert carrot.point == pytest.approx(point, abs=0.06)
 
 
@@ -143,15 +143,15 @@ def test_laps_are_gone_around_and_zero_has_no_end():
     assert square.length_m == 4
     twice, endless = Carrot(square, 9.0, laps=2), Carrot(square, 9.0, laps=0)
     for _ in range(90):
-        twice.lead(twice.point, 0.1)
-        endless.lead(endless.point, 0.1)
+        twice.advance(twice.point, 0.1)
+        endless.advance(endless.point, 0.1)
     assert twice.at_end
     assert not endless.at_end
     assert endless.way_m > 8
 
 
 def test_a_small_way_is_not_gone_around_without_its_follower():
-    carrot = Carrot(Mission("figure_of_eight", size=(1.0, 1.0)).route(), leash_m=5.0)
+    carrot = Carrot(Mission("figure_of_eight", size=(1.0, 1.0)).route(), lookahead_m=5.0)
     for _ in range(1000):
-        carrot.lead((0.0, 0.0, 4.0), 0.1)
+        carrot.advance((0.0, 0.0, 4.0), 0.1)
     assert carrot.way_m < 0.5

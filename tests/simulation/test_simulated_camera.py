@@ -120,9 +120,9 @@ def test_a_gimbal_keeps_the_camera_level():
         settings = replace(
             QuadrotorParams(), camera_gimbal=gimbal, camera_width=64, camera_height=48
         )
-        mounting = Simulation("quadrotor", "plane", settings=settings)._suite._mounting
+        mount = Simulation("quadrotor", "plane", settings=settings)._suite._mount
         turn, _ = cv2.Rodrigues(np.array([0.3, 0.1, 0.0]))
-        _, R = mounting.optical_in_map(np.zeros(3), turn)
+        _, R = mount.optical_in_map(np.zeros(3), turn)
         straight_down = R[:, 2] @ (0, 0, -1)
         assert straight_down == pytest.approx(1 if gimbal else turn[2, 2])
 

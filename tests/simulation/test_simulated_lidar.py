@@ -11,7 +11,7 @@ from ros_visualise.simulation import HuskyParams, Simulation
 from ros_visualise.simulation.attitude import from_rotation_vector, rows
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.sensors.lidar import Lidar
-from ros_visualise.simulation.sensors.rays import Things
+from ros_visualise.simulation.sensors.rays import StaticGeoms
 
 SIGHTED = replace(HuskyParams(), camera=False)
 
@@ -32,7 +32,7 @@ def test_every_ray_meets_what_mujoco_has_it_meet(world: str):
         assert np.median(abs(ranges[near] - whole[near])) < 1e-6
 
 
-def test_rays_along_the_axes_of_things_meet_them_as_mujoco_has_it():
+def test_rays_along_the_axes_of_geoms_hit_them_as_mujoco_has_it():
     mujoco = load_mujoco()
     model = mujoco.MjModel.from_xml_string(
         """<mujoco><worldbody><geom type="sphere" size=".5" pos="9 0 0"/>
@@ -47,8 +47,8 @@ def test_rays_along_the_axes_of_things_meet_them_as_mujoco_has_it():
     rays = np.array([[s if j == i else 0.0 for j in range(3)] for i in range(3) for s in (-1, 1)])
     for place in np.zeros(3), np.array([0.2, -0.1, 0.3]):
         geoms, each = np.repeat(np.arange(6), 6), np.tile(rays, (6, 1))
-        things, counts = Things(model, data, np.arange(6)), np.full(6, 6)
-        found, met = things.meet(place, np.eye(3), each.T.astype(np.float32), counts)
+        static, counts = StaticGeoms(model, data, np.arange(6)), np.full(6, 6)
+        found, met = static.intersect(place, np.eye(3), each.T.astype(np.float32), counts)
         expected = [cast_at(model, data, place, ray, g) for g, ray in zip(geoms, each, strict=True)]
         assert np.where(met, found, np.inf) == pytest.approx(np.array(expected), abs=1e-5)
         assert met.sum() >= 11

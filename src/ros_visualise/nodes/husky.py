@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ros_visualise.nodes import source
-from ros_visualise.simulation.settings import HuskyParams, PlaceParams
+from ros_visualise.simulation.settings import HuskyParams, ScenarioParams
 from ros_visualise.simulation.source import INPUTS, LATCHED, OUTPUTS, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 
 @dataclass(frozen=True)
-class HuskyNodeParams(PlaceParams, HuskyParams):
+class HuskyNodeParams(ScenarioParams, HuskyParams):
     """Where it is, what it is to do, and its sensors."""
 
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from ros_visualise.data import FluidPressure, MagneticField
 from ros_visualise.nodes import action, source
-from ros_visualise.simulation.settings import PlaceParams, QuadrotorParams
+from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
 from ros_visualise.simulation.source import INPUTS, LATCHED, OUTPUTS, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 
 @dataclass(frozen=True)
-class QuadrotorNodeParams(PlaceParams, QuadrotorParams):
+class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
     """Where it is, what it is to do, and its sensors."""
 
 

@@ -33,7 +33,7 @@ _TO_OPTICAL: Quat = (0.5, -0.5, 0.5, -0.5)  # the same
 _SITES = ("imu_link", "gps_link", "lidar_link")
 
 
-class Mounting:
+class CameraMount:
     """How the camera is held.
 
     Args:
@@ -67,7 +67,7 @@ class Mounting:
         return np.array(rows(from_yaw(yaw)))
 
 
-def fixed_frames(model: Any, mounting: Mounting, start: tuple[Vector, Quat]) -> Transforms:
+def fixed_frames(model: Any, mount: CameraMount, start: tuple[Vector, Quat]) -> Transforms:
     """All that do not move: for ``tf_static``.
 
     Args:
@@ -84,8 +84,8 @@ def fixed_frames(model: Any, mounting: Mounting, start: tuple[Vector, Quat]) -> 
         _transform(0, "camera_link", "camera_optical", np.zeros(3), _TO_OPTICAL),
         *_wheel_frames(model),
     ]
-    if not mounting.gimbal:
-        frames.append(mounting.camera_in_body(0, _LEVEL))
+    if not mount.gimbal:
+        frames.append(mount.camera_in_body(0, _LEVEL))
     return Transforms(tuple(frames))
 
 

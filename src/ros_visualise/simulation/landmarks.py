@@ -1,4 +1,4 @@
-"""Things of known places in a simulated world, for what looks for them."""
+"""StaticGeoms of known places in a simulated world, for what looks for them."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
-from ros_visualise.simulation.worlds.rooms import Room
+from ros_visualise.simulation.worlds.clear_areas import ClearArea
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
@@ -115,11 +115,11 @@ def _eight(width: float, depth: float) -> list[tuple[float, float]]:
     return [(width / 2 * math.sin(t), depth / 2 * math.sin(2 * t)) for t in turns]
 
 
-def read_mission(path: str | Path, rooms: Mapping[str, Room] | None = None) -> Mission:
+def read_mission(path: str | Path, clear_areas: Mapping[str, ClearArea] | None = None) -> Mission:
     """The mission in a YAML file, whose keys are the fields of `Mission`.
 
     Args:
-        rooms: shape -> where it is, as far as the file does not say.
+        clear_areas: shape -> its centre and size where the file leaves them out.
 
     Raises:
         OpenError: there is no such file, or no mission in it.
@@ -133,8 +133,8 @@ def read_mission(path: str | Path, rooms: Mapping[str, Room] | None = None) -> M
             raise OpenError(f"{path}: no key {name!r}: choose of {', '.join(known)}")
     try:
         said = {name: _read(name, value) for name, value in content.items()}
-        room = (rooms or {}).get(said.get("shape", ""))
-        return Mission(**((room._asdict() if room else {}) | said))
+        clear = (clear_areas or {}).get(said.get("shape", ""))
+        return Mission(**((clear._asdict() if clear else {}) | said))
     except OpenError as error:
         raise OpenError(f"{path}: {error}") from None
 

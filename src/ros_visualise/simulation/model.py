@@ -9,6 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.flight import Airframe
 from ros_visualise.simulation.sensors.camera import vertical_fov
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import World
@@ -37,3 +38,16 @@ def site_position(model: Any, name: str) -> Floats:
 def standing_height(model: Any) -> float:
     """Of ``base_link`` over the ground, metres."""
     return float(model.body(BASE).pos[2])
+
+
+def read_airframe(model: Any) -> Airframe:
+    """Mass, inertia and motors of a quadrotor's model; the four motors are alike."""
+    base, motor = model.body(BASE), model.site("motor_front_left")
+    jx, jy, jz = base.inertia.tolist()
+    return Airframe(
+        mass=float(base.subtreemass[0]),
+        inertia=(jx, jy, jz),
+        arm=float(motor.pos[0]),
+        drag=float(model.actuator_gear[0, 5]),
+        max_thrust=float(model.actuator_ctrlrange[0, 1]),
+    )

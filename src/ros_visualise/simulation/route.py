@@ -1,4 +1,4 @@
-"""Ways to go: lines through points, and a carrot that is led along them."""
+"""Routes: lines through points, and the carrot that a robot follows along them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ class Route:
     """A line through points.
 
     Args:
-        points: one or more, metres in ``map``; equal ones that follow each other count once.
-        closed: it goes on from the last to the first.
-        yaws: the heading to arrive at each point with, radians; None: along the way.
+        points: one or more, metres in ``map``; a point that repeats the one before is left out.
+        closed: the last point leads back to the first.
+        yaws: the heading at each point, radians; None: along the route.
 
     Attributes:
-        corners: how far along it are the points at which it turns by more than 30 degrees.
+        corners: distances along the route at which it turns by more than 30 degrees.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Route:
         self.extent_m = max(max(along) - min(along) for along in zip(*line, strict=True))
 
     def at(self, way_m: float) -> Vector:
-        """The point that far along it; on a closed one, around and around."""
+        """The point at a distance along the route; a closed route goes on around."""
         i, part = self._locate(way_m)
         a, b = self.points[i], self.points[min(i + 1, len(self.points) - 1)]
         return (
@@ -58,11 +58,11 @@ class Route:
         )
 
     def yaw_at(self, way_m: float) -> float | None:
-        """The heading asked for at the next point from there on."""
+        """The heading at the next point after a distance along the route."""
         return self.yaws[min(self._locate(way_m)[0] + 1, len(self.yaws) - 1)]
 
     def _corners(self) -> Iterator[int]:
-        """The numbers of the points that are corners; on a closed one the first may be."""
+        """The numbers of the points that are corners; on a closed route also the first may be."""
         ways = [tuple(b - a for a, b in zip(*ends, strict=True)) for ends in pairwise(self.points)]
         if self.closed:
             ways.insert(0, ways[-1])
@@ -80,21 +80,23 @@ class Route:
 
 
 class Carrot:
-    """A point led along a route, never further than ``leash_m`` ahead of who follows it.
+    """A point on a route that stays ahead of its follower by the lookahead distance at most.
 
-    At the start and at each corner it waits until the follower is there too, lest that cuts it.
+    At the start and at each corner it waits for the follower, so that no corner is cut.
 
     Args:
-        leash_m: no more than a third of how far a closed route reaches, lest it be gone around
-            with the follower in its middle.
-        laps: how often a closed route is gone around; 0: without an end.
-        there_m: no further away is there.
+        lookahead_m: cut to a third of a closed route's extent, or the carrot would go around it
+            while the follower stays in its middle.
+        laps: how often to go around a closed route; 0: without end.
+        tolerance_m: closer than this, the follower has arrived.
     """
 
-    def __init__(self, route: Route, leash_m: float, laps: int = 1, there_m: float = 0.1) -> None:
+    def __init__(
+        self, route: Route, lookahead_m: float, laps: int = 1, tolerance_m: float = 0.1
+    ) -> None:
         self.route = route
-        self._leash_m = min(leash_m, route.extent_m / 3) if route.closed else leash_m
-        self._there_m = there_m
+        self._lookahead_m = min(lookahead_m, route.extent_m / 3) if route.closed else lookahead_m
+        self._tolerance_m = tolerance_m
         endless = route.closed and laps == 0
         self._end_m = math.inf if endless else route.length_m * (laps if route.closed else 1)
         self._stops = self._find_stops()
@@ -104,31 +106,31 @@ class Carrot:
 
     @property
     def at_end(self) -> bool:
-        """The carrot is where the way ends."""
+        """The carrot is at the end of the route."""
         return self.way_m >= self._end_m
 
     @property
     def yaw(self) -> float | None:
-        """The heading asked for there."""
+        """The heading asked for where the carrot is."""
         return self.route.yaw_at(self.way_m)
 
-    def lead(self, follower: Vector, step_m: float) -> Vector:
-        """Go on by a step, or less where the leash gets short; returns the new point."""
+    def advance(self, follower: Vector, step_m: float) -> Vector:
+        """Move on by a step at most, within the lookahead distance; returns the new point."""
         away_m = math.dist(self.point, follower)
-        if self.way_m >= self._stop_m and away_m <= self._there_m:
+        if self.way_m >= self._stop_m and away_m <= self._tolerance_m:
             self._stop_m = next(self._stops)
-        slack_m = self._leash_m - away_m
+        slack_m = self._lookahead_m - away_m
         if slack_m > 0:
             self.way_m = min(self.way_m + min(step_m, slack_m), self._stop_m)
             self.point = self.route.at(self.way_m)
         return self.point
 
-    def reached_m(self, follower: Vector) -> float:
-        """How far along the way the follower is, or a little less in a curve."""
+    def progress_m(self, follower: Vector) -> float:
+        """How far along the route the follower is, or a little less in a curve."""
         return self.way_m - math.dist(self.point, follower)
 
     def _find_stops(self) -> Iterator[float]:
-        """How far along the way it waits, lap after lap, and at last its end."""
+        """Distances along the route where it waits, lap after lap, and last the end."""
         route = self.route
         laps: Iterable[int] = count() if route.closed and route.corners else (0,)
         corners = (lap * route.length_m + corner for lap in laps for corner in route.corners)

@@ -122,7 +122,7 @@ class QuadrotorParams(RobotParams):
 
 
 @dataclass(frozen=True)
-class PlaceParams:
+class ScenarioParams:
     """Where a robot is, and what it is to do."""
 
     world: str = setting("field", "plane, playpen or field")

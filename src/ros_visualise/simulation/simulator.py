@@ -18,11 +18,11 @@ from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read
 from ros_visualise.simulation.model import compile_model, standing_height
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
-from ros_visualise.simulation.sensors.suite import Suite
+from ros_visualise.simulation.schedule import Output, Schedule
+from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
-from ros_visualise.simulation.streams import Output, Timetable
 from ros_visualise.simulation.worlds import World, build_world
-from ros_visualise.simulation.worlds.rooms import ROOMS
+from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -70,10 +70,10 @@ class Simulation:
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
         gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal
-        mounting = frames.Mounting(self._model, self.settings, gimbal)
-        self._suite = Suite(self._robot, self._model, self._data, self.settings, mounting, seed)
-        self._timetable = Timetable(self._suite.streams, wants)
-        self._fixed: Transforms = frames.fixed_frames(self._model, mounting, self.start_pose)
+        mount = frames.CameraMount(self._model, self.settings, gimbal)
+        self._suite = SensorSuite(self._robot, self._model, self._data, self.settings, mount, seed)
+        self._schedule = Schedule(self._suite.streams, wants)
+        self._fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
         self._description = describe(self._model, self._fixed)
         self._mission = self._find(mission)
         if self._mission is not None:
@@ -87,12 +87,12 @@ class Simulation:
     @property
     def finished(self) -> bool:
         """The mission is over."""
-        return self._robot.errand.finished
+        return self._robot.mission.finished
 
     @property
     def failure(self) -> str:
         """What ended the mission, or all that the robot does, too early, in one line; or empty."""
-        return self._robot.errand.failure
+        return self._robot.mission.failure
 
     @property
     def actions(self) -> tuple[str, ...]:
@@ -114,7 +114,7 @@ class Simulation:
             yield Output(0, "robot_description", self._description)
             yield Output(0, "tf_static", self._fixed)
         step, model, data = load_mujoco().mj_step, self._model, self._data
-        control, timetable, orders = self._robot.control, self._timetable, self._orders
+        control, schedule, orders = self._robot.control, self._schedule, self._orders
         try:
             while True:
                 while orders:
@@ -123,8 +123,8 @@ class Simulation:
                 control(stamp_ns / 1e9)
                 step(model, data)
                 self._steps += 1
-                if timetable.due_ns <= stamp_ns:
-                    yield from timetable.take(stamp_ns)
+                if schedule.due_ns <= stamp_ns:
+                    yield from schedule.take(stamp_ns)
         finally:
             self._suite.close()
 
@@ -186,11 +186,11 @@ class Simulation:
         self._suite.close()
 
     def _obey(self, order: Callable[[], None]) -> None:
-        if not self._robot.balance.lost:
+        if not self._robot.tip_over.detected:
             order()
 
     def _check_upright(self) -> None:
-        if self._robot.balance.lost:
+        if self._robot.tip_over.detected:
             raise UsageError(f"the {self._name} has tipped over: reset it")
 
     def _set_down(self) -> tuple[Vector, Quat]:
@@ -216,11 +216,11 @@ class Simulation:
             return mission
         if mission == "default":
             return self._default_mission()
-        rooms = ROOMS[self.world.name]
+        clear_areas = CLEAR_AREAS[self.world.name]
         if mission in SHAPES:
-            center, size = rooms[str(mission)]
+            center, size = clear_areas[str(mission)]
             return Mission(str(mission), size, center, laps=0)
-        return read_mission(mission, rooms)
+        return read_mission(mission, clear_areas)
 
     def _default_mission(self) -> Mission:
         """The world's way for the rover, a survey of the middle for the quadrotor."""

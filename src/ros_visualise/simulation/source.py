@@ -21,9 +21,9 @@ from ros_visualise.data import (
 )
 from ros_visualise.declarations import action
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.simulation.settings import PlaceParams, RobotParams
+from ros_visualise.simulation.schedule import Output
+from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import Simulation
-from ros_visualise.simulation.streams import Output
 from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ class SimulatedRobot:
     def __init__(
         self,
         robot: str,
-        place: PlaceParams,
+        place: ScenarioParams,
         settings: RobotParams,
         playback: Playback,
     ) -> None:

@@ -12,12 +12,12 @@ from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.robots.balance import Balance
-from ros_visualise.simulation.robots.errand import Errand
+from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
+from ros_visualise.simulation.robots.tip_over import TipOverDetector
 
 
 class Body:
-    """The robot's base as it is in the physics, at the time of the step that was made last.
+    """The true state of the robot's base in the physics, at the last step.
 
     MuJoCo leaves positions of bodies, velocities and sensors as they were before that step, so that
     all of them belong to one time.
@@ -70,27 +70,27 @@ class Robot(Protocol):
 
     Attributes:
         body: its base in the physics.
-        actions: what it can be told to do by name.
-        balance: where it is lost the robot does nothing.
-        errand: its mission.
+        actions: name -> what it does.
+        tip_over: once it has detected a fall, the robot does nothing.
+        mission: whether its mission gets on.
     """
 
     actions: Mapping[str, Callable[[], None]]
-    balance: Balance
+    tip_over: TipOverDetector
     body: Body
-    errand: Errand
+    mission: MissionMonitor
 
     def control(self, time_s: float) -> None:
         """Set the actuators for the next step."""
 
     def command(self, twist: Twist, time_s: float) -> None:
-        """Go with that velocity, in the body's axes; it gives up a mission."""
+        """Follow a velocity in the body's axes; this ends a mission."""
 
     def go_to(self, goal: PoseStamped) -> None:
-        """Go to a pose in ``map``; it gives up a mission."""
+        """Go to a pose in ``map``; this ends a mission."""
 
     def start(self, mission: Mission) -> None:
         """Begin a mission."""
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """What its odometry says, once each period of it."""
+        """What its odometry says; called once in each of its periods."""

@@ -10,10 +10,10 @@ from typing import Any
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, wrap, yaw_of
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.robots.balance import Balance
 from ros_visualise.simulation.robots.base import Body
-from ros_visualise.simulation.robots.errand import Errand
-from ros_visualise.simulation.robots.progress import Progress, tell_place
+from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
+from ros_visualise.simulation.robots.stall import StallDetector, tell_place
+from ros_visualise.simulation.robots.tip_over import TipOverDetector
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
 from ros_visualise.simulation.settings import HuskyParams
@@ -21,7 +21,7 @@ from ros_visualise.simulation.settings import HuskyParams
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
-_LEASH_M = 0.5  # that it looks ahead
+_LOOKAHEAD_M = 0.5
 _THERE_M = 0.1
 _TURN_ON_SPOT = math.radians(50)
 _INTEGRAL = 6.0  # 1/s: of the wheels' speed controllers
@@ -66,15 +66,15 @@ class Husky:
         self._carrot: Carrot | None = None
         self._cruise = MAX_SPEED
         self._final_yaw: float | None = None
-        self._progress = Progress("husky")
-        self.balance = Balance()
-        self.errand = Errand("husky", params.mission_timeout)
+        self._stall_detector = StallDetector("husky")
+        self.tip_over = TipOverDetector()
+        self.mission = MissionMonitor("husky", params.mission_timeout)
         self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
 
     def stop(self) -> None:
         """Stand still, and give up what it was doing."""
         self._carrot, self._wanted = None, (0.0, 0.0)
-        self.errand.drop()
+        self.mission.cancel()
 
     def command(self, twist: Twist, time_s: float) -> None:
         """Go with linear x and angular z."""
@@ -88,14 +88,14 @@ class Husky:
         place = (float(goal.position_xyz[0]), float(goal.position_xyz[1]), 0.0)
         self._follow(Route([self._place(), place]), 1, MAX_SPEED)
         self._final_yaw = yaw_of((w, x, y, z))
-        self.errand.drop()
+        self.mission.cancel()
 
     def start(self, mission: Mission) -> None:
         """Go to the mission's way and along it."""
         route = mission.route()
         self._follow(route, mission.laps, min(mission.speed, MAX_SPEED))
         self._final_yaw = None if route.closed else route.yaws[-1]
-        self.errand.begin()
+        self.mission.begin()
 
     def control(self, time_s: float) -> None:
         """Wheel speeds for the next step."""
@@ -111,7 +111,7 @@ class Husky:
 
     def _navigate(self, time_s: float) -> None:
         """Choose speed and turn rate, and see whether it gets on."""
-        self._give_up_if_lost()
+        self._give_up_if_stuck()
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
         elif time_s - self._commanded_s > self._params.command_timeout:
@@ -149,16 +149,16 @@ class Husky:
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
         track = self._wheels.track
         wanted, actual = (self._speed, track * self._turn), (ahead, track * turn)
-        self._progress.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
+        self._stall_detector.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
-    def _give_up_if_lost(self) -> None:
+    def _give_up_if_stuck(self) -> None:
         """Stop where it lies on its side, or its mission makes no progress."""
         dt_s, place = self._dt_s * _NAVIGATION_STEPS, self._place()
-        if self.balance.watch(self._attitude(), dt_s):
-            self.errand.end(f"husky lies on its side at {tell_place(place)}")
+        if self.tip_over.watch(self._attitude(), dt_s):
+            self.mission.end(f"husky lies on its side at {tell_place(place)}")
             self.stop()
-        gone_m = 0.0 if self._carrot is None else self._carrot.reached_m(place)
-        if self.errand.watch(gone_m, place, dt_s):
+        gone_m = 0.0 if self._carrot is None else self._carrot.progress_m(place)
+        if self.mission.watch(gone_m, place, dt_s):
             self.stop()
 
     def _place(self) -> Vector:
@@ -174,7 +174,7 @@ class Husky:
 
     def _follow(self, route: Route, laps: int, speed: float) -> None:
         flat = [(x, y, 0.0) for x, y, _ in route.points]
-        self._carrot = Carrot(Route(flat, route.closed), _LEASH_M, laps, _THERE_M)
+        self._carrot = Carrot(Route(flat, route.closed), _LOOKAHEAD_M, laps, _THERE_M)
         self._cruise = speed
 
     def _pursue(self, carrot: Carrot) -> tuple[float, float]:
@@ -183,7 +183,7 @@ class Husky:
         Source: Coulter, Implementation of the pure pursuit path tracking algorithm, 1992.
         """
         place = self._place()
-        x, y, _ = carrot.lead(place, 4 * self._cruise * self._dt_s * _NAVIGATION_STEPS)
+        x, y, _ = carrot.advance(place, 4 * self._cruise * self._dt_s * _NAVIGATION_STEPS)
         dx, dy = x - place[0], y - place[1]
         away = math.hypot(dx, dy)
         if carrot.at_end and away < _THERE_M:
@@ -191,7 +191,7 @@ class Husky:
         off = wrap(math.atan2(dy, dx) - self._yaw())
         if abs(off) > _TURN_ON_SPOT:
             return 0.0, math.copysign(min(1.2, 2 * abs(off)), off)
-        speed = self._cruise * max(0.15, math.cos(off)) * min(1.0, away / (0.6 * _LEASH_M))
+        speed = self._cruise * max(0.15, math.cos(off)) * min(1.0, away / (0.6 * _LOOKAHEAD_M))
         return speed, 2 * speed * math.sin(off) / max(away, 0.3)
 
     def _arrive(self) -> tuple[float, float]:
@@ -200,7 +200,7 @@ class Husky:
             if abs(off) > 0.02:
                 return 0.0, max(-1.0, min(1.0, 2.5 * off))
         self._carrot = None
-        self.errand.end()
+        self.mission.end()
         return 0.0, 0.0
 
 

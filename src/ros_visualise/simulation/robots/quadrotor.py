@@ -1,4 +1,4 @@
-"""The quadrotor: what it is asked for becomes a moving point that its controller flies after."""
+"""The quadrotor: commands, goals and missions move a reference, which it is flown along."""
 
 from __future__ import annotations
 
@@ -8,46 +8,43 @@ from enum import Enum
 from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
-from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
-from ros_visualise.simulation.flight import Airframe, FlightController, SetPoint, State
+from ros_visualise.simulation.attitude import Vector, yaw_of
+from ros_visualise.simulation.flight import FlightController, State
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.robots.balance import Balance
+from ros_visualise.simulation.model import read_airframe
 from ros_visualise.simulation.robots.base import Body
-from ros_visualise.simulation.robots.errand import Errand
-from ros_visualise.simulation.robots.progress import Progress, tell_place
+from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
+from ros_visualise.simulation.robots.reference import Reference
+from ros_visualise.simulation.robots.stall import StallDetector, tell_place
+from ros_visualise.simulation.robots.tip_over import TipOverDetector
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
-_UNDERSIDE_M = 0.05  # what it touches further below carries it
 TAKE_OFF_M = 2.0
-_LOWEST_M = 1.0  # that it flies to a goal or to a mission
 MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
-MAX_ACCELERATION = 3.0  # m/s^2
-MAX_TURN = math.radians(70)  # per second
+_LOWEST_M = 1.0  # height of goals and missions at least
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
-_STIFFNESS = 2.0  # 1/s: how the point follows the carrot
-_LEASH_S = 1.2  # that the carrot is ahead at most; at a steady speed it is 2 / _STIFFNESS
-_REACH_M = 0.6  # that the point is away from the robot at most; in free flight it is 0.27
-_HELD_M = 0.5  # further behind than that something holds it
+_LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
+_REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
+_HELD_M = 0.5  # farther from the reference than this, something holds the robot
+_UNDERSIDE_M = 0.05  # a contact farther below the middle carries the robot
 _LANDED_S = 0.4
-_ARRIVED_M, _THERE_M = 0.12, 0.3  # of the point, of the robot
-_COURSE_M_S = 0.4  # slower than that there is no course to head to
+_ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
 class Mode(Enum):
     """What it is doing."""
 
     LANDED = "landed"
-    FLYING = "flying"  # after a carrot, or standing in the air
+    FLYING = "flying"  # along a way, or hovering at its end
     COMMANDED = "commanded"
     LANDING = "landing"
 
 
 class Quadrotor:
-    """It knows its true state: estimating that is for those who use its sensors."""
+    """It is controlled by its true state; estimating that is left to users of its sensors."""
 
     def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
         self.body = Body(model, data)
@@ -55,22 +52,21 @@ class Quadrotor:
         self._dt_s = float(model.opt.timestep)
         self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
         self._steps = 0
-        self._controller = FlightController(_airframe(model))
+        self._controller = FlightController(read_airframe(model))
         state = self._state()
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
         self._mode = Mode.LANDED
-        self._home = self._point = state.position
-        self._velocity = self._acceleration = (0.0, 0.0, 0.0)
-        self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
+        self._home = state.position
+        self._reference = Reference(state.position, yaw_of(state.attitude))
         self._carrot: Carrot | None = None
         self._cruise = _CLIMB
-        self._next: list[Callable[[], None]] = []  # what comes when the carrot was reached
+        self._next: list[Callable[[], None]] = []  # what to do at the end of the way
         self._twist = ((0.0, 0.0, 0.0), 0.0)
         self._commanded_s = -math.inf
         self._touched_s = 0.0
-        self._progress = Progress("quadrotor")
-        self.balance = Balance()
-        self.errand = Errand("quadrotor", params.mission_timeout)
+        self._stall_detector = StallDetector("quadrotor")
+        self.tip_over = TipOverDetector()
+        self.mission = MissionMonitor("quadrotor", params.mission_timeout)
         self.actions: Mapping[str, Callable[[], None]] = {
             "take_off": self.take_off,
             "land": self.land,
@@ -78,71 +74,77 @@ class Quadrotor:
         }
 
     def take_off(self) -> None:
-        """Rise and stay there."""
-        self._forget()
+        """Take off and hover."""
+        self._cancel()
         self._rise(TAKE_OFF_M)
 
     def land(self) -> None:
-        """Come down where it is."""
-        self._forget()
+        """Land right below."""
+        self._cancel()
         self._descend()
 
     def stop(self) -> None:
-        """Stand in the air, and give up what it was doing."""
-        self._forget()
+        """Hover, and give up a goal or mission."""
+        self._cancel()
         self._carrot = None
         if self._mode is not Mode.LANDED:
             self._mode = Mode.FLYING
             place = self._state().position
-            if math.dist(self._point, place) > _HELD_M:
-                self._point, self._velocity = place, (0.0, 0.0, 0.0)
-            self._fly([self._point], _CLIMB)
+            if math.dist(self._reference.position, place) > _HELD_M:
+                self._reference.move(place, (0.0, 0.0, 0.0))
+            self._fly([], _CLIMB)
 
     def command(self, twist: Twist, time_s: float) -> None:
-        """Go with that velocity in axes that turn with the heading alone, and turn by angular z.
+        """Follow a velocity in level axes that turn with the heading, and turn by angular z.
 
-        On the ground it waits for one that goes up.
+        On the ground it waits for a velocity that goes up.
         """
         x, y, z = twist.linear_xyz.tolist()
         if self._mode is Mode.LANDED and z <= 0:
             return
         if self._mode is Mode.LANDED:
-            self._wake()
-        self._forget()
+            self._begin_flight()
+        self._cancel()
         self._carrot, self._mode = None, Mode.COMMANDED
         self._twist, self._commanded_s = ((x, y, z), float(twist.angular_xyz[2])), time_s
 
     def go_to(self, goal: PoseStamped) -> None:
-        """Fly there, after taking off where need be, and turn to its heading.
+        """Take off if it stands, fly to a goal and turn to the goal's heading.
 
-        To a goal on the ground plane, as rviz's tool sends it, it flies as high as it is.
+        A goal on the ground plane, as rviz's tool sends it, is flown to at the present height.
         """
         x, y, z, w = goal.quat_xyzw.tolist()
         px, py, pz = goal.position_xyz.tolist()
         if pz <= 0:
-            pz = TAKE_OFF_M if self._mode is Mode.LANDED else max(self._point[2], _LOWEST_M)
+            pz = (
+                TAKE_OFF_M
+                if self._mode is Mode.LANDED
+                else max(self._reference.position[2], _LOWEST_M)
+            )
         yaw = yaw_of((w, x, y, z))
-        self._forget()
-        self._after_take_off(pz, lambda: self._fly([self._point, (px, py, pz)], 2.0, yaw=yaw))
+        self._cancel()
+        self._after_take_off(pz, lambda: self._fly([(px, py, pz)], 2.0, yaw=yaw))
 
     def start(self, mission: Mission) -> None:
-        """Take off, fly to the mission's way and along it, return to where it took off and land."""
-        self._forget()
-        self.errand.begin()
+        """Take off, fly the mission, and return to where it took off and land there."""
+        self._cancel()
+        self.mission.begin()
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
         first = route.points[0]
-        self._after_take_off(first[2], lambda: self._fly([self._point, first], speed))
+        self._after_take_off(first[2], lambda: self._fly([first], speed))
         self._next.append(
-            lambda: self._go_along(Carrot(route, speed * _LEASH_S, mission.laps, _THERE_M), speed)
+            lambda: self._go_along(
+                Carrot(route, speed * _LOOKAHEAD_S, mission.laps, _THERE_M), speed
+            )
         )
         if mission.land:
             x, y, _ = self._home
-            self._next.append(lambda: self._fly([self._point, (x, y, self._point[2])], speed))
+            self._next.append(lambda: self._fly([(x, y, self._reference.position[2])], speed))
             self._next.append(self._descend)
-        self._next.append(self.errand.end)
+        self._next.append(self.mission.end)
 
     def control(self, time_s: float) -> None:
-        """Thrusts for the next step."""
+        """Set the motors' thrusts for the next step."""
         state = self._state()
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s, state)
@@ -150,26 +152,24 @@ class Quadrotor:
         if self._mode is Mode.LANDED:
             self._data.ctrl[:] = 0.0
             return
-        self._advance()
-        target = SetPoint(
-            self._point, self._velocity, self._acceleration, self._yaw, self._yaw_rate
-        )
+        self._reference.advance(self._dt_s)
+        target = self._reference.set_point
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
 
     def _navigate(self, time_s: float, state: State) -> None:
-        """Choose how the point goes on, and see whether it can."""
-        self._give_up_if_lost(state)
+        """Choose how the reference moves on, and see whether the robot keeps up."""
+        self._give_up_if_stuck(state)
         if self._mode is Mode.LANDED:
             return
-        self._acceleration = self._steer(time_s, state.position)
+        self._steer(time_s, state.position)
         self._keep_near(state)
         if self._mode is Mode.LANDING or self._is_sent_down(state):
-            self._feel_ground(state)
+            self._detect_landing(state)
         else:
             self._touched_s = 0.0
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """What a camera and an IMU make of its motion."""
+        """What a camera and an IMU would estimate."""
         body = self.body
         return self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
 
@@ -178,21 +178,20 @@ class Quadrotor:
         vx, vy, vz, p, q, r = self._data.qvel[:6].tolist()
         return State((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
 
-    def _wake(self) -> None:
-        """Begin to fly from where it stands."""
+    def _begin_flight(self) -> None:
+        """Turn the motors on."""
         state = self._state()
         self._controller.reset()
         self._mode = Mode.FLYING
-        self._home = self._point = state.position
-        self._velocity = self._acceleration = (0.0, 0.0, 0.0)
-        self._yaw, self._yaw_rate = yaw_of(state.attitude), 0.0
+        self._home = state.position
+        self._reference.begin(state.position, yaw_of(state.attitude))
 
     def _rise(self, height_m: float) -> None:
         if self._mode is Mode.LANDED:
-            self._wake()
+            self._begin_flight()
         self._mode = Mode.FLYING
-        x, y, z = self._point
-        self._fly([self._point, (x, y, max(z, height_m))], _CLIMB)
+        x, y, z = self._reference.position
+        self._fly([(x, y, max(z, height_m))], _CLIMB)
 
     def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
         if self._mode is Mode.LANDED:
@@ -203,102 +202,81 @@ class Quadrotor:
             then()
 
     def _fly(self, points: list[Vector], speed: float, yaw: float | None = None) -> None:
-        self._go_along(Carrot(Route(points, yaws=[yaw] * len(points)), speed * _LEASH_S), speed)
+        """Go through points, from where the reference is."""
+        route = Route([self._reference.position, *points], yaws=[yaw] * (len(points) + 1))
+        self._go_along(Carrot(route, speed * _LOOKAHEAD_S), speed)
 
     def _go_along(self, carrot: Carrot, speed: float) -> None:
         self._carrot, self._cruise = carrot, speed
-        self.errand.begin_leg()
+        self.mission.begin_leg()
 
     def _descend(self) -> None:
         if self._mode is not Mode.LANDED:
             self._mode, self._carrot, self._touched_s = Mode.LANDING, None, 0.0
             self._twist = ((0.0, 0.0, -_SINK), 0.0)
-            self.errand.begin_leg()
+            self.mission.begin_leg()
 
-    def _forget(self) -> None:
-        """Give up what was to come next, and a mission."""
+    def _cancel(self) -> None:
+        """Give up a mission, and what was to come next."""
         self._next = []
-        self.errand.drop()
+        self.mission.cancel()
 
-    def _give_up_if_lost(self, state: State) -> None:
-        """Turn the motors off where it has tipped over; stand where a mission makes no progress."""
+    def _give_up_if_stuck(self, state: State) -> None:
+        """Turn the motors off if it has tipped over; hover if its mission makes no progress."""
         place = state.position
-        if self.balance.watch(state.attitude, self._long_dt_s):
-            self.errand.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
-            self._forget()
+        if self.tip_over.watch(state.attitude, self._long_dt_s):
+            self.mission.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
+            self._cancel()
             self._carrot, self._mode = None, Mode.LANDED
-        gone_m = self._carrot.reached_m(place) if self._carrot else -place[2]
-        if self.errand.watch(gone_m, place, self._long_dt_s):
+        gone_m = self._carrot.progress_m(place) if self._carrot else -place[2]
+        if self.mission.watch(gone_m, place, self._long_dt_s):
             self.stop()
 
-    def _steer(self, time_s: float, place: Vector) -> Vector:
-        """The acceleration of the point."""
-        if (
-            self._mode is Mode.COMMANDED
-            and time_s - self._commanded_s > self._params.command_timeout
-        ):
+    def _steer(self, time_s: float, place: Vector) -> None:
+        """Give the reference its acceleration."""
+        is_silent = time_s - self._commanded_s > self._params.command_timeout
+        if self._mode is Mode.COMMANDED and is_silent:
             self._twist = ((0.0, 0.0, 0.0), 0.0)
         if self._mode is Mode.FLYING and self._carrot is not None:
-            pull = self._pull(self._carrot, place)
+            self._follow(self._carrot, place)
         else:
-            pull = [3.0 * (w - v) for w, v in zip(self._commanded(), self._velocity, strict=True)]
-        size = math.hypot(*pull)
-        share = min(1.0, MAX_ACCELERATION / size) if size else 1.0
-        ax, ay, az = (share * a for a in pull)
-        return ax, ay, az
-
-    def _advance(self) -> None:
-        """Move the point, and what it heads to, by one step."""
-        ax, ay, az = self._acceleration
-        (x, y, z), (vx, vy, vz), dt = self._point, self._velocity, self._dt_s
-        vx, vy, vz = vx + ax * dt, vy + ay * dt, vz + az * dt
-        self._point, self._velocity = (x + vx * dt, y + vy * dt, z + vz * dt), (vx, vy, vz)
-        self._yaw = wrap(self._yaw + self._yaw_rate * dt)
+            self._reference.take_up(self._commanded(), self._twist[1])
 
     def _keep_near(self, state: State) -> None:
-        """Begin anew from where it is held, lest the point goes on without it."""
-        off = [p - s for p, s in zip(self._point, state.position, strict=True)]
+        """Hold the reference back where something holds the robot, lest it goes on alone."""
+        off = [p - s for p, s in zip(self._reference.position, state.position, strict=True)]
         away = math.hypot(*off)
         if away > _REACH_M:
             x, y, z = (s + _REACH_M / away * o for s, o in zip(state.position, off, strict=True))
-            self._point, self._velocity = (x, y, z), state.velocity
+            self._reference.move((x, y, z), state.velocity)
             self._controller.reset()
         wanted = off if away > _HELD_M else (0.0, 0.0, 0.0)
-        self._progress.watch(wanted, state.velocity, state.position[:2], self._long_dt_s)
+        self._stall_detector.watch(wanted, state.velocity, state.position[:2], self._long_dt_s)
 
-    def _pull(self, carrot: Carrot, place: Vector) -> list[float]:
-        """Acceleration of a critically damped spring to the carrot."""
-        lead = carrot.lead(self._point, self._cruise * self._long_dt_s)
-        off = [c - p for c, p in zip(lead, self._point, strict=True)]
-        is_there = math.hypot(*off) < _ARRIVED_M and math.dist(lead, place) < _THERE_M
+    def _follow(self, carrot: Carrot, place: Vector) -> None:
+        """Pull the reference along the way; at its end, do what comes next."""
+        target = carrot.advance(self._reference.position, self._cruise * self._long_dt_s)
+        off_m = math.dist(target, self._reference.position)
+        is_there = off_m < _ARRIVED_M and math.dist(target, place) < _THERE_M
         if carrot.at_end and is_there and self._next:
             self._next.pop(0)()
-        self._head(carrot.yaw)
-        k = _STIFFNESS
-        return [k * k * d - 2 * k * v for d, v in zip(off, self._velocity, strict=True)]
-
-    def _head(self, wanted: float | None) -> None:
-        """Turn to a heading; to the course where none is asked for."""
-        vx, vy, _ = self._velocity
-        course = math.atan2(vy, vx) if math.hypot(vx, vy) > _COURSE_M_S else self._yaw
-        off = wrap((course if wanted is None else wanted) - self._yaw)
-        self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, 2.0 * off))
+        self._reference.pull_to(target, carrot.yaw)
 
     def _commanded(self) -> Vector:
-        """The velocity in the world that was commanded, within limits."""
-        (forward, left, up), turn = self._twist
+        """The commanded velocity in ``map``, within limits."""
+        (forward, left, up), _ = self._twist
         share = min(1.0, MAX_SPEED / max(math.hypot(forward, left), 1e-9))
-        self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, turn))
-        c, s = share * math.cos(self._yaw), share * math.sin(self._yaw)
+        yaw = self._reference.yaw
+        c, s = share * math.cos(yaw), share * math.sin(yaw)
         return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
 
     def _is_sent_down(self, state: State) -> bool:
-        """By a velocity, and does not come down."""
+        """A velocity sends it down, and something holds it up."""
         sinks = self._mode is Mode.COMMANDED and self._twist[0][2] < 0
-        return sinks and self._point[2] < state.position[2] - _HELD_M
+        return sinks and self._reference.position[2] < state.position[2] - _HELD_M
 
-    def _feel_ground(self, state: State) -> None:
-        """Turn the motors off when it stands."""
+    def _detect_landing(self, state: State) -> None:
+        """Turn the motors off when it stands on something."""
         below = state.position[2] - _UNDERSIDE_M
         rests = any(self._data.contact[i].pos[2] < below for i in range(self._data.ncon))
         stands = rests and abs(state.velocity[2]) < 0.15
@@ -307,16 +285,3 @@ class Quadrotor:
             self._mode = Mode.LANDED
             if self._next:
                 self._next.pop(0)()
-
-
-def _airframe(model: Any) -> Airframe:
-    """What the model says; its four motors are alike."""
-    base, motor = model.body(BASE), model.site("motor_front_left")
-    jx, jy, jz = base.inertia.tolist()
-    return Airframe(
-        mass=float(base.subtreemass[0]),
-        inertia=(jx, jy, jz),
-        arm=float(motor.pos[0]),
-        drag=float(model.actuator_gear[0, 5]),
-        max_thrust=float(model.actuator_ctrlrange[0, 1]),
-    )

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
-from ros_visualise.simulation.sensors.noise import Drift, Interval, random_of
+from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
 from ros_visualise.simulation.settings import QuadrotorParams
 
 _SEA_LEVEL_PA = 101325.0
@@ -31,7 +31,10 @@ class Barometer:
         self._origin_m = params.gps_altitude
         self._white = params.baro_noise
         drift = np.array([params.baro_drift])
-        self._drift, self._interval = Drift(self._random, drift, params.baro_drift_time), Interval()
+        self._drift, self._interval = (
+            GaussMarkov(self._random, drift, params.baro_drift_time),
+            Interval(),
+        )
         self._variance = params.baro_noise**2 + params.baro_drift**2
 
     def measure(self, stamp_ns: int, height_m: float) -> FluidPressure:

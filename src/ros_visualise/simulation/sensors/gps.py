@@ -6,7 +6,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Header, NavSatFix
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.simulation.sensors.noise import Drift, Interval, random_of
+from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
 from ros_visualise.simulation.settings import RobotParams
 
 _DIAGONAL_KNOWN = 2  # COVARIANCE_TYPE_DIAGONAL_KNOWN
@@ -22,7 +22,10 @@ class GpsSensor:
         axes = np.array([1.0, 1.0, params.gps_vertical])
         self._white = params.gps_noise * axes
         drift = params.gps_drift * axes
-        self._drift, self._interval = Drift(self._random, drift, params.gps_drift_time), Interval()
+        self._drift, self._interval = (
+            GaussMarkov(self._random, drift, params.gps_drift_time),
+            Interval(),
+        )
         self._covariance = np.diag(self._white**2 + drift**2)
         origin = params.gps_latitude, params.gps_longitude, params.gps_altitude
         self._plane = LocalPlane(*origin)

@@ -9,7 +9,7 @@ import numpy as np
 from ros_visualise.data import Floats, Header, Imu
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
-from ros_visualise.simulation.sensors.noise import Drift, Interval, random_of
+from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
 from ros_visualise.simulation.settings import RobotParams
 
 
@@ -29,7 +29,7 @@ class ImuSensor:
         bias = np.repeat([params.gyro_bias, params.accel_bias], 3)
         self._bias: Floats = bias * self._random.standard_normal(6)
         tilt = np.full(3, params.imu_attitude)
-        self._tilt = Drift(self._random, tilt, params.imu_attitude_time)
+        self._tilt = GaussMarkov(self._random, tilt, params.imu_attitude_time)
         self._interval = Interval()
         self._covariances = tuple(
             read_only(np.eye(3) * variance)

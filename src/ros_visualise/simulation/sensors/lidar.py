@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
+from ros_visualise.simulation.sensors.culling import RayCulling
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.sensors.rays import PLANE, Ranges, Things
-from ros_visualise.simulation.sensors.silhouettes import Silhouettes
+from ros_visualise.simulation.sensors.rays import PLANE, Ranges, StaticGeoms
 from ros_visualise.simulation.settings import RobotParams
 
 Indices = npt.NDArray[np.intp]
@@ -24,18 +24,18 @@ POINT = np.dtype(
     }
 )
 _GROUND = -1
-_NOISE_BITS = 16  # at least, of how many numbers scans take turns with
-_NOISE_STEP = 40503  # from scan to scan: odd, so that a ray goes through all of them
+_NOISE_BITS = 16  # at least 2**16 numbers of noise
+_NOISE_STEP = 40503  # from scan to scan: odd, so that a ray uses every number in turn
 
 
 class Lidar:
-    """Rows of rays all around, all at once, with white noise on the ranges.
+    """A lidar of 360 degrees, all of whose rays measure at once, with white noise on the ranges.
 
-    The robot does not see itself. The ground is the plane z = 0. ``intensity`` is how bright the
-    surface is, 0 to 100; ``ring`` 0 is the lowest row.
+    It does not see its own robot. The ground is the plane z = 0. ``intensity`` is the brightness
+    of the surface, 0 to 100; ``ring`` 0 is the lowest row.
 
-    The noise is of one long list of numbers, from elsewhere in it at each scan: drawing them anew
-    would take a tenth of a scan's time.
+    The noise is drawn once, and each scan takes another part of it: new numbers for each scan
+    would take a tenth of its time.
     """
 
     frame_id = "lidar_link"
@@ -57,20 +57,20 @@ class Lidar:
         self._points[:, :3] = self._rays.T
         self._points.view(POINT)["ring"][:, 0] = np.repeat(np.arange(rings), columns)
         standing = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type != PLANE))
-        things = standing[np.argsort(model.geom_type[standing], kind="stable")]
+        geoms = standing[np.argsort(model.geom_type[standing], kind="stable")]
         boxes, places, axes = (
-            model.geom_aabb[things],
-            data.geom_xpos[things],
-            data.geom_xmat[things],
+            model.geom_aabb[geoms],
+            data.geom_xpos[geoms],
+            data.geom_xmat[geoms],
         )
         far = params.lidar_far
-        self._silhouettes = Silhouettes(boxes, places, axes, elevation, columns, far)
-        self._things = Things(model, data, things)
+        self._culling = RayCulling(boxes, places, axes, elevation, columns, far)
+        self._geoms = StaticGeoms(model, data, geoms)
         ground = np.flatnonzero((model.geom_bodyid == 0) & (model.geom_type == PLANE))
-        self._brightness = _brightness(model, np.append(things, ground[0]))
+        self._brightness = _brightness(model, np.append(geoms, ground[0]))
 
     def measure(self, stamp_ns: int, index: int, position_xyz: Floats, R: Floats) -> PointCloud:
-        """The scan of that number from a place in the world, R being R_map_lidar."""
+        """The scan of that number from a lidar at a position, R being R_map_lidar."""
         ranges, surface = self.cast(position_xyz, R)
         p = self._params
         met = np.flatnonzero((ranges >= p.lidar_near) & (ranges <= p.lidar_far))
@@ -84,29 +84,29 @@ class Lidar:
         return PointCloud(points.view(POINT)[:, 0], True, Header(stamp_ns, self.frame_id))
 
     def cast(self, position_xyz: Floats, R: Floats) -> tuple[Ranges, Indices]:
-        """True ranges (N,) in metres, infinite where nothing is, and what each ray met.
+        """True ranges (N,) in metres, infinite where nothing is hit, and what each ray hit.
 
-        That is the place of a thing among those that stand in the world, -1 for the ground.
+        That is a geom's number among the static ones, -1 for the ground.
         """
         sinking = abs(np.maximum(-R[2].astype(np.float32) @ self._rays, 0))
         with np.errstate(divide="ignore"):
             ranges = np.float32(position_xyz[2]) / sinking
         surface = np.full(len(ranges), _GROUND, np.intp)
-        counts, rays = self._silhouettes.pairs(position_xyz, R)
-        tried = self._rays.take(rays, axis=1, mode="clip")  # looking for wrong ones takes longer
-        found, met = self._things.meet(position_xyz, R, tried, counts)
-        met &= found < ranges.take(rays)
-        nearer = np.flatnonzero(met)
-        things = np.repeat(np.arange(len(counts)), counts)
-        found, rays, things = found.take(nearer), rays.take(nearer), things.take(nearer)
-        while len(rays):  # where things are one behind another, any may be written first
-            ranges[rays], surface[rays] = found, things
+        counts, rays = self._culling.candidates(position_xyz, R)
+        tested = self._rays.take(rays, axis=1, mode="clip")  # "raise" takes longer
+        found, hit = self._geoms.intersect(position_xyz, R, tested, counts)
+        hit &= found < ranges.take(rays)
+        nearer = np.flatnonzero(hit)
+        geoms = np.repeat(np.arange(len(counts)), counts)
+        found, rays, geoms = found.take(nearer), rays.take(nearer), geoms.take(nearer)
+        while len(rays):  # of geoms behind one another any may be written first
+            ranges[rays], surface[rays] = found, geoms
             left = np.flatnonzero(found < ranges.take(rays))
-            found, rays, things = found.take(left), rays.take(left), things.take(left)
+            found, rays, geoms = found.take(left), rays.take(left), geoms.take(left)
         return ranges, surface
 
 
 def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
-    """Of each, 0 to 100, by its colour; painted ones are of a middle one."""
+    """0 to 100 of each geom by its colour; 50 where it has a texture."""
     colours = np.array(model.geom_rgba[geoms, :3], np.float32).mean(axis=1)
     return np.asarray(100 * np.where(model.geom_matid[geoms] >= 0, 0.5, colours), np.float32)

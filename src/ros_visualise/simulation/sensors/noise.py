@@ -32,7 +32,7 @@ class Interval:
         return 0.0 if before_ns is None else (stamp_ns - before_ns) / _NS
 
 
-class Drift:
+class GaussMarkov:
     """Slow errors: first-order Gauss-Markov processes that start in their steady state.
 
     Args:

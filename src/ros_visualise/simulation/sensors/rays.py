@@ -1,8 +1,8 @@
-"""Where rays meet boxes, cylinders and ellipsoids: as MuJoCo's own rays do, thousands at a time.
+"""Where rays hit boxes, cylinders and ellipsoids, thousands of rays at a time.
 
-``mj_multiRay`` looks at every geom of a model for every ray. Here each ray is tried against those
-few things alone that it can meet, in numbers of 32 bits, as ranges are told in: within a tenth of a
-millimetre of MuJoCo's.
+MuJoCo's own ``mj_multiRay`` tests every ray against every geom, and takes 8 to 100 times as long
+(`benchmarks/lidar.py`). Here each ray is tested only against the few geoms that it can hit, in
+float32, as ranges are published; the results agree to a tenth of a millimetre.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ Hits = npt.NDArray[np.bool_]
 PLANE = 0  # mjtGeom
 _SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 2, 4, 5, 6
 _ROUND = {_SPHERE: 3, _ELLIPSOID: 3, _CYLINDER: 2, _BOX: 0}
-"""Axes, the first ones, along which a thing is round; along the others it is flat."""
+"""How many axes, from the first on, a geom is round along; along the others it is flat."""
 _SIZES = {_SPHERE: [0, 0, 0], _ELLIPSOID: [0, 1, 2], _CYLINDER: [0, 0, 1], _BOX: [0, 1, 2]}
 """Which of a geom's sizes is its half extent along x, y and z."""
 
-_TINY = np.float32(1e-30)  # for rays along a cylinder, which never cross its round side
-_ASIDE = np.float32(1e-30)  # for rays along a slab, which hardly ever cross its sides
+_TINY = np.float32(1e-30)  # for rays parallel to a cylinder, which never hit its round side
+_ASIDE = np.float32(1e-30)  # for rays parallel to a slab, which hardly ever hit its sides
 
 
-class Things:
-    """Geoms that do not move.
+class StaticGeoms:
+    """Geoms that do not move, for rays to hit.
 
-    Each is scaled to half extents of one. Then it is what a ball, over its round axes, and slabs
-    from -1 to 1, along its flat ones, have in common; so is the part of a ray that is in it.
+    Scaled to half extents of one, each is the intersection of a ball over its round axes and of
+    slabs from -1 to 1 along its flat axes. So the part of a ray inside it is an intersection too.
 
     Args:
-        model, data: of the whole world, positions up to date.
-        geoms: (G,) their numbers in it, those of one type side by side.
+        model, data: the whole world, its positions up to date.
+        geoms: (G,) numbers of the geoms, those of one type side by side.
 
     Raises:
         KeyError: a geom is neither a sphere, an ellipsoid, a cylinder nor a box.
@@ -58,23 +58,23 @@ class Things:
         ends = [*starts[1:], len(rounds)]
         self._kinds = [(n, end, int(rounds[n])) for n, end in zip(starts, ends, strict=True) if end]
 
-    def meet(
+    def intersect(
         self, position_xyz: Floats, R: Floats, rays: Ranges, counts: Indices
     ) -> tuple[Ranges, Hits]:
-        """Ranges in metres at which rays from one place meet each its thing, and whether they do.
+        """Ranges in metres at which rays hit the geom that each is tested against, and whether.
 
-        From within a thing it is met where the ray leaves it.
+        A ray that starts inside a geom hits it where it leaves it.
 
         Args:
-            position_xyz: (3,) where all start, in the world.
-            R: the axes that the rays are in, R_map_rays.
-            rays: (3, N) of length 1, those that are tried against one thing side by side.
-            counts: (G,) how many are tried against each thing.
+            position_xyz: (3,) where all rays start, in the world.
+            R: R_map_rays.
+            rays: (3, N) unit vectors, those tested against one geom side by side.
+            counts: (G,) how many rays are tested against each geom.
         """
         origins = (self._scale * (position_xyz[:, None] - self._places)).sum(axis=1)
         turns = (R.T @ self._scale).reshape(9, -1)
         table = np.concatenate([turns, origins], dtype=np.float32)
-        ranges, met = np.empty(rays.shape[1], np.float32), np.empty(rays.shape[1], np.bool_)
+        ranges, hit = np.empty(rays.shape[1], np.float32), np.empty(rays.shape[1], np.bool_)
         begin = 0
         for first, last, rounded in self._kinds:
             each = np.repeat(table[:, first:last], counts[first:last], axis=1)
@@ -84,17 +84,17 @@ class Things:
             directions += turned[:, 1]
             directions += turned[:, 2]
             near, far = _cross(each[9:], directions, rounded)
-            np.logical_and(near <= far, far >= 0, out=met[begin:end])
+            np.logical_and(near <= far, far >= 0, out=hit[begin:end])
             within = near < 0
             ranges[begin:end] = np.where(within, far, near) if within.any() else near
             begin = end
-        return ranges, met
+        return ranges, hit
 
 
 def _cross(origins: Ranges, directions: Ranges, rounded: int) -> tuple[Ranges, Ranges]:
-    """From and to which range rays (3, N) are in what is round along its first axes, else flat.
+    """The ranges from and to which rays (3, N) are inside a shape with so many round axes.
 
-    Where a ray is never in it they are not in order, or no numbers.
+    Of a ray that misses it, the two are in the wrong order or not numbers.
     """
     crossed = [_cross_ball(origins[:rounded], directions[:rounded])] if rounded else []
     crossed += map(_cross_slab, origins[rounded:], directions[rounded:])
@@ -106,7 +106,7 @@ def _cross(origins: Ranges, directions: Ranges, rounded: int) -> tuple[Ranges, R
 
 
 def _cross_slab(origin: Ranges, direction: Ranges) -> tuple[Ranges, Ranges]:
-    """From and to which range rays (N,) are between -1 and 1."""
+    """The ranges from and to which rays (N,) are between -1 and 1."""
     half = 1 / (direction + _ASIDE)
     middle = origin * half
     np.abs(half, out=half)
@@ -116,7 +116,7 @@ def _cross_slab(origin: Ranges, direction: Ranges) -> tuple[Ranges, Ranges]:
 
 
 def _cross_ball(origins: Ranges, directions: Ranges) -> tuple[Ranges, Ranges]:
-    """From and to which range rays are in the ball of radius 1; not a number where never."""
+    """The ranges from and to which rays are inside the ball of radius 1; not numbers if never."""
     a = _dot(directions, directions)
     np.maximum(a, _TINY, out=a)
     middle = _dot(origins, directions)
@@ -134,7 +134,7 @@ def _cross_ball(origins: Ranges, directions: Ranges) -> tuple[Ranges, Ranges]:
 
 
 def _dot(a: Ranges, b: Ranges) -> Ranges:
-    """Of columns; for as few rows as here, faster than einsum."""
+    """Dot products of columns; with so few rows faster than einsum."""
     products: Ranges = a[0] * b[0]
     for i in range(1, len(a)):
         products += a[i] * b[i]

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Transforms
-from ros_visualise.simulation.frames import Mounting, body_frame
+from ros_visualise.simulation.frames import CameraMount, body_frame
 from ros_visualise.simulation.robots.base import Robot
+from ros_visualise.simulation.schedule import Make, Stream
 from ros_visualise.simulation.sensors.barometer import Barometer
 from ros_visualise.simulation.sensors.camera import Camera
 from ros_visualise.simulation.sensors.gps import GpsSensor
@@ -18,12 +19,11 @@ from ros_visualise.simulation.sensors.lidar import Lidar
 from ros_visualise.simulation.sensors.magnetometer import Magnetometer
 from ros_visualise.simulation.sensors.truth import tell_truth
 from ros_visualise.simulation.settings import QuadrotorParams, RobotParams
-from ros_visualise.simulation.streams import Make, Stream
 
 Measured = Iterator[tuple[str, Any]]
 
 
-class Suite:
+class SensorSuite:
     """The sensors that the settings turn on, as `streams` in the order of equal stamps."""
 
     def __init__(
@@ -32,11 +32,11 @@ class Suite:
         model: Any,
         data: Any,
         params: RobotParams,
-        mounting: Mounting,
+        mount: CameraMount,
         seed: int,
     ) -> None:
         self._robot, self._body, self._data = robot, robot.body, data
-        self._mounting = mounting
+        self._mount = mount
         self.streams: list[Stream] = []
         self._add("odom", params.odom_rate, self._move, always=True)
         self._add("truth", params.truth_rate, self._tell)
@@ -72,8 +72,8 @@ class Suite:
     def _move(self, stamp_ns: int, _: int) -> Measured:
         odometry = self._robot.measure_odometry(stamp_ns)
         moving = [body_frame(odometry)]
-        if self._mounting.gimbal:
-            moving.append(self._mounting.camera_in_body(stamp_ns, self._body.attitude))
+        if self._mount.gimbal:
+            moving.append(self._mount.camera_in_body(stamp_ns, self._body.attitude))
         yield "tf", Transforms(tuple(moving))
         yield "odom", odometry
 
@@ -99,5 +99,5 @@ class Suite:
 
     def _look(self, stamp_ns: int, index: int) -> Measured:
         body = self._body
-        place, R = self._mounting.optical_in_map(np.array(body.position), body.axes)
+        place, R = self._mount.optical_in_map(np.array(body.position), body.axes)
         yield "image", self._camera.measure(stamp_ns, index, self._data, place, R)

@@ -9,7 +9,7 @@ from ros_visualise.simulation import SHAPES, WORLDS, Mission, Simulation, read_m
 from ros_visualise.simulation.model import compile_model
 from ros_visualise.simulation.route import Route
 from ros_visualise.simulation.worlds import build_world
-from ros_visualise.simulation.worlds.rooms import ROOMS
+from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
 HALF_WIDTH_M, MARGIN_M = 0.335, 0.3
 SOLID = 2
@@ -47,7 +47,7 @@ def test_every_shape_is_clear_of_what_stands_in_the_world(world: str):
     boxes, starts = footprints(world), build_world(world, False).starts
     assert (len(boxes) > 0) == (world != "plane")
     for shape in SHAPES:
-        center, size = ROOMS[world][shape]
+        center, size = CLEAR_AREAS[world][shape]
         for x, y, _ in starts.values():
             way = way_of(Mission(shape, size, center), (x, y))
             assert clearance(way, boxes) > HALF_WIDTH_M + MARGIN_M, (world, shape)
@@ -61,8 +61,8 @@ def test_a_shape_where_something_stands_is_seen():
 def test_a_file_without_a_place_has_the_room_of_its_shape(tmp_path):
     path = tmp_path / "mission.yaml"
     path.write_text("shape: lawn_mower\nsize: 3\n")
-    mission = read_mission(path, ROOMS["field"])
-    assert (mission.center, mission.size) == (ROOMS["field"]["lawn_mower"].center, (3, 3))
+    mission = read_mission(path, CLEAR_AREAS["field"])
+    assert (mission.center, mission.size) == (CLEAR_AREAS["field"]["lawn_mower"].center, (3, 3))
 
 
 @pytest.mark.parametrize("shape", SHAPES)

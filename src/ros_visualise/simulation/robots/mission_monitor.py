@@ -1,25 +1,25 @@
-"""A mission as it is carried out: whether it gets on, and how it ended."""
+"""Watching a mission while it is carried out: its progress, and how it ended."""
 
 from __future__ import annotations
 
 import math
 
 from ros_visualise.simulation.attitude import Vector
-from ros_visualise.simulation.robots.progress import tell_place
+from ros_visualise.simulation.robots.stall import tell_place
 
 _STEP_M = 0.02
 
 
-class Errand:
-    """Follows how a robot's mission goes, and gives it up where it goes no further.
+class MissionMonitor:
+    """Watches a robot's mission, and ends it as failed where it makes no progress.
 
     Args:
         robot: its name.
-        patience_s: how long a mission may make no progress.
+        patience_s: how long a mission may make no progress before it has failed.
 
     Attributes:
-        finished: a mission was given and is over.
-        failure: one line of what ended a mission, or all that it did, too early; or empty.
+        finished: a mission was started and is over, with success or not.
+        failure: one line that says why it failed, or empty.
     """
 
     def __init__(self, robot: str, patience_s: float) -> None:
@@ -29,29 +29,29 @@ class Errand:
         self.begin_leg()
 
     def begin(self) -> None:
-        """A mission begins."""
+        """Start to watch a mission."""
         self._under_way, self.finished, self.failure = True, False, ""
         self.begin_leg()
 
     def begin_leg(self) -> None:
-        """Progress is measured anew from here on."""
+        """Measure progress along the next part of the way."""
         self._gone_m, self._still_s = -math.inf, 0.0
 
-    def drop(self) -> None:
-        """Something else was asked for: no mission is under way."""
+    def cancel(self) -> None:
+        """Stop watching: the robot was told to do something else."""
         self._under_way = False
 
     def end(self, failure: str = "") -> None:
-        """What was under way is over."""
+        """The mission is over, by a failure if one is given."""
         self.finished = self.finished or self._under_way
         self.failure, self._under_way = failure, False
 
     def watch(self, gone_m: float, place: Vector, dt_s: float) -> bool:
-        """Take in one step; whether the mission was given up in it.
+        """Take one step into account; True if the mission has failed by it.
 
         Args:
-            gone_m: how far it has come on this leg, from anywhere.
-            place: metres in ``map``.
+            gone_m: how far the robot has come on this leg; only changes count.
+            place: where it is, metres in ``map``.
         """
         if gone_m > self._gone_m + _STEP_M:
             self._gone_m, self._still_s = gone_m, 0.0

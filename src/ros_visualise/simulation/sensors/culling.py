@@ -1,4 +1,4 @@
-"""Which of a lidar's rays can meet which things at all."""
+"""Which of a lidar's rays can hit which geoms at all."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 _SLACK_RAD = 1e-4
 
 
-class Silhouettes:
-    """Rectangles of rows and columns that things fill, seen from somewhere.
+class RayCulling:
+    """Finds the rows and columns of rays that can hit each geom's bounding box.
 
-    They are made of the corners of the things' bounding boxes: too large rather than too small.
+    A few rays too many are found, never too few.
 
     Args:
-        boxes: (G, 6) middle and half sides of each in its own axes.
-        places, axes: (G, 3) and (G, 9) of each in the world.
-        elevations: (rows,) rad, rising.
-        columns: of a row, the first looking to azimuth -pi.
-        far_m: beyond it nothing is seen.
+        boxes: (G, 6) centre and half sides of each geom's bounding box in its own axes.
+        places, axes: (G, 3) and (G, 9) position and rotation of each geom in the world.
+        elevations: (rows,) of the rows of rays, rad, rising.
+        columns: rays in a row, the first at azimuth -pi.
+        far_m: geoms farther than this are not seen.
     """
 
     def __init__(
@@ -42,11 +42,12 @@ class Silhouettes:
         rays = np.arange(len(elevations) * columns).reshape(-1, columns)
         self._around = np.concatenate([rays, rays], axis=1).ravel()  # rows go around twice
 
-    def pairs(self, position_xyz: Floats, R: Floats) -> tuple[Indices, Indices]:
-        """Which rays can meet which things, seen from a place in the world, R being R_map_lidar.
+    def candidates(self, position_xyz: Floats, R: Floats) -> tuple[Indices, Indices]:
+        """Which rays can hit which geoms, from a lidar at a position, R being R_map_lidar.
 
-        (G,) how many of them can meet each thing, and (N,) their numbers, counted row by row, those
-        of one thing side by side.
+        Returns:
+            (G,) how many rays can hit each geom; (N,) the numbers of these rays, counted row by
+            row, those of one geom side by side.
         """
         columns = self._columns
         around = self._corners - position_xyz[:, None, None]
@@ -59,21 +60,21 @@ class Silhouettes:
         bottom = np.searchsorted(self._elevations, low - _SLACK_RAD)
         top = np.searchsorted(self._elevations, high + _SLACK_RAD)
         height = np.where(near < self._far_m, top - bottom, 0)
-        things = np.repeat(np.arange(len(height)), height)
+        geoms = np.repeat(np.arange(len(height)), height)
         row = _runs(bottom, height)
-        start = 2 * columns * row + (first % columns)[things]
-        return height * width, self._around.take(_runs(start, width[things]), mode="clip")
+        start = 2 * columns * row + (first % columns)[geoms]
+        return height * width, self._around.take(_runs(start, width[geoms]), mode="clip")
 
 
 def _runs(starts: Indices, lengths: Indices) -> Indices:
-    """Numbers counted up from each start, runs of these lengths one after another."""
+    """Runs of consecutive numbers, one after another: where each starts, and its length."""
     before = np.cumsum(lengths) - lengths
     runs: Indices = np.arange(lengths.sum()) + np.repeat(starts - before, lengths)
     return runs
 
 
 def _extent(corners: Floats) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Shortest range, azimuths from and to, elevations from and to, (N,) each, of (3, 8, N)."""
+    """Shortest range, azimuth from and to, elevation from and to, (N,), of corners (3, 8, N)."""
     x, y, z = corners
     ahead, left = (x[0] + x[7]) / 2, (y[0] + y[7]) / 2
     aside = np.sqrt(((x - ahead) ** 2 + (y - left) ** 2).max(axis=0))

@@ -1,4 +1,4 @@
-"""Whether a robot that is asked to go makes any way."""
+"""Whether a robot that is told to move does move."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _LEAST = 0.2  # of what is asked for
 
 
 def tell_place(place: Sequence[float]) -> str:
-    """Where in ``map`` that is, to a decimetre."""
+    """A position in ``map`` in words, to a decimetre."""
     x, y = (round(value, 1) + 0.0 for value in place[:2])  # and nothing is at -0.0
     return f"({x:.1f}, {y:.1f})"
 
 
-class Progress:
-    """Compares how a robot moves with how it shall, and warns once where it is stuck.
+class StallDetector:
+    """Compares a robot's motion with what it is told, and warns once where it is stuck.
 
     Args:
         robot: its name.
@@ -36,11 +36,11 @@ class Progress:
         place_xy: tuple[float, float],
         dt_s: float,
     ) -> None:
-        """Take in one step.
+        """Take one step into account.
 
         Args:
-            wanted: velocity that it is asked for, along any axes; all zero: nothing is asked.
-            actual: velocity along the same.
+            wanted: the velocity that it is told, along any axes; all zero: it is told nothing.
+            actual: its velocity along the same axes.
             place_xy: metres in ``map``.
         """
         square = sum(w * w for w in wanted)
@@ -54,7 +54,7 @@ class Progress:
             stuck = self._made < _LEAST * self._asked
             if stuck and not self._warned:
                 where, why = tell_place(place_xy), "something is in its way"
-                log.warning("%s makes no way at %s: %s", self._robot, where, why)
+                log.warning("%s does not move at %s: %s", self._robot, where, why)
             self._warned = stuck
             self._begin()
 

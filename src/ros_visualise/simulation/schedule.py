@@ -33,7 +33,7 @@ class Output(NamedTuple):
     message: Any
 
 
-class Timetable:
+class Schedule:
     """The streams, asked at each step.
 
     Args:

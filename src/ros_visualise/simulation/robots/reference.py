@@ -1,0 +1,79 @@
+"""The reference that the flight controller follows: a point that moves smoothly, with a heading."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from ros_visualise.simulation.attitude import Vector, wrap
+from ros_visualise.simulation.flight import SetPoint
+
+MAX_ACCELERATION = 3.0  # m/s^2
+MAX_TURN = math.radians(70)  # per second
+_STIFFNESS = 2.0  # 1/s: of the spring that pulls it to a target
+_DAMPING = 3.0  # 1/s: how fast it takes up a velocity
+_HEADING = 2.0  # 1/s: how fast it takes up a heading
+_COURSE_M_S = 0.4  # below this speed there is no course to head along
+
+
+class Reference:
+    """Position, velocity, acceleration and heading, within the robot's limits.
+
+    Attributes:
+        position: metres in ``map``.
+        velocity: m/s.
+        yaw: radians.
+    """
+
+    def __init__(self, position: Vector, yaw: float) -> None:
+        self.begin(position, yaw)
+
+    @property
+    def set_point(self) -> SetPoint:
+        """What the controller is to reach now."""
+        return SetPoint(self.position, self.velocity, self._acceleration, self.yaw, self._yaw_rate)
+
+    def begin(self, position: Vector, yaw: float) -> None:
+        """Stand there."""
+        self.position, self.yaw = position, yaw
+        self.velocity = self._acceleration = (0.0, 0.0, 0.0)
+        self._yaw_rate = 0.0
+
+    def move(self, position: Vector, velocity: Vector) -> None:
+        """Go on from another position."""
+        self.position, self.velocity = position, velocity
+
+    def pull_to(self, target: Vector, yaw: float | None) -> None:
+        """Accelerate as a critically damped spring to a target; without a yaw, head along."""
+        k = _STIFFNESS
+        self._accelerate(
+            [
+                k * k * (t - p) - 2 * k * v
+                for t, p, v in zip(target, self.position, self.velocity, strict=True)
+            ]
+        )
+        vx, vy, _ = self.velocity
+        course = math.atan2(vy, vx) if math.hypot(vx, vy) > _COURSE_M_S else self.yaw
+        self._turn(_HEADING * wrap((course if yaw is None else yaw) - self.yaw))
+
+    def take_up(self, velocity: Vector, yaw_rate: float) -> None:
+        """Accelerate to a velocity in ``map``, and turn."""
+        self._turn(yaw_rate)
+        self._accelerate([_DAMPING * (w - v) for w, v in zip(velocity, self.velocity, strict=True)])
+
+    def advance(self, dt_s: float) -> None:
+        """Move on by one step."""
+        ax, ay, az = self._acceleration
+        (x, y, z), (vx, vy, vz) = self.position, self.velocity
+        vx, vy, vz = vx + ax * dt_s, vy + ay * dt_s, vz + az * dt_s
+        self.position, self.velocity = (x + vx * dt_s, y + vy * dt_s, z + vz * dt_s), (vx, vy, vz)
+        self.yaw = wrap(self.yaw + self._yaw_rate * dt_s)
+
+    def _accelerate(self, wanted: Sequence[float]) -> None:
+        size = math.hypot(*wanted)
+        share = min(1.0, MAX_ACCELERATION / size) if size else 1.0
+        ax, ay, az = (share * a for a in wanted)
+        self._acceleration = ax, ay, az
+
+    def _turn(self, wanted: float) -> None:
+        self._yaw_rate = max(-MAX_TURN, min(MAX_TURN, wanted))
