@@ -13,9 +13,9 @@ from pathlib import Path
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
-from ros_visualise.graph import Graph, M, SourceNode, parse_node
+from ros_visualise.graph import Graph, M, SourceNode
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
-from ros_visualise.nodes import NodeType, SourceType, find, find_all, find_node, load
+from ros_visualise.nodes import NodeType, SourceType, choose_node, find
 from ros_visualise.nodes.player import player
 from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
@@ -79,14 +79,13 @@ def _run_alone(declared: NodeType | SourceType) -> int:
 def _own(given: Sequence[str]) -> NodeType:
     if len(given) != 1:
         raise UsageError("give a node of your own as FILE.py:NAME")
-    path, name, _ = parse_node(given[0])
-    return load(path, name)
+    return choose_node(given[0])
 
 
 def _run_pipeline() -> int:
     """Run several nodes in one process; between them images pass by reference."""
     names = str(session.option("nodes", " ".join(IMAGE_NODES))).split()
-    graph = chain([_named(name) for name in names], session.option("source", "") or None)
+    graph = chain([choose_node(name) for name in names], session.option("source", "") or None)
     namespaces = {node.name: node.name for node in graph.members}
     return _run_graph(graph, namespaces)
 
@@ -205,14 +204,6 @@ def _spin(process: Process, view: View) -> None:
     while not (session.is_over() or view.closed or process.runtime.wait(0)):
         view.spin(_SPIN_S)
         process.follow()
-
-
-def _named(name: str) -> NodeType:
-    """A built-in node by its name, or one's own as FILE.py:NAME."""
-    if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
-        return find_node(name)
-    path, attribute, _ = parse_node(name)
-    return load(path, attribute)
 
 
 def _configured(graph: Graph, namespaces: Mapping[str, str], options: Iterable[str]) -> Graph:
