@@ -39,7 +39,7 @@ log = logging.getLogger(__name__)
 _SPIN_S = 0.1
 _OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock", "max_memory"),
+    *("image_transport", "start", "duration", "clock", "max_memory", "end_with_master"),
 )
 """Private parameters that every executable reads once, beside those that its node declares."""
 _NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
