@@ -28,11 +28,24 @@ LAYERS = [
     {"entry"},
     {"__main__"},
 ]
-ROS = {"rospy", "rosgraph", "roslib", "tf2_ros", "dynamic_reconfigure", "genpy", "rclpy"}
+RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
+"""Within the runtime: a room imports those before it; what is not named belongs to the first."""
+
+ROS1 = {
+    *("rospy", "rosgraph", "roslib", "rospkg", "genpy", "tf2_ros", "dynamic_reconfigure"),
+    *("std_msgs", "std_srvs", "sensor_msgs", "geometry_msgs", "nav_msgs", "diagnostic_msgs"),
+    *("rosgraph_msgs", "tf2_msgs", "visualization_msgs"),
+}
+MIDDLEWARES = {"ros1": ROS1, "ros2": {"rclpy", "rosidl_runtime_py", "ament_index_python"}}
+"""A middleware's folder under ``runtime`` -> the packages that may be imported there alone."""
 
 
 def layer_of(room: str) -> int:
     return next(number for number, rooms in enumerate(LAYERS) if room in rooms)
+
+
+def level_of(room: str) -> int:
+    return next((number for number, rooms in enumerate(RUNTIMES) if room in rooms), 0)
 
 
 def imported_names(path: Path) -> set[str]:
@@ -57,7 +70,20 @@ def test_imports_point_down(path: Path):
         if package == "ros_visualise" and rest:
             room = rest.partition(".")[0]
             assert room == own or layer_of(room) <= layer_of(own), f"imports {name}"
-        assert package not in ROS or "ros1" in path.parts, f"imports {name}"
+        for middleware, packages in MIDDLEWARES.items():
+            folder = ROOT / "runtime" / middleware
+            assert package not in packages or folder in path.parents, f"imports {name}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_middleware_is_imported_by_nobody_but_itself(path: Path):
+    place = path.relative_to(ROOT).parts
+    own = level_of(place[1].removesuffix(".py")) if place[0] == "runtime" else 0
+    for name in imported_names(path):
+        parts = name.split(".")
+        if parts[:2] == ["ros_visualise", "runtime"] and len(parts) > 2:
+            is_general = level_of(parts[2]) < level_of("ros1")
+            assert level_of(parts[2]) <= own or (place[0] != "runtime" and is_general), name
 
 
 def test_what_opens_everything_is_above_it():

@@ -1,17 +1,14 @@
 import sys
-from dataclasses import replace
 
 import pytest
 
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import parse_node
-from ros_visualise.nodes import choose_node, find, load, node
+from ros_visualise.nodes import find, load, node
 from ros_visualise.pipelines import (
-    alone,
     demo_pipeline,
     image_pipeline,
-    known_topics,
     path_pipeline,
     simulation_pipeline,
 )
@@ -75,17 +72,17 @@ def test_the_path_is_made_of_odometry_from_outside():
 
 @pytest.mark.parametrize("name", ["negative", "Negative"])
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
-    found, after = parse_node(f"{own}:{name}")
+    path, found, after = parse_node(f"{own}:{name}")
     assert after is None
-    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), "filters"))
+    graph = topics_of(image_pipeline("landscape").insert(load(path, found), "filters"))
     assert list(graph) == ["landscape", "fps_control", "filters", "negative", "edge_detector"]
     assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
     assert graph["edge_detector"][0] == {"image": "/negative"}
 
 
 def test_it_may_stand_elsewhere(own):
-    found, after = parse_node(f"{own}:negative@landscape")
-    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), after))
+    path, found, after = parse_node(f"{own}:negative@landscape")
+    graph = topics_of(image_pipeline("landscape").insert(load(path, found), after))
     assert graph["negative"][0] == {"image": "/image_raw"}
     assert graph["fps_control"][0] == {"image": "/negative"}
 
@@ -176,30 +173,9 @@ def test_what_is_said_of_outputs_is_of_those_that_there_are(port):
 
 
 @pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])
-def test_a_node_is_given_by_file_and_name_or_is_built_in(text):
-    with pytest.raises(UsageError, match=r"there is .*rectify.*FILE\.py:NAME"):
-        choose_node(text)
-
-
-def test_a_built_in_node_is_inserted_under_its_own_topic():
-    name, after = parse_node("rectify@camera")
-    added = choose_node(name)
-    graph = topics_of(image_pipeline("camera").insert(added, after, known_topics(added)))
-    assert graph["rectify"] == ({"image": "/image_raw"}, {"image_rect": "/image_rect"})
-    assert graph["fps_control"][0] == {"image": "/image_rect"}
-    assert topics_of(alone(added))["rectify"] == graph["rectify"]
-
-
-def test_after_a_source_of_many_topics_a_node_takes_the_images_that_are_processed():
-    graph = simulation_pipeline("husky").insert(find("rectify"), "husky")
-    assert graph.node("rectify").inputs == {"image": "/image_raw"}
-    with pytest.raises(UsageError, match="needs one input of type Path after path"):
-        graph.insert(replace(choose_node("filters"), name="more"), "path")
-
-
-def test_a_source_is_no_node_to_insert():
-    with pytest.raises(UsageError, match="camera is a source, not a node"):
-        choose_node("camera")
+def test_a_node_is_given_by_file_and_name(text):
+    with pytest.raises(UsageError, match=r"FILE\.py:NAME"):
+        parse_node(text)
 
 
 def test_a_file_that_does_not_run_says_why(own):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from ros_visualise import params
@@ -161,18 +162,10 @@ class Graph:
 
         return self.changed(configured)
 
-    def insert(
-        self, added: NodeType, after: str, outputs: Mapping[str, str] | None = None
-    ) -> Graph:
-        """The same graph with one node more, fed by the main output of ``after``.
+    def insert(self, added: NodeType, after: str) -> Graph:
+        """The same graph with a node of one's own, fed by the main output of ``after``.
 
-        That is, of the outputs of the type that it takes, the first to which a node listens, or
-        the first. Whoever listened to it listens to the new node's instead, if it is of that type.
-
-        Args:
-            added: the new node.
-            after: the name of the node or the source that it stands behind.
-            outputs: the topics that it publishes; see `place`.
+        Whoever listened to that output listens to the new node's instead, if it is of that type.
 
         Raises:
             UsageError: no such node, the name is taken, or its input is not what ``after`` gives.
@@ -180,17 +173,13 @@ class Graph:
         before = self.node(after)
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
-        heard = {topic for node in self.nodes for topic in node.inputs.values()}
-        kinds = list(added.inputs.values())
-        fitting = [t for port, t in before.outputs.items() if kinds == [before.type.outputs[port]]]
-        if not fitting:
-            there = " or ".join(
-                dict.fromkeys(kind.__name__ for kind in before.type.outputs.values())
+        port, topic = next(iter(before.outputs.items()))
+        given = before.type.outputs[port]
+        if list(added.inputs.values()) != [given]:
+            raise UsageError(
+                f"{added.name}: needs one input of type {given.__name__} after {after}"
             )
-            raise UsageError(f"{added.name}: needs one input of type {there} after {after}")
-        topic = next((topic for topic in fitting if topic in heard), fitting[0])
-        given = kinds[0]
-        new = place(added, {next(iter(added.inputs)): topic}, outputs)
+        new = place(added, {next(iter(added.inputs)): topic})
         taken = [output for output in new.outputs.values() if output in self.topics]
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
@@ -218,8 +207,14 @@ def place(
     return Node(declared.name, declared, declared.params(), inputs, outputs or named)
 
 
-def parse_node(text: str) -> tuple[str, str | None]:
-    """``NODE[@AFTER]`` as (node, after), for `choose_node`; None where it does not say."""
+def parse_node(text: str) -> tuple[str, str, str | None]:
+    """``FILE.py:NAME[@AFTER]`` as (file, name, after); None where it does not say.
+
+    Raises:
+        UsageError: it is not of that form.
+    """
     path, colon, name = text.rpartition(":")
     name, _, after = name.partition("@")
-    return f"{path}{colon}{name}", after or None
+    if not colon or not name or Path(path).suffix != ".py":
+        raise UsageError(f"{text}: give a node of your own as FILE.py:NAME or FILE.py:NAME@AFTER")
+    return path, name, after or None

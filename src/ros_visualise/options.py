@@ -118,9 +118,8 @@ def _add_nodes(parser: ArgumentParser) -> None:
         "--node",
         action="append",
         default=[],
-        metavar="NODE[@AFTER]",
-        help="insert a node, `rectify` or your own as FILE.py:NAME, after `filters` unless it says;"
-        " repeatable",
+        metavar="FILE.py:NAME[@AFTER]",
+        help="insert a node of your own, after `filters` unless it says; repeatable",
     )
 
 

@@ -35,7 +35,6 @@ _OUTPUTS = {
     "fps_control": {"image": "/controlled_stream"},
     "filters": {"image": "/processed_image"},
     "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
-    "rectify": {"image_rect": "/image_rect"},
 }
 
 
@@ -81,16 +80,10 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
         if list(declared.inputs.values()) != [given]:
             raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
         inputs = {next(iter(declared.inputs)): topic}
-        node = place(declared, inputs, known_topics(declared))
+        node = place(declared, inputs, _OUTPUTS.get(declared.name))
         nodes += (node,)
         topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
     return nodes
-
-
-def known_topics(declared: NodeType) -> dict[str, str] | None:
-    """What a built-in node publishes: output -> topic; None where that follows from its name."""
-    topics = _OUTPUTS.get(declared.name, {})
-    return topics if topics.keys() == declared.outputs.keys() else None
 
 
 def recording_pipeline(
@@ -244,8 +237,6 @@ def alone(declared: NodeType | SourceType) -> Graph:
     if declared.name in IMAGE_NODES:
         whole = chain([find_node(name) for name in IMAGE_NODES])
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
-    if known_topics(declared):
-        return chain([declared])
     return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))
 
 

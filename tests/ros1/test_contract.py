@@ -21,7 +21,8 @@ from ros_visualise.nodes import find
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.middleware import Ros1
 from ros_visualise.sources.playback import Playback
 
 TOPICS = {"/image_raw", "/controlled_stream", "/processed_image", "/edges"}
@@ -73,7 +74,7 @@ def playing(request: pytest.FixtureRequest, video: Path, ros_master: Master) -> 
     else:
         own = [f"_streamer/path:={video}", "_streamer/loop:=true"]
         nodes.start("pipeline", "_source:=streamer", *own)
-    remote = RemoteRuntime()
+    remote = RemoteRuntime(Ros1())
     try:
         wait_for(lambda: set(remote.graph.topics) >= TOPICS, "all topics")
         wait_for(lambda: all(known(remote, prefix + node) for node in NODES), "all nodes")

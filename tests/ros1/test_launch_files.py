@@ -14,7 +14,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.nodes import SourceType, find
 from ros_visualise.params import specs, update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
-from ros_visualise.runtime.ros1.playing import playing_params
+from ros_visualise.runtime.playing import playing_params
 
 PACKAGE = Path(__file__).parents[2]
 LAUNCH = PACKAGE / "launch"

@@ -19,10 +19,12 @@ from ros_visualise.data import Image, OccupancyGrid, Odometry, PointCloud, Trans
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.params import Parameters
+from ros_visualise.runtime.remote.discovery import Peer, survey
+from ros_visualise.runtime.remote.places import Place, in_order
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.listing import list_graph
+from ros_visualise.runtime.ros1.middleware import Ros1
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
-from ros_visualise.runtime.ros1.remote.discovery import Peer, survey
-from ros_visualise.runtime.ros1.remote.places import Place, in_order
-from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
 from ros_visualise.sources.opening import open_recording
 
 pytestmark = [
@@ -73,7 +75,7 @@ def peer(ros_master):
 
 @pytest.fixture
 def runtime():
-    made = RemoteRuntime()
+    made = RemoteRuntime(Ros1())
     yield made
     made.close()
 
@@ -111,7 +113,7 @@ def test_the_survey_finds_images_and_parameters_and_leaves_out_who_looks_on():
     types = [(t, "sensor_msgs/Image") for t in ("/image_raw", "/edges", "/drawn")]
     types += [(t, description) for t, _ in publishers if t.endswith("descriptions")]
     types += [("/image_raw/compressed", "sensor_msgs/CompressedImage"), ("/scan", "a/Scan")]
-    sight = survey(publishers, subscribers, types, "/own")
+    sight = survey(list_graph(publishers, subscribers, types, "/own"))
     assert sight.peers == (
         Peer("/camera", ("/image_raw",), (), ()),
         Peer("/edge_detector", ("/edges",), ("/image_raw",), ("/edge_detector",)),
@@ -267,9 +269,10 @@ def test_images_come_compressed_where_somebody_publishes_them_so(peer, ros_maste
 
 COMPRESSED = """
 import time, rospy
-from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.middleware import Ros1
 rospy.init_node("looking")
-runtime = RemoteRuntime(compressed=True)
+runtime = RemoteRuntime(Ros1(), compressed=True)
 while "/packed/image" not in runtime.graph.topics:
     time.sleep(0.05)
 image = runtime.subscribe("/packed/image").take(60)
@@ -365,9 +368,10 @@ def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
 
 LOOKING = """
 import time, rospy
-from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.middleware import Ros1
 rospy.init_node("looking")
-runtime = RemoteRuntime()
+runtime = RemoteRuntime(Ros1())
 end_s = time.monotonic() + 60
 while time.monotonic() < end_s:
     shown = [n for n in runtime.graph.nodes if n.name.startswith("tests")]
@@ -448,9 +452,10 @@ def test_a_silent_topic_holds_up_no_recording_and_stamps_of_zero_are_no_times(ru
 
 RECORDING = """
 import sys, time, rospy
-from ros_visualise.runtime.ros1.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.ros1.middleware import Ros1
 rospy.init_node("recording")
-runtime = RemoteRuntime()
+runtime = RemoteRuntime(Ros1())
 while not {"/silent", "/loud"} <= set(runtime.graph.topics):
     time.sleep(0.05)
 recording = runtime.start_recording(sys.argv[1])

@@ -7,15 +7,14 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from typing import Any
 
+from ros_visualise import nodes as registry
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph, parse_node
-from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     demo_pipeline,
     image_pipeline,
-    known_topics,
     recording_pipeline,
     simulation_pipeline,
 )
@@ -37,9 +36,9 @@ def graph_of(args: Namespace) -> Graph:
     graph = _GRAPHS[args.command](args)
     last = "filters"
     for text in args.node:
-        name, after = parse_node(text)
-        added = choose_node(name)
-        graph = graph.insert(added, after or last, known_topics(added))
+        path, name, after = parse_node(text)
+        added = registry.load(path, name)
+        graph = graph.insert(added, after or last)
         last = last if after else added.name
     if args.params:
         try:

@@ -11,10 +11,11 @@ from ros_visualise.printing import say
 
 
 def run(name: str) -> None:
-    """Run the executable of this name, and leave with its exit status."""
+    """Run the executable of this name on a ROS 1 graph, and leave with its exit status."""
     try:
         check_installation()
-        import_module("ros_visualise.executables.running").run(name)
+        middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()
+        import_module("ros_visualise.executables.by_name").run(name, middleware)
     except RosVisualiseError as error:
         say(f"{name}: {error}")
         sys.exit(error.exit_status)

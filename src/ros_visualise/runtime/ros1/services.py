@@ -1,59 +1,48 @@
-"""The actions of nodes as services of the ROS graph."""
+"""Services of the ROS graph that only ask a node to do something."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable
 
 import rospy
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.runtime.local import LocalRuntime
 
 
-class ActionServices:
-    """A std_srvs/Trigger service for each action of each node: ``~clear``, ``~land``.
+class TriggerService:
+    """Offers a std_srvs/Trigger.
 
     Args:
-        runtime: what runs the nodes.
-        namespaces: node name -> where its services are below this node's private namespace.
+        name: of the service.
+        act: is run; an error that it raises is the answer.
     """
 
-    def __init__(self, runtime: LocalRuntime, namespaces: Mapping[str, str]) -> None:
-        self._runtime = runtime
-        self._services = [
-            rospy.Service(
-                f"~{namespaces[node.name]}/{action}".replace("~/", "~"),
-                Trigger,
-                partial(self._act, node.name, action),
-            )
-            for node in runtime.graph.members
-            for action in node.type.actions
-        ]
+    def __init__(self, name: str, act: Callable[[], None]) -> None:
+        self._act = act
+        self._service = rospy.Service(name, Trigger, self._answer)
 
-    def _act(self, node: str, action: str, _: TriggerRequest) -> TriggerResponse:
+    def _answer(self, _: TriggerRequest) -> TriggerResponse:
         try:
-            self._runtime.act(node, action)
+            self._act()
         except RosVisualiseError as error:
             return TriggerResponse(False, str(error))
         return TriggerResponse(True, "")
 
     def close(self) -> None:
-        """Offer them no longer."""
-        for service in self._services:
-            service.shutdown()
+        """Offer it no longer."""
+        self._service.shutdown()
 
 
-def call(node: str, action: str) -> None:
+def call(service: str) -> None:
     """Ask a node elsewhere on the graph to do something.
 
     Raises:
         RosVisualiseError: it cannot be asked, or has answered that it did not.
     """
     try:
-        answer = rospy.ServiceProxy(f"{node}/{action}", Trigger)()
+        answer = rospy.ServiceProxy(service, Trigger)()
     except (rospy.ServiceException, rospy.ROSException) as error:
-        raise RosVisualiseError(f"{node}/{action}: {error}") from error
+        raise RosVisualiseError(f"{service}: {error}") from error
     if not answer.success:
-        raise RosVisualiseError(f"{node}: {answer.message}")
+        raise RosVisualiseError(f"{service.rpartition('/')[0]}: {answer.message}")

@@ -8,7 +8,6 @@ from typing import Any
 import genpy
 from genpy.dynamic import generate_dynamic
 
-from ros_visualise.data import Message
 from ros_visualise.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
 
@@ -36,16 +35,16 @@ TYPES = _Types(
 """ROS type name, as ``sensor_msgs/msg/Image`` -> class."""
 
 
-def message_class(data_class: type[Message]) -> Any:
-    """The class of the messages that a topic of ``data_class`` has.
+def message_class(type_name: str) -> Any:
+    """The class of the messages of a type, as ``sensor_msgs/msg/Image``.
 
     Raises:
         UsageError: ROS 1 has none.
     """
     try:
-        return TYPES[data_class.type_name]
+        return TYPES[type_name]
     except KeyError:
-        raise UsageError(f"ROS 1 has no message for {data_class.__name__}") from None
+        raise UsageError(f"ROS 1 has no messages of type {type_name}") from None
 
 
 def _installed(type_name: str) -> Any:

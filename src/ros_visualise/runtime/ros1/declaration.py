@@ -16,8 +16,8 @@ from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescr
 
 from ros_visualise.nodes import NodeType, SourceType, find_all
 from ros_visualise.params import Spec, Value, param, specs
+from ros_visualise.runtime.playing import playing_params
 from ros_visualise.runtime.ros1.description import Plain, describe
-from ros_visualise.runtime.ros1.playing import playing_params
 
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
 _MAX_INT = 2**31 - 1

@@ -1,40 +1,41 @@
-"""What the nodes of this process report on /diagnostics."""
+"""What the nodes of this process report on ``/diagnostics``."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-import rospy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-
-from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.rate import Clock
+from ros_visualise.runtime.middleware import Middleware
 
 
 class Diagnostics:
     """Publishes one status for each node: what it was asked for, what it achieved, what it lost."""
 
-    def __init__(self) -> None:
-        self._publisher = Publisher("/diagnostics", DiagnosticArray)
+    def __init__(self, middleware: Middleware) -> None:
+        diagnostics = TopicType(type_name(DiagnosticArray))
+        self._publisher = middleware.advertise("/diagnostics", diagnostics)
+        self._clock: Clock = middleware.clock()
         self._lost: dict[str, int] = {}
 
     def publish(self, nodes: Mapping[str, Mapping[str, Any]]) -> None:
         """Publish the statuses: full name of a node -> its figures, which may be nested."""
         if not self._publisher.connections:
             return
-        array = DiagnosticArray()
-        array.header.stamp = rospy.Time.now()
-        array.status = [self._status(name, report) for name, report in nodes.items()]
-        self._publisher.publish(array)
+        statuses = tuple(self._status(name, report) for name, report in nodes.items())
+        self._publisher.publish(DiagnosticArray(statuses, Header(self._clock.now_ns())))
 
     def _status(self, name: str, report: Mapping[str, Any]) -> DiagnosticStatus:
         lost = sum(n for why, n in report["dropped"].items() if why != "rate")
         new, self._lost[name] = lost - self._lost.get(name, 0), lost
         return DiagnosticStatus(
-            level=DiagnosticStatus.WARN if new else DiagnosticStatus.OK,
-            name=name,
-            message=f"dropped {new} messages in the last second" if new else "OK",
-            values=[KeyValue(key, str(value)) for key, value in _flat(report).items()],
+            name,
+            Level.WARN if new else Level.OK,
+            f"dropped {new} messages in the last second" if new else "OK",
+            {key: str(value) for key, value in _flat(report).items()},
         )
 
 

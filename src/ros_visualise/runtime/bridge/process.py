@@ -1,4 +1,4 @@
-"""A graph of nodes in this process, joined to the ROS topics around it."""
+"""A graph of nodes in this process, joined to the topics around it."""
 
 from __future__ import annotations
 
@@ -8,23 +8,19 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ros_visualise.data import Image, Text
+from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, M
+from ros_visualise.messages import type_name
+from ros_visualise.messages.qos import LATCHED
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.diagnostics import Diagnostics
+from ros_visualise.runtime.bridge.inputs import ImageInput, Input
+from ros_visualise.runtime.bridge.outputs import ImageOutput, Output, StaticTransformsOutput
+from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.ros1 import session
-from ros_visualise.runtime.ros1.diagnostics import Diagnostics
-from ros_visualise.runtime.ros1.playing import PlaybackFollower
-from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
-from ros_visualise.runtime.ros1.recorded import RecordedOutput
-from ros_visualise.runtime.ros1.services import ActionServices
-from ros_visualise.runtime.ros1.topics import (
-    DescriptionOutput,
-    ImageInput,
-    ImageOutput,
-    Input,
-    Output,
-)
+from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.runtime.playing import PlaybackFollower
 from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
@@ -34,12 +30,13 @@ _STALL_S = 0.1  # for so long all subscribers together may hold up a node
 
 
 class Process:
-    """Runs a graph and joins it to ROS: topics, dynamic_reconfigure, services, diagnostics.
+    """Runs a graph and joins it to a middleware: topics, parameters, services, diagnostics.
 
-    Between its nodes messages pass by reference; on the ROS graph a topic costs nothing until
-    somebody subscribes.
+    Between its nodes messages pass by reference; outside a topic costs nothing until somebody
+    subscribes.
 
     Args:
+        middleware: what the graph is joined to.
         graph: what to run; its topics are relative to the namespace and may be remapped.
         playback: how its source is played; None where it has no source.
         namespaces: node name -> where its parameters are below this node's private namespace.
@@ -52,36 +49,38 @@ class Process:
 
     def __init__(
         self,
+        middleware: Middleware,
         graph: Graph,
         playback: Playback | None,
         namespaces: Mapping[str, str],
         compressed: bool = False,
     ) -> None:
+        self._middleware = middleware
         self._namespaces = namespaces
         names = [name.removeprefix("/") for name in (*graph.inputs, *graph.topics)]
-        self._declared = {session.resolve(name): name for name in names}
-        self.runtime = LocalRuntime(_resolved(graph), playback)
+        self._declared = {middleware.resolve(name): name for name in names}
+        self.runtime = LocalRuntime(_resolved(graph, middleware), playback)
         self._graph = self.runtime.graph
         self._outputs = {name: self._open_output(name) for name in self._graph.topics}
         self._player: PlaybackFollower | None = None
         if playback is not None and self._graph.source is not None:
             parameters = self.runtime.parameters[self._graph.source.name]
             self._player = PlaybackFollower(playback, parameters)
-        self._diagnostics = Diagnostics()
+        self._diagnostics = Diagnostics(middleware)
         self._diagnosed_s = time.monotonic()
         self._compressed = compressed
         self._inputs: list[Input] = []
-        self._servers: list[ReconfigureServer] = []
+        self._offered: list[Handle] = []
 
     def start(self) -> None:
         """Begin to take and to publish messages; whoever finds its parameters finds it at work."""
         self.runtime.start()
         self._inputs = [self._open_input(*item) for item in self._graph.inputs.items()]
-        self._servers = [
-            ReconfigureServer(parameters, self._namespaces[name])
+        self._offered = [
+            self._middleware.serve_parameters(parameters, self._namespaces[name])
             for name, parameters in self.runtime.parameters.items()
         ]
-        self._services = ActionServices(self.runtime, self._namespaces)
+        self._offered += offer_actions(self._middleware, self.runtime, self._namespaces)
 
     def follow(self) -> None:
         """Do what has to be done now and then: some ten times a second."""
@@ -119,16 +118,24 @@ class Process:
         source = self._graph.source
         is_camera = source is not None and name in source.outputs.values()
         if self._is_as_recorded(name):
-            output: Output = RecordedOutput(self._declared[name], topic.ros)
+            output = self._as_recorded(name, topic.ros)
         elif topic.type is Image:
             waits = partial(self._is_in_haste, is_camera)
-            output = ImageOutput(self._declared[name], name, is_camera, waits)
-        elif topic.type is Text and topic.ros.qos.transient_local:
-            output = DescriptionOutput(self._declared[name])
+            output = ImageOutput(self._middleware, self._declared[name], name, is_camera, waits)
         else:
-            output = Output(self._declared[name], topic.type, topic.ros.qos.transient_local)
+            made = TopicType(type_name(topic.type), qos=topic.ros.qos)
+            advertised = self._middleware.advertise(self._declared[name], made)
+            output = Output(advertised, made.qos.transient_local)
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
+
+    def _as_recorded(self, name: str, recorded: TopicType) -> Output:
+        adds_up = recorded.data_class is Transforms and name.endswith("tf_static")
+        qos = LATCHED if adds_up else recorded.qos
+        publisher = self._middleware.advertise(self._declared[name], replace(recorded, qos=qos))
+        if adds_up:
+            return StaticTransformsOutput(publisher)
+        return Output(publisher, qos.transient_local)
 
     def _is_as_recorded(self, name: str) -> bool:
         """Whether a topic is played under its own name; else it takes the place of a camera's."""
@@ -141,11 +148,11 @@ class Process:
         return is_camera and playback is not None and playback.state.rate == 0
 
     def _open_input(self, name: str, kind: type) -> Input:
-        declared, topic = self._declared[name], self.runtime.topic(name)
+        declared, feed = self._declared[name], partial(self.runtime.publish, name)
         if kind is Image:
             wait = partial(self._wait_for_room, name)
-            return ImageInput(declared, name, topic, self._compressed, wait)
-        return Input(declared, kind, topic)
+            return ImageInput(self._middleware, declared, name, feed, self._compressed, wait)
+        return Input(self._middleware, declared, kind, feed)
 
     def _wait_for_room(self, name: str) -> None:
         """Wait until the nodes have begun with the last image and could publish what they make."""
@@ -157,7 +164,7 @@ class Process:
     def _report(self) -> dict[str, dict[str, Any]]:
         """Every node's figures, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
-        own = session.resolve("~").rstrip("/")
+        own = self._middleware.resolve("~").rstrip("/")
         nodes: dict[str, dict[str, Any]] = {}
         for node in self._graph.members:
             figures = report["nodes"][node.name]
@@ -173,22 +180,17 @@ class Process:
         return nodes
 
 
-def _resolved(graph: Graph) -> Graph:
-    """The graph on the names that its topics have on the ROS graph."""
-    resolved = graph.changed(_resolved_member)
+def _resolved(graph: Graph, middleware: Middleware) -> Graph:
+    """The graph on the names that its topics have around it."""
+
+    def resolve(topics: Mapping[str, str]) -> dict[str, str]:
+        return {port: middleware.resolve(name.removeprefix("/")) for port, name in topics.items()}
+
+    def on_resolved(member: M) -> M:
+        return replace(member, inputs=resolve(member.inputs), outputs=resolve(member.outputs))
+
+    resolved = graph.changed(on_resolved)
     for node in resolved.members:
         if taken := set(node.inputs.values()) & set(node.outputs.values()):
             raise UsageError(f"{node.name}: would listen to itself on {taken.pop()}; remap one end")
     return resolved
-
-
-def _resolved_member(member: M) -> M:
-    return replace(
-        member,
-        inputs={port: _resolve(name) for port, name in member.inputs.items()},
-        outputs={port: _resolve(name) for port, name in member.outputs.items()},
-    )
-
-
-def _resolve(topic: str) -> str:
-    return session.resolve(topic.removeprefix("/"))

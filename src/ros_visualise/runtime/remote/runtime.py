@@ -1,4 +1,4 @@
-"""The runtime of nodes in other processes: what the ROS graph has, to look at and to tune."""
+"""The runtime of nodes in other processes: what a graph has, to look at and to tune."""
 
 from __future__ import annotations
 
@@ -7,30 +7,24 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from functools import partial
-from http.client import HTTPException
 from pathlib import Path
 from typing import Any
-from xmlrpc.client import Error as XmlRpcError
-
-import rosgraph
 
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
-from ros_visualise.messages import to_message
+from ros_visualise.messages import type_name
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
+from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
-from ros_visualise.runtime.ros1.remote.declaration import our_own
-from ros_visualise.runtime.ros1.remote.discovery import Discovery, Sight
-from ros_visualise.runtime.ros1.remote.figures import Figures
-from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
-from ros_visualise.runtime.ros1.remote.places import Place, places, to_graph
-from ros_visualise.runtime.ros1.remote.relay import Arrivals, Relay
-from ros_visualise.runtime.ros1.services import call
-from ros_visualise.runtime.ros1.transport import Publisher
-from ros_visualise.runtime.ros1.types import TYPES, message_class
+from ros_visualise.runtime.remote.discovery import Sight, survey
+from ros_visualise.runtime.remote.figures import Figures
+from ros_visualise.runtime.remote.parameters import RemoteParameters
+from ros_visualise.runtime.remote.places import Place, places, to_graph
+from ros_visualise.runtime.remote.relay import Arrivals, Relay
 from ros_visualise.runtime.topics import Subscription
 
 log = logging.getLogger(__name__)
@@ -42,25 +36,26 @@ _CLOSE_S = 1.0
 
 
 class RemoteRuntime:
-    """Looks at nodes elsewhere on the ROS graph; see `ros_visualise.runtime.base.Runtime`.
+    """Looks at nodes elsewhere on the graph; see `ros_visualise.runtime.base.Runtime`.
 
     ``graph`` is another object as soon as nodes or topics have come or gone; ``parameters`` keeps
     those that have gone.
 
     Args:
+        middleware: what they are reached by.
         compressed: whether images come compressed, where somebody publishes them so.
     """
 
     playback = None
 
-    def __init__(self, compressed: bool = False) -> None:
+    def __init__(self, middleware: Middleware, compressed: bool = False) -> None:
+        self._middleware = middleware
         self.graph = Graph(None, ())
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
-        self._discovery = Discovery()
         self._sight = Sight((), {}, frozenset())
-        self._figures = Figures()
+        self._figures = Figures(middleware)
         self._key: object = None
         self._seen_s: dict[str, float] = {}
         self._relays: dict[str, Relay] = {}
@@ -69,7 +64,6 @@ class RemoteRuntime:
         self._recording = threading.Lock()
         self._lock = threading.Lock()
         self._closed = threading.Event()
-        our_own()  # is needed at once, and by threads that must not wait for it
         self._look()
         self._thread = threading.Thread(target=self._follow, name="discovery", daemon=True)
         self._thread.start()
@@ -84,8 +78,9 @@ class RemoteRuntime:
     def publish(self, topic: str, message: Any) -> None:
         """Publish to whoever listens on the graph."""
         if topic not in self._publishers:
-            self._publishers[topic] = Publisher(topic, message_class(type(message)))
-        self._publishers[topic].publish(to_message(message, TYPES))
+            kind = TopicType(type_name(type(message)))
+            self._publishers[topic] = self._middleware.advertise(topic, kind)
+        self._publishers[topic].publish(message)
 
     def act(self, node: str, action: str) -> None:
         """Run an action of a node, by its service.
@@ -93,7 +88,7 @@ class RemoteRuntime:
         Raises:
             RosVisualiseError: it cannot be asked, or did not do it.
         """
-        call(f"/{node}", action)
+        self._middleware.call(f"/{node}/{action}")
 
     def report(self, window_s: float | None = None) -> dict[str, Any]:
         """The run report: our nodes' own figures, and the rates of what is received here."""
@@ -118,7 +113,7 @@ class RemoteRuntime:
             if self._closed.is_set():
                 raise UsageError(f"{target}: the viewer is ending, so there is nothing to record")
             recording = record(self.graph, self.parameters, target, overwrite, False)
-            arrivals = self._recordings[recording] = Arrivals(recording)
+            arrivals = self._recordings[recording] = Arrivals(recording, self._middleware.clock())
         for topic, inbox in arrivals.inboxes.items():
             self._relay(topic).connect(inbox, self._comes_compressed(topic))
         return recording
@@ -146,14 +141,13 @@ class RemoteRuntime:
     def _follow(self) -> None:
         while not self._closed.wait(_LOOK_S):
             self._look()
-        self._discovery.close()
 
     def _look(self) -> None:
         """See who is there; the graph changes only if something about it has."""
         try:
-            self._sight = self._discovery.look()
-        except (OSError, HTTPException, XmlRpcError, rosgraph.MasterException) as error:
-            log.debug("the ROS master does not answer: %s", error)
+            self._sight = survey(self._middleware.look())
+        except ConnectionError as error:
+            log.debug("the graph cannot be looked at: %s", error)
             return
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
         self._meet(found)
@@ -171,8 +165,8 @@ class RemoteRuntime:
         """Get to know the parameters of whoever is new."""
         for place in found:
             known = self._met.get(place.name)
-            if place.reconfigure and not isinstance(known, RemoteParameters):
-                remote = RemoteParameters(place.path)
+            if place.has_parameters and not isinstance(known, RemoteParameters):
+                remote = RemoteParameters(self._middleware, place.path)
                 remote.on_change(partial(self._parameters_changed, place.name))
                 self._met[place.name] = remote
                 self._seen_s[place.name] = time.monotonic()
@@ -200,7 +194,9 @@ class RemoteRuntime:
     def _relay(self, topic: str) -> Relay:
         with self._lock:
             if topic not in self._relays:
-                self._relays[topic] = Relay(topic, self._sight.types.get(topic, Image))
+                self._relays[topic] = Relay(
+                    self._middleware, topic, self._sight.types.get(topic, Image)
+                )
             return self._relays[topic]
 
     def _comes_compressed(self, topic: str) -> bool:

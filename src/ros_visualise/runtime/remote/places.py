@@ -1,4 +1,4 @@
-"""The nodes of the ROS graph -> a `Graph`, with a node for each place that has parameters."""
+"""The nodes of a graph elsewhere -> a `Graph`, with a node for each place that has parameters."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ from typing import Any, NamedTuple, NoReturn
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType
 from ros_visualise.params import Parameters
-from ros_visualise.runtime.ros1.remote.discovery import Peer
-from ros_visualise.runtime.ros1.remote.figures import Figures
-from ros_visualise.runtime.ros1.remote.parameters import RemoteParameters
+from ros_visualise.runtime.remote.discovery import Peer
+from ros_visualise.runtime.remote.figures import Figures
+from ros_visualise.runtime.remote.parameters import RemoteParameters
 
 
 class Place(NamedTuple):
-    """What is shown as one node: a ROS node, or one of several that share a process.
+    """What is shown as one node: a node, or one of several that share a process.
 
-    ``path`` is its full name; ``reconfigure`` whether it has parameters there.
+    ``path`` is its full name; ``has_parameters`` whether it has any there.
     """
 
     path: str
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
-    reconfigure: bool
+    has_parameters: bool
 
     @property
     def name(self) -> str:
@@ -31,11 +31,11 @@ class Place(NamedTuple):
 
 
 def places(peer: Peer, figures: Figures) -> list[Place]:
-    """One place for a ROS node, and one for each of those in it that have parameters of their own.
+    """One place for a node, and one for each of those in it that have parameters of their own.
 
     Which of its topics belong to which, the nodes in it say themselves.
     """
-    inner = [path for path in peer.reconfigure if path != peer.name]
+    inner = [path for path in peer.parameters if path != peer.name]
     outputs = {path: [t for t in peer.publishes if t in figures.outputs(path)] for path in inner}
     inputs = {path: sorted(figures.inputs(path)) for path in inner}
     found = [Place(path, tuple(outputs[path]), tuple(inputs[path]), True) for path in inner]
@@ -43,7 +43,7 @@ def places(peer: Peer, figures: Figures) -> list[Place]:
     rest = tuple(topic for topic in peer.publishes if topic not in given)
     told = {topic for topics in inputs.values() for topic in topics}
     taken = tuple(topic for topic in peer.takes if topic not in told)
-    has_own = peer.name in peer.reconfigure
+    has_own = peer.name in peer.parameters
     if rest or has_own or not inner:
         found.insert(0, Place(peer.name, rest, taken, has_own))
     return found
@@ -71,7 +71,7 @@ def in_order(found: Iterable[Place]) -> list[Place]:
 
 def _node(place: Place, parameters: Parameters[Any], types: Mapping[str, type]) -> Node:
     current = parameters.current
-    ours = parameters.declaration.node if isinstance(parameters, RemoteParameters) else None
+    ours = parameters.node if isinstance(parameters, RemoteParameters) else None
     on_demand = () if ours is None else ours.on_demand
     rare = {t for t in place.outputs if t.rpartition("/")[2] in on_demand}
     outputs = sorted(place.outputs, key=lambda topic: (topic in rare, topic))

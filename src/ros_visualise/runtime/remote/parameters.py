@@ -1,4 +1,4 @@
-"""The live parameters of a node in another process, over dynamic_reconfigure."""
+"""The live parameters of a node in another process."""
 
 from __future__ import annotations
 
@@ -9,15 +9,11 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-import rospy
-from dynamic_reconfigure.msg import Config, ConfigDescription
-from dynamic_reconfigure.srv import Reconfigure
-
 from ros_visualise import params
 from ros_visualise.errors import OpenError, ParameterError
-from ros_visualise.nodes import NoParams
+from ros_visualise.nodes import NodeType, NoParams, SourceType
 from ros_visualise.params import Parameters, specs
-from ros_visualise.runtime.ros1.remote.declaration import Declaration, declare
+from ros_visualise.runtime.middleware import Middleware
 
 log = logging.getLogger(__name__)
 
@@ -25,8 +21,6 @@ _ANSWER_S = 2.0
 """A node that takes longer to answer counts as gone."""
 _GONE_S = 2.0
 _ECHO_S = 0.25
-_REFUSED = "responded with an error"  # rospy has one exception for this and for no answer at all
-_UNKNOWN = Declaration(NoParams)
 
 
 class RemoteParameters(Parameters[Any]):
@@ -36,29 +30,27 @@ class RemoteParameters(Parameters[Any]):
     comes back after its end, so do they.
 
     Args:
-        node: where dynamic_reconfigure has them, such as ``/edge_detector``.
+        middleware: what the node is reached by.
+        node: the name under which it has them, such as ``/edge_detector``.
+
+    Attributes:
+        node: our own node, if it is one.
     """
 
-    def __init__(self, node: str) -> None:
+    def __init__(self, middleware: Middleware, node: str) -> None:
         super().__init__(NoParams())
-        self.declaration = _UNKNOWN
-        self._node = node
+        self.node: NodeType | SourceType | None = None
         self._name = node.removeprefix("/")
-        self._last: Config | None = None
         self._ready = threading.Event()
         self._came = threading.Condition()
         self._count = 0
         self._recent: deque[tuple[int, Mapping[str, Any]]] = deque(maxlen=64)
         self._seen_s = time.monotonic()
         self._is_missed = False
-        self._description: ConfigDescription | None = None
         self._calls = threading.Lock()
         self._calling: threading.Thread | None = None
         self._refused: set[str] = set()
-        self._descriptions = rospy.Subscriber(
-            f"{node}/parameter_descriptions", ConfigDescription, self._described
-        )
-        self._updates = rospy.Subscriber(f"{node}/parameter_updates", Config, self._updated)
+        self._client = middleware.follow_parameters(node, self)
 
     def wait(self, timeout_s: float) -> bool:
         """Wait until the node has told of its parameters; whether it has."""
@@ -67,10 +59,10 @@ class RemoteParameters(Parameters[Any]):
     @property
     def is_there(self) -> bool:
         """Whether the node is connected."""
-        return bool(self._updates.get_num_connections())
+        return self._client.is_there
 
     def follow(self) -> None:
-        """Say, once, that the node has gone or is back; to be called while the master is there.
+        """Say, once, that the node has gone or is back; to be called while the graph is there.
 
         Where all nodes end together this one does too, before it has missed another.
         """
@@ -94,10 +86,9 @@ class RemoteParameters(Parameters[Any]):
         if not self.wait(_ANSWER_S):
             raise self._no_answer()
         wanted = params.update(self.current, changes)
-        values = {name: getattr(wanted, name) for name in changes}
         with self._came:
             asked = self._count
-        answer = self.declaration.decode(self._call(values))
+        answer = self._set({name: getattr(wanted, name) for name in changes})
         with self._came:
             self._came.wait_for(lambda: self._has_come(asked, answer), _ECHO_S)
             overtaken = self._count > asked
@@ -105,18 +96,32 @@ class RemoteParameters(Parameters[Any]):
             self._apply(answer)
         return self.current
 
+    def declared(self, params: type, node: NodeType | SourceType | None) -> None:
+        """The node has these parameters; see `ros_visualise.runtime.middleware`."""
+        with self._lock:
+            self.node = node
+            self.current = params()
+
+    def told(self, values: Mapping[str, Any]) -> None:
+        """The node has these values now."""
+        with self._lock:
+            self._apply(values)
+        with self._came:
+            self._count += 1
+            self._recent.append((self._count, values))
+            self._came.notify_all()
+        self._ready.set()
+
     def close(self) -> None:
         """Follow it no longer."""
-        self._descriptions.unregister()
-        self._updates.unregister()
+        self._client.close()
 
-    def _call(self, values: Mapping[str, Any]) -> Config:
+    def _set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         """Ask the node to set values; its answer, or an error in bounded time."""
-        config = self.declaration.encode(specs(self.current), values)
-        answers: list[Config | ParameterError] = []
+        answers: list[Mapping[str, Any] | ParameterError] = []
         if self._calls.acquire(timeout=_ANSWER_S):
             try:
-                self._ask_aside(config, answers)
+                self._ask_aside(values, answers)
             finally:
                 self._calls.release()
         if not answers:
@@ -128,47 +133,27 @@ class RemoteParameters(Parameters[Any]):
     def _no_answer(self) -> OpenError:
         return OpenError(f"{self._name} does not answer; is it still running?")
 
-    def _ask_aside(self, config: Config, answers: list[Config | ParameterError]) -> None:
+    def _ask_aside(
+        self, values: Mapping[str, Any], answers: list[Mapping[str, Any] | ParameterError]
+    ) -> None:
         """Ask on a thread that is left behind when no answer comes."""
         if self._calling is None or not self._calling.is_alive():
-            self._calling = threading.Thread(target=self._ask, args=(config, answers), daemon=True)
+            self._calling = threading.Thread(target=self._ask, args=(values, answers), daemon=True)
             self._calling.start()
             self._calling.join(_ANSWER_S)
 
-    def _ask(self, config: Config, answers: list[Config | ParameterError]) -> None:
+    def _ask(
+        self, values: Mapping[str, Any], answers: list[Mapping[str, Any] | ParameterError]
+    ) -> None:
         try:
-            service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
-            answers.append(service(config).config)
-        except (rospy.ServiceException, rospy.ROSException, OSError) as error:
-            if _REFUSED in str(error):
-                answers.append(ParameterError(f"{self._name} refuses: {error}"))
+            answers.append(self._client.set(values))
+        except ParameterError as error:
+            answers.append(ParameterError(f"{self._name} refuses: {error}"))
+        except ConnectionError as error:
             log.debug("%s: %s", self._name, error)
 
     def _has_come(self, asked: int, answer: Mapping[str, Any]) -> bool:
         return any(number > asked and values == answer for number, values in self._recent)
-
-    def _described(self, description: ConfigDescription) -> None:
-        with self._lock:
-            if description == self._description:
-                return
-            self._description = description
-            self.declaration = declare(description)
-            self.current = self.declaration.params()
-            if self._last is not None:
-                self._updated(self._last)
-
-    def _updated(self, config: Config) -> None:
-        with self._lock:
-            self._last = config
-            if self.declaration is _UNKNOWN:
-                return
-            values = self.declaration.decode(config)
-            self._apply(values)
-        with self._came:
-            self._count += 1
-            self._recent.append((self._count, values))
-            self._came.notify_all()
-        self._ready.set()
 
     def _apply(self, values: Mapping[str, Any]) -> None:
         """Take over what the node has, but for what contradicts its own description."""

@@ -1,19 +1,19 @@
-"""One topic of the ROS graph, subscribed only while somebody looks at it or records it."""
+"""One topic of the graph, subscribed only while somebody looks at it or records it."""
 
 from __future__ import annotations
 
 import threading
 import time
 from collections.abc import Mapping
+from itertools import count
 from typing import Any
 
-import rospy
-
 from ros_visualise.data import Image
-from ros_visualise.rate import Steady
+from ros_visualise.rate import Clock, Steady, WallClock
+from ros_visualise.runtime.bridge.inputs import ImageInput, Input
+from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.runtime.ros1.topics import ImageInput, Input
 from ros_visualise.runtime.topics import Consumer, Topic
 
 
@@ -21,16 +21,19 @@ class Relay:
     """Hands the messages of a topic to whoever listens.
 
     Args:
+        middleware: what they come by.
         name: the topic.
         kind: the class of its messages.
     """
 
-    def __init__(self, name: str, kind: type) -> None:
+    def __init__(self, middleware: Middleware, name: str, kind: type) -> None:
+        self._middleware = middleware
         self._name = name
         self._kind = kind
         self._topic = Topic(on_demand=True)
         self._listeners: list[Consumer] = []
         self._input: Input | None = None
+        self._numbers = count(1)
         self._lock = threading.Lock()
 
     @property
@@ -63,8 +66,11 @@ class Relay:
 
     def _open(self, compressed: bool) -> Input:
         if self._kind is Image:
-            return ImageInput(self._name, self._name, self._topic, compressed)
-        return Input(self._name, self._kind, self._topic)
+            return ImageInput(self._middleware, self._name, self._name, self._feed, compressed)
+        return Input(self._middleware, self._name, self._kind, self._feed)
+
+    def _feed(self, message: Any) -> None:
+        self._topic.publish(Packet(next(self._numbers), message, time.monotonic_ns()))
 
     def close(self) -> None:
         """Remove all listeners."""
@@ -80,24 +86,25 @@ class Arrivals:
     """Numbers and times the messages of all recorded topics as they arrive.
 
     They are written in this order and under the graph's time, as ``rosbag record`` does it, but
-    that it goes on evenly where the clock on the wall is set. Nobody on a ROS graph tells which
+    that it goes on evenly where the clock on the wall is set. Nobody on a graph tells which
     message was made from which, nor that none will come.
     """
 
-    def __init__(self, recording: RecorderThread) -> None:
+    def __init__(self, recording: RecorderThread, clock: Clock) -> None:
         self.inboxes: Mapping[str, Consumer] = {
             topic: _Arrival(self, topic) for topic in recording.topics
         }
         self._recording = recording
         self._number = 0
-        self._steady = None if rospy.get_param("/use_sim_time", False) else Steady()
+        self._clock = clock
+        self._steady = Steady() if isinstance(clock, WallClock) else None
         self._lock = threading.Lock()
 
     def put(self, topic: str, message: Any) -> None:
         """A message has arrived; none of the other topics has one for its number."""
         with self._lock:
             self._number += 1
-            now_ns, arrival_ns = rospy.Time.now().to_nsec(), time.monotonic_ns()
+            now_ns, arrival_ns = self._clock.now_ns(), time.monotonic_ns()
             if self._steady is not None:
                 now_ns = self._steady.of(now_ns, arrival_ns)
             log_ns = now_ns or None  # none yet: /clock has not begun

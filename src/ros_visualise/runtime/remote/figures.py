@@ -1,13 +1,16 @@
-"""What nodes elsewhere report on /diagnostics, read back into the layout of the run report."""
+"""What nodes elsewhere report on ``/diagnostics``, read back into the layout of the run report."""
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Mapping
 from typing import Any
 
-import rospy
-from diagnostic_msgs.msg import DiagnosticArray
+from ros_visualise.data import DiagnosticArray
+from ros_visualise.runtime.middleware import Middleware
+
+log = logging.getLogger(__name__)
 
 _FRESH_S = 5.0
 _NUMBERS = ("received", "processed", "p50_ms", "p99_ms", "step_ms", "requested_hz", "achieved_hz")
@@ -23,9 +26,11 @@ _BLANK: Mapping[str, Any] = {
 class Figures:
     """The newest figures of every node that reports some."""
 
-    def __init__(self) -> None:
-        self._newest: dict[str, tuple[float, dict[str, str]]] = {}
-        self._subscriber = rospy.Subscriber("/diagnostics", DiagnosticArray, self._take)
+    def __init__(self, middleware: Middleware) -> None:
+        self._newest: dict[str, tuple[float, Mapping[str, str]]] = {}
+        self._subscriber = middleware.subscribe(
+            "/diagnostics", DiagnosticArray, self._take, lambda why: log.debug("%s", why)
+        )
 
     def node(self, name: str) -> dict[str, Any]:
         """A node's part of the run report; nothing but zeros where it reports nothing."""
@@ -53,17 +58,16 @@ class Figures:
 
     def close(self) -> None:
         """Read no more."""
-        self._subscriber.unregister()
+        self._subscriber.close()
 
     def _fresh(self, name: str) -> Mapping[str, str]:
         came_s, told = self._newest.get(name, (0.0, {}))
         return told if time.monotonic() - came_s < _FRESH_S else {}
 
     def _take(self, array: DiagnosticArray) -> None:
-        for status in array.status:
-            told = {value.key: value.value for value in status.values}
+        for status in array.statuses:
             name = "/" + "/".join(filter(None, status.name.split("/")))
-            self._newest[name] = (time.monotonic(), told)
+            self._newest[name] = (time.monotonic(), status.values)
 
 
 def _number(text: str | None) -> int | float | None:

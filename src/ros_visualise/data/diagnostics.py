@@ -1,0 +1,85 @@
+"""How nodes say that they are doing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, ClassVar
+
+from ros_visualise.data.fields import Fields, header, read_header
+from ros_visualise.data.header import Header
+from ros_visualise.data.message import Message
+
+
+class Level(IntEnum):
+    """How bad it is, as diagnostic_msgs/DiagnosticStatus numbers it."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@dataclass(frozen=True)
+class DiagnosticStatus:
+    """The state of one part of a robot: in a sentence, and in values by name."""
+
+    name: str
+    level: Level = Level.OK
+    message: str = ""
+    values: Mapping[str, str] = field(default_factory=dict)
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a diagnostic_msgs/msg/DiagnosticStatus."""
+        values = [
+            Fields("diagnostic_msgs/msg/KeyValue", {"key": key, "value": value})
+            for key, value in self.values.items()
+        ]
+        return {
+            "level": int(self.level),
+            "name": self.name,
+            "message": self.message,
+            "hardware_id": "",
+            "values": values,
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> DiagnosticStatus:
+        """The state in a diagnostic_msgs/msg/DiagnosticStatus.
+
+        Raises:
+            ValueError: there is no such level.
+        """
+        level = message.level[0] if isinstance(message.level, bytes) else message.level
+        values = {str(value.key): str(value.value) for value in message.values}
+        return cls(str(message.name), Level(level), str(message.message), values)
+
+
+@dataclass(frozen=True)
+class DiagnosticArray(Message):
+    """The states of several parts of a robot."""
+
+    type_name: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
+    plotted: ClassVar[bool] = False
+
+    statuses: tuple[DiagnosticStatus, ...]
+    header: Header = Header()
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a diagnostic_msgs/msg/DiagnosticArray."""
+        kind = "diagnostic_msgs/msg/DiagnosticStatus"
+        return {
+            "header": header(self.header),
+            "status": [Fields(kind, one.fields()) for one in self.statuses],
+        }
+
+    @classmethod
+    def read(cls, message: Any) -> DiagnosticArray:
+        """The states in a diagnostic_msgs/msg/DiagnosticArray.
+
+        Raises:
+            ValueError: one has a level that there is not.
+        """
+        statuses = tuple(DiagnosticStatus.read(status) for status in message.status)
+        return cls(statuses, read_header(message.header))

@@ -1,0 +1,104 @@
+"""The executables, each by its name, on any middleware."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Callable, Sequence
+
+from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.executables.options import (
+    OPTIONS,
+    choose_image_transport,
+    choose_memory,
+    choose_view,
+)
+from ros_visualise.executables.player import run_player
+from ros_visualise.executables.running import run_graph
+from ros_visualise.graph import parse_node
+from ros_visualise.nodes import NodeType, SourceType, find, find_all, find_node, load
+from ros_visualise.pipelines import IMAGE_NODES, alone, chain
+from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.ui import open_view
+from ros_visualise.ui.watching import watch
+
+log = logging.getLogger(__name__)
+
+Work = Callable[[Middleware], int]
+"""What an executable does until it ends; gives its exit status."""
+
+
+def run(name: str, middleware: Middleware) -> None:
+    """Run one of `_OTHERS`, a node of one's own, or the built-in node or source of this name.
+
+    Raises:
+        UsageError: no node of one's own is given, or more than one.
+        OpenError: it cannot be loaded.
+    """
+    if name == "node":
+        declared = _own(middleware.arguments())  # fails before it takes the name of one that runs
+        _run(declared.name, middleware, _alone(declared))
+    else:
+        _run(name, middleware, _OTHERS[name] if name in _OTHERS else _alone(find(name)))
+
+
+def _run(name: str, middleware: Middleware, work: Work) -> None:
+    middleware.begin(name)
+    try:
+        choose_memory(middleware)
+        status = work(middleware)
+    except RosVisualiseError as error:
+        log.critical("%s", error)
+        status = error.exit_status
+    middleware.end("done")
+    sys.exit(status)
+
+
+def _alone(declared: NodeType | SourceType) -> Work:
+    return lambda middleware: run_graph(middleware, alone(declared), {declared.name: ""}, OPTIONS)
+
+
+def _own(given: Sequence[str]) -> NodeType:
+    if len(given) != 1:
+        raise UsageError("give a node of your own as FILE.py:NAME")
+    path, name, _ = parse_node(given[0])
+    return load(path, name)
+
+
+def _run_pipeline(middleware: Middleware) -> int:
+    """Run several nodes in one process; between them images pass by reference."""
+    names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
+    graph = chain([_named(name) for name in names], middleware.option("source", "") or None)
+    return run_graph(middleware, graph, {node.name: node.name for node in graph.members})
+
+
+def _named(name: str) -> NodeType:
+    """A built-in node by its name, or one's own as FILE.py:NAME."""
+    if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
+        return find_node(name)
+    path, attribute, _ = parse_node(name)
+    return load(path, attribute)
+
+
+def _run_viewer(middleware: Middleware) -> int:
+    """Show what nodes elsewhere on the graph publish, and their parameters."""
+    name, options = choose_view(middleware, "web")
+    runtime = RemoteRuntime(middleware, choose_image_transport(middleware))
+    try:
+        watch(
+            runtime,
+            lambda: open_view(name, options),
+            middleware.is_over,
+            reopens=name == "windows",
+        )
+    finally:
+        runtime.close()
+    return 0
+
+
+_OTHERS: dict[str, Work] = {
+    "pipeline": _run_pipeline,
+    "player": run_player,
+    "viewer": _run_viewer,
+}

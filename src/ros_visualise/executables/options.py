@@ -1,0 +1,76 @@
+"""The private parameters that executables read once, beside those that their nodes declare."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_visualise.errors import UsageError
+from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
+from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.ui import ViewOptions
+
+OPTIONS = (
+    *("view", "host", "port", "allow_origin", "window", "record_dir"),
+    *("image_transport", "start", "duration", "clock", "max_memory"),
+)
+"""Those that every executable reads."""
+
+
+def choose_memory(middleware: Middleware) -> None:
+    """Set the limit that ``~max_memory`` gives.
+
+    Raises:
+        UsageError: it is no amount of memory.
+    """
+    set_max_memory(parse_memory(str(middleware.option("max_memory", DEFAULT_MEMORY))))
+
+
+def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]:
+    """The name of the view that ``~view`` gives, and how it is opened.
+
+    Raises:
+        UsageError: an option is of the wrong type.
+    """
+    options = ViewOptions(
+        host=str(middleware.option("host", "127.0.0.1")),
+        port=int(_number(middleware, "port", 8080)),
+        origins=named_in(middleware, "allow_origin", "none"),
+        record_dir=Path(middleware.find_file(str(middleware.option("record_dir", ".")))),
+        place=str(middleware.option("window", "")),
+    )
+    return str(middleware.option("view", default)), options
+
+
+def choose_image_transport(middleware: Middleware) -> bool:
+    """Whether images come compressed.
+
+    Raises:
+        UsageError: ``~image_transport`` is none that there is.
+    """
+    transport = middleware.option("image_transport", "raw")
+    if transport not in ("raw", "compressed"):
+        raise UsageError(f"image_transport={transport}: choose raw or compressed")
+    return bool(transport == "compressed")
+
+
+def seconds(middleware: Middleware, option: str) -> float:
+    """An option that is a time in seconds; 0 where it is not given.
+
+    Raises:
+        UsageError: it is no number.
+    """
+    return _number(middleware, option, 0.0)
+
+
+def named_in(middleware: Middleware, option: str, default: str) -> list[str]:
+    """What an option names, separated by spaces; nothing where it has its default."""
+    named = str(middleware.option(option, default))
+    return [] if named == default else named.split()
+
+
+def _number(middleware: Middleware, option: str, default: float) -> float:
+    given = middleware.option(option, default)
+    try:
+        return float(given)
+    except (TypeError, ValueError):
+        raise UsageError(f"{option}={given}: must be a number") from None

@@ -1,0 +1,80 @@
+"""The executable that plays a recording onto the graph."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+
+from ros_visualise.data import Image
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.executables.options import OPTIONS, named_in
+from ros_visualise.executables.running import publish_time, run_graph
+from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.nodes import SourceType
+from ros_visualise.nodes.player import player
+from ros_visualise.runtime.bridge.process import Process
+from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
+from ros_visualise.sources.recordings.images import first_image
+
+log = logging.getLogger(__name__)
+
+_NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
+_LOOK_S = 0.1
+_PATIENCE_S = 20.0
+
+
+def run_player(middleware: Middleware) -> int:
+    """Play a recording, with its time on ``/clock``; the exit status."""
+    path = middleware.find_file(str(middleware.option("path", "")))
+    if not path:
+        raise OpenError("give the recording, _path:=FILE")
+    recording = open_recording(path)
+    topics = named_in(middleware, "topics", "all")
+    declared = player(recording, topics, without=_NOT_PLAYED)
+    outputs = {topic: topic for topic in declared.outputs}
+    wanted = str(middleware.option("image", "none"))
+    if image := _chosen_image(recording, declared, wanted):
+        outputs[image] = "/image_raw"
+    graph = Graph(SourceNode("player", declared, declared.params(), {}, outputs), ())
+    options = (*OPTIONS, "path", "topics", "image", "wait_for")
+    awaited = named_in(middleware, "wait_for", "none")
+    if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
+        awaited = [topic for topic in awaited if topic.removeprefix("/") != "image_raw"]
+    conduct = partial(_conduct, played_time(recording, tuple(declared.outputs)), awaited)
+    return run_graph(middleware, graph, {"player": ""}, options, conduct)
+
+
+def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> str | None:
+    """The recorded images that are played as those of a camera, on image_raw."""
+    images = [topic for topic, kind in declared.outputs.items() if kind is Image]
+    if wanted in images:
+        return wanted
+    if wanted in ("none", "first"):
+        return first_image(recording, images) if wanted == "first" else None
+    there = ", ".join(images) or "none in it"
+    raise UsageError(f"image={wanted}: no such topic of images; there is {there}")
+
+
+@contextmanager
+def _conduct(
+    played: PlayedTime, awaited: Sequence[str], middleware: Middleware, process: Process
+) -> Iterator[None]:
+    """Publish the recording's time, and begin when those who are to see it all are there."""
+    with publish_time(middleware, process, lambda playback: played.stamp_ns(playback.time_ns())):
+        _wait_for_subscribers(middleware, process, awaited)
+        yield
+
+
+def _wait_for_subscribers(middleware: Middleware, process: Process, topics: Sequence[str]) -> None:
+    end_s = time.monotonic() + _PATIENCE_S
+    while not (middleware.is_over() or all(process.subscribers(topic) for topic in topics)):
+        if time.monotonic() > end_s:
+            log.warning("nobody listens to %s: playing all the same", " and ".join(topics))
+            return
+        time.sleep(_LOOK_S)

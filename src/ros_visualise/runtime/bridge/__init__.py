@@ -1,0 +1,1 @@
+"""A graph of nodes in this process, joined to the topics of a middleware around it."""

@@ -1,0 +1,130 @@
+"""What the topics of this process take from the graph."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, CompressedImage, Image
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.messages.calibrations import info_topic
+from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.vision.compression import decompress
+
+log = logging.getLogger(__name__)
+
+Feed = Callable[[Any], None]
+"""Takes the messages of one topic."""
+
+_SAY_AGAIN_S = 10.0
+_LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
+
+
+class Input:
+    """Feeds a topic of this process with what comes on the graph.
+
+    Args:
+        middleware: what it comes by.
+        name: the topic as the node calls it.
+        kind: the class of its messages.
+        feed: takes them.
+
+    Attributes:
+        refused: messages that were left out, since they contradict themselves.
+    """
+
+    def __init__(self, middleware: Middleware, name: str, kind: type, feed: Feed) -> None:
+        self.refused = 0
+        self._name = middleware.resolve(name)
+        self._feed = feed
+        self._said_s = -_SAY_AGAIN_S
+        self._subscriber = middleware.subscribe(name, kind, self._take, self._refuse)
+
+    def _take(self, message: Any) -> None:
+        try:
+            self._feed(message)
+        except RosVisualiseError as error:  # a source refuses it
+            self._refuse(str(error))
+
+    def _refuse(self, why: str) -> None:
+        self.refused += 1
+        if time.monotonic() - self._said_s >= _SAY_AGAIN_S:
+            self._said_s = time.monotonic()
+            log.warning("%s: %s", self._name, why)
+
+    def close(self) -> None:
+        """End it."""
+        self._subscriber.close()
+
+
+class ImageInput(Input):
+    """Feeds a topic with images, raw or compressed, and with their calibration when it is wanted.
+
+    A calibration belongs to a camera, not to a moment: an image gets the newest one of its size.
+
+    Args:
+        middleware: what they come by.
+        name: the topic as the node calls it.
+        resolved: its name on the graph.
+        feed: takes them.
+        compressed: subscribe to ``<name>/compressed`` instead.
+        wait_for_room: returns when there is time for another image.
+    """
+
+    def __init__(
+        self,
+        middleware: Middleware,
+        name: str,
+        resolved: str,
+        feed: Feed,
+        compressed: bool,
+        wait_for_room: Callable[[], None] = lambda: None,
+    ) -> None:
+        self._middleware = middleware
+        self._wait_for_room = wait_for_room
+        self._info_name = info_topic(resolved)
+        self._info_subscriber: Handle | None = None
+        self._info: CameraInfo | None = None
+        topic = f"{resolved}/compressed" if compressed else name
+        super().__init__(middleware, topic, CompressedImage if compressed else Image, feed)
+
+    def want_info(self, wanted: bool) -> None:
+        """Subscribe to the calibration, or no longer."""
+        if wanted and self._info_subscriber is None:
+            self._info_subscriber = self._middleware.subscribe(
+                self._info_name, CameraInfo, self._take_info, self._refuse
+            )
+        elif not wanted and self._info_subscriber is not None:
+            self._info_subscriber.close()
+            self._info_subscriber = self._info = None
+
+    def close(self) -> None:
+        """End it."""
+        self.want_info(False)
+        super().close()
+
+    def _take(self, message: Image | CompressedImage) -> None:
+        """Feed an image; the next large one is read when there is time for it.
+
+        What has to be left out is then left out where it is published, before it is sent. Small
+        ones are read all the same: the sockets would keep many of them, and so grow them old.
+        """
+        try:
+            super()._take(self._with_info(message))
+        except ValueError as error:
+            self._refuse(str(error))
+        if message.nbytes >= _LARGE_BYTES:
+            self._wait_for_room()
+
+    def _with_info(self, message: Image | CompressedImage) -> Image:
+        image = decompress(message) if isinstance(message, CompressedImage) else message
+        info = self._info
+        if info is None or (info.height, info.width) != (image.height, image.width):
+            return image
+        return replace(image, camera_info=info)
+
+    def _take_info(self, info: CameraInfo) -> None:
+        self._info = info if info.K.any() else None  # all zero: not calibrated

@@ -1,0 +1,183 @@
+"""What the topics of this process publish on the graph.
+
+Nothing is converted, encoded or sent that nobody has subscribed to.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import type_name
+from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
+from ros_visualise.messages.recorded import TopicType, content
+from ros_visualise.runtime.middleware import Middleware, Publisher
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.vision.compression import compress
+
+log = logging.getLogger(__name__)
+
+_PATIENCE_S = 1.0  # with a subscriber that has stopped reading
+
+
+class Output:
+    """Publishes a topic of this process on the graph.
+
+    Args:
+        publisher: of the topic.
+        latched: whoever subscribes gets the last message at once.
+    """
+
+    def __init__(self, publisher: Publisher, latched: bool = False) -> None:
+        self._publisher = publisher
+        self._latched = latched
+        self._refused = 0
+
+    @property
+    def name(self) -> str:
+        """Its name on the graph."""
+        return self._publisher.name
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are."""
+        return self._publisher.connections
+
+    @property
+    def awaited(self) -> bool:
+        """Whether anybody has a use for the next message."""
+        return self._latched or self.connections > 0
+
+    @property
+    def dropped(self) -> int:
+        """Messages that subscribers had no time for, or that the middleware cannot hold."""
+        return self._publisher.dropped + self._refused
+
+    def put(self, packet: Packet) -> None:
+        """Publish a message."""
+        if packet.message is not None and self.awaited:
+            self._send(self._publisher, packet.message)
+
+    def _send(self, publisher: Publisher, message: Any) -> None:
+        """Publish a message, unless the middleware cannot hold it, as a stamp before 1970."""
+        try:
+            publisher.publish(message)
+        except DamagedMessage as error:
+            self._refuse(publisher, error)
+
+    def _refuse(self, publisher: Publisher, error: Exception) -> None:
+        if not self._refused:
+            log.warning("%s: a message is left out: %s (said once)", publisher.name, error)
+        self._refused += 1
+
+    def close(self) -> None:
+        """Nothing more comes; what was latched stays."""
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until the last message is on its way to everybody who reads on."""
+        self._publisher.flush(timeout_s)
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until a subscriber, if there are any, could be sent another message."""
+        self._publisher.wait_for_room(timeout_s)
+
+
+class StaticTransformsOutput(Output):
+    """Publishes ``tf_static`` of a recording: with each message all static transforms so far.
+
+    A latched topic holds its last message alone.
+    """
+
+    def __init__(self, publisher: Publisher) -> None:
+        super().__init__(publisher, latched=True)
+        self._static: dict[str, TransformStamped] = {}
+
+    def _send(self, publisher: Publisher, message: Any) -> None:
+        try:
+            found = content(message)
+        except DamagedMessage as error:
+            self._refuse(publisher, error)
+            return
+        self._static |= {one.child_frame_id: one for one in found.transforms}
+        super()._send(publisher, Transforms(tuple(self._static.values())))
+
+
+class ImageOutput(Output):
+    """Publishes images with their calibration, and JPEG or PNG of them.
+
+    Args:
+        middleware: what they are published on.
+        name: the topic as the node calls it.
+        resolved: its name on the graph.
+        is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
+        waits: whether to wait, now, until an image is on its way to all.
+    """
+
+    def __init__(
+        self,
+        middleware: Middleware,
+        name: str,
+        resolved: str,
+        is_camera: bool,
+        waits: Callable[[], bool],
+    ) -> None:
+        super().__init__(middleware.advertise(name, TopicType(type_name(Image))))
+        self._waits = waits
+        self._info = middleware.advertise(info_topic(resolved), CAMERA_INFO)
+        compressed = TopicType(type_name(CompressedImage))
+        self._compressed = middleware.advertise(f"{resolved}/compressed", compressed)
+        self._is_camera = is_camera
+        self._to_compress = Inbox(lossless=False)
+        threading.Thread(
+            target=self._compress_all, name=f"{resolved}/compressed", daemon=True
+        ).start()
+
+    @property
+    def wants_info(self) -> bool:
+        """Whether anybody wants the calibration."""
+        return bool(self._info.connections)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether anybody wants the image, its calibration, or a JPEG of it."""
+        return super().awaited or self.wants_info or self._compressed.connections > 0
+
+    def put(self, packet: Packet) -> None:
+        """Publish an image."""
+        if packet.message is None:
+            return
+        try:
+            image = content(packet.message)
+        except DamagedMessage as error:
+            log.warning("%s: %s", self.name, error)
+            return
+        if self.wants_info:
+            self._publish_info(image)
+        if self.connections:
+            self._send(self._publisher, image)
+        if self._compressed.connections:
+            self._to_compress.put(packet._replace(message=image))
+        if self._waits():
+            self.flush(_PATIENCE_S)
+
+    def _publish_info(self, image: Image) -> None:
+        info = image.camera_info
+        if info is None and self._is_camera:
+            info = CameraInfo.uncalibrated(image.height, image.width)
+        if info is not None:
+            self._send(self._info, replace(info, header=image.header))
+
+    def _compress_all(self) -> None:
+        while (packet := self._to_compress.take()) is not None:
+            assert isinstance(packet.message, Image)
+            try:
+                compressed = compress(packet.message)
+            except ValueError as error:
+                log.warning("%s: %s", self._compressed.name, error)
+            else:
+                self._send(self._compressed, compressed)

@@ -1,0 +1,217 @@
+"""The seam between our nodes and a middleware, such as ROS 1: all that is asked of one.
+
+``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
+looks at nodes elsewhere, by these methods alone. A middleware lives in a folder of its own beside
+this file, and what it needs is imported there alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
+
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.nodes import NodeType, SourceType
+from ros_visualise.params import Parameters
+from ros_visualise.rate import Clock
+
+
+class Handle(Protocol):
+    """Something that is offered or listened to until it is closed."""
+
+    def close(self) -> None:
+        """End it; more than once does no harm."""
+
+
+class Publisher(Handle, Protocol):
+    """One topic that this process publishes. Publishing waits for no subscriber."""
+
+    @property
+    def name(self) -> str:
+        """The topic's full name on the graph."""
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are."""
+
+    @property
+    def dropped(self) -> int:
+        """Messages that a subscriber had no time for, over all subscribers."""
+
+    def publish(self, message: Any) -> None:
+        """Send a message: one of `ros_visualise.data.MESSAGES`, or a recorded one as it stands.
+
+        What it holds must not change any more.
+
+        Raises:
+            DamagedMessage: it cannot be sent, as one with a stamp before 1970.
+        """
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until everybody who reads on has been sent the last message."""
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until there is a subscriber, or none at all, with no message waiting for it."""
+
+
+class Listing(NamedTuple):
+    """What a graph holds at one moment, by full names, without this process.
+
+    Attributes:
+        publishers: topic and the nodes that publish it.
+        subscribers: topic and the nodes that subscribe to it.
+        types: topic -> its type, such as ``sensor_msgs/msg/Image``.
+        parameters: node -> the names under which it has live parameters; several where a process
+            holds several nodes.
+    """
+
+    publishers: Sequence[tuple[str, Sequence[str]]]
+    subscribers: Sequence[tuple[str, Sequence[str]]]
+    types: Mapping[str, str]
+    parameters: Mapping[str, Sequence[str]]
+
+
+class ParametersListener(Protocol):
+    """Who is told of the live parameters of a node elsewhere."""
+
+    def declared(self, params: type, node: NodeType | SourceType | None) -> None:
+        """The node has these parameters.
+
+        Args:
+            params: a dataclass of them: our own node's, or one that was made for the node.
+            node: our own node, if it is one.
+        """
+
+    def told(self, values: Mapping[str, Any]) -> None:
+        """The node has these values now; comes after `declared`."""
+
+
+class ParametersClient(Handle, Protocol):
+    """The live parameters of a node elsewhere on the graph."""
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the node is connected."""
+
+    def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Have the node take over all values or none; its values after that.
+
+        Raises:
+            ParameterError: the node refuses.
+            ConnectionError: it does not answer.
+        """
+
+
+class Middleware(Protocol):
+    """What carries messages between processes.
+
+    Names may be relative to the node's namespace, or begin with ``~`` for its private one; they
+    are remapped as the node was told to.
+    """
+
+    def begin(self, name: str) -> None:
+        """Become a node of the graph, and send what this package logs to the graph's log."""
+
+    def end(self, reason: str) -> None:
+        """Leave the graph."""
+
+    def is_over(self) -> bool:
+        """Whether this node has to end."""
+
+    def arguments(self) -> list[str]:
+        """What stands on the command line beside remappings and parameters."""
+
+    def option(self, name: str, default: Any) -> Any:
+        """A private parameter that is read once."""
+
+    def starting_values(
+        self, params: type, namespace: str = "", known: Iterable[str] = ()
+    ) -> dict[str, Any]:
+        """The values that launch files and the command line gave to declared parameters.
+
+        Args:
+            params: the dataclass that declares them.
+            namespace: below the node's private one.
+            known: other names that may stand there.
+
+        Raises:
+            ParameterError: a value is of the wrong type or out of its range.
+        """
+
+    def find_file(self, url: str) -> str:
+        """The path of ``package://PACKAGE/FILE``; other texts as they are.
+
+        Raises:
+            OpenError: there is no such package.
+        """
+
+    def resolve(self, name: str) -> str:
+        """A topic's full name on the graph."""
+
+    def advertise(self, topic: str, type: TopicType) -> Publisher:
+        """Publish a topic, with the type's quality of service.
+
+        Raises:
+            UsageError: the middleware has no such type of messages.
+            DamagedMessage: it cannot hold this type, which comes from a recording.
+        """
+
+    def subscribe(
+        self,
+        topic: str,
+        kind: type,
+        take: Callable[[Any], None],
+        refuse: Callable[[str], None],
+    ) -> Handle:
+        """Listen to a topic, whatever quality of service its publishers offer.
+
+        Both are called on threads of the middleware's. A publisher may have to wait meanwhile.
+
+        Args:
+            topic: its name.
+            kind: the class of ours that its messages become.
+            take: gets each message.
+            refuse: is told why a message is left out that contradicts itself.
+
+        Raises:
+            UsageError: the middleware has no such type of messages.
+        """
+
+    def offer(self, service: str, act: Callable[[], None]) -> Handle:
+        """Offer a std_srvs/Trigger; an error of this package that is raised becomes its answer."""
+
+    def call(self, service: str) -> None:
+        """Call a std_srvs/Trigger.
+
+        Raises:
+            RosVisualiseError: it cannot be asked, or has answered that it did not.
+        """
+
+    def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Handle:
+        """Offer a node's live parameters to the graph.
+
+        Args:
+            parameters: what is offered.
+            namespace: below the node's private one, for several nodes in one process.
+        """
+
+    def follow_parameters(self, node: str, listener: ParametersListener) -> ParametersClient:
+        """Follow the live parameters of a node elsewhere, also when it ends and comes back.
+
+        Args:
+            node: the name under which it has them, of `Listing.parameters`.
+            listener: is told of them on threads of the middleware's.
+        """
+
+    def look(self) -> Listing:
+        """What the graph holds now.
+
+        Raises:
+            ConnectionError: nobody can be asked at the moment.
+        """
+
+    def clock(self) -> Clock:
+        """The graph's time: simulated where that is used, else the time of day."""
+
+    def publish_clock(self, now_ns: Callable[[], int]) -> Handle:
+        """Be the one who tells the graph the time."""

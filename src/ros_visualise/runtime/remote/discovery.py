@@ -1,0 +1,85 @@
+"""Who is on the graph: nodes whose messages can be shown, and nodes with live parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from ros_visualise.data import (
+    MESSAGES,
+    CompressedImage,
+    DiagnosticArray,
+    Image,
+    ParameterEvent,
+    Text,
+)
+from ros_visualise.messages import data_class, type_name
+from ros_visualise.runtime.middleware import Listing
+
+_COMPRESSED = type_name(CompressedImage)
+_SHOWN = set(MESSAGES) - {DiagnosticArray, ParameterEvent, Text}
+_ASIDE = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
+"""How the names of nodes begin that only look on."""
+
+
+class Peer(NamedTuple):
+    """A node of the graph: the topics that it publishes and takes, and where its parameters are."""
+
+    name: str
+    publishes: tuple[str, ...]
+    takes: tuple[str, ...]
+    parameters: tuple[str, ...]
+
+
+class Sight(NamedTuple):
+    """What there is at one moment.
+
+    ``types``: the topics of messages that we have a class for, with that; ``compressed``: image
+    topics that come compressed too.
+    """
+
+    peers: tuple[Peer, ...]
+    types: Mapping[str, type]
+    compressed: frozenset[str]
+
+
+def survey(listing: Listing) -> Sight:
+    """What a graph's lists tell, without the nodes that only look on."""
+    kinds = listing.types.items()
+    shown = {topic: cls for topic, kind in kinds if (cls := data_class(kind)) in _SHOWN and cls}
+    compressed = {t.rpartition("/")[0] for t, kind in kinds if kind == _COMPRESSED} & shown.keys()
+    published = [(topic, node) for topic, nodes in sorted(listing.publishers) for node in nodes]
+    taken = [
+        (_base(topic, compressed), node)
+        for topic, nodes in sorted(listing.subscribers)
+        for node in nodes
+    ]
+    peers = []
+    for name in sorted({node for _, node in published + taken} | listing.parameters.keys()):
+        peer = Peer(
+            name,
+            tuple(topic for topic, node in published if node == name and topic in shown),
+            tuple(topic for topic, node in taken if node == name and topic in shown),
+            tuple(_own(listing.parameters.get(name, ()), shown)),
+        )
+        if _matters(peer, shown):
+            peers.append(peer)
+    return Sight(tuple(peers), shown, frozenset(compressed))
+
+
+def _base(topic: str, compressed: Collection[str]) -> str:
+    """The images that somebody takes compressed."""
+    base = topic.rpartition("/")[0]
+    return base if topic.endswith("/compressed") and base in compressed else topic
+
+
+def _own(places: Collection[str], images: Collection[str]) -> list[str]:
+    """Where a node has parameters; those of image_transport's plugins are not its own."""
+    return [name for name in places if name.rpartition("/")[0] not in images]
+
+
+def _matters(peer: Peer, shown: Mapping[str, type]) -> bool:
+    if any(shown[topic] is Image for topic in peer.publishes):
+        return True
+    aside = peer.name.rpartition("/")[2].startswith(_ASIDE)
+    return not aside and bool(peer.publishes or peer.takes or peer.parameters)

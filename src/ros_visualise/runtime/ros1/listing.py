@@ -1,0 +1,55 @@
+"""What the ROS master knows of the graph."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from http.client import HTTPException
+from xmlrpc.client import Error as XmlRpcError
+
+import rosgraph
+import rospy
+
+from ros_visualise.runtime.middleware import Listing
+
+_DESCRIPTION = "dynamic_reconfigure/ConfigDescription"
+_SUFFIX = "/parameter_descriptions"
+
+
+def look() -> Listing:
+    """The graph without this node.
+
+    Raises:
+        ConnectionError: the master does not answer.
+    """
+    own = rospy.get_name()
+    master = rosgraph.Master(own)
+    try:
+        publishers, subscribers, _ = master.getSystemState()
+        types = master.getTopicTypes()
+    except (OSError, HTTPException, XmlRpcError, rosgraph.MasterException) as error:
+        raise ConnectionError(f"the ROS master does not answer: {error}") from error
+    finally:
+        master.handle("close")()
+    return list_graph(publishers, subscribers, types, own)
+
+
+def list_graph(
+    publishers: Sequence[tuple[str, list[str]]],
+    subscribers: Sequence[tuple[str, list[str]]],
+    types: Sequence[tuple[str, str]],
+    own: str,
+) -> Listing:
+    """What the master's lists tell: of topics and their nodes, and of topics and their types."""
+    type_of = dict(types)
+    parameters = defaultdict(list)
+    for topic, nodes in sorted(publishers):
+        if type_of.get(topic) == _DESCRIPTION and topic.endswith(_SUFFIX):
+            for node in nodes:
+                parameters[node].append(topic.removesuffix(_SUFFIX))
+    return Listing(
+        [(topic, [node for node in nodes if node != own]) for topic, nodes in publishers],
+        [(topic, [node for node in nodes if node != own]) for topic, nodes in subscribers],
+        {topic: kind.replace("/", "/msg/") for topic, kind in types},
+        parameters,
+    )

@@ -1,0 +1,85 @@
+"""The live parameters of a node in another process, over dynamic_reconfigure."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+import rospy
+from dynamic_reconfigure.msg import Config, ConfigDescription
+from dynamic_reconfigure.srv import Reconfigure
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.params import specs
+from ros_visualise.runtime.middleware import ParametersListener
+from ros_visualise.runtime.ros1.declaration import Declaration, declare, our_own
+
+_REFUSED = "responded with an error"  # rospy has one exception for this and for no answer at all
+
+
+class ReconfigureClient:
+    """Follows a node's parameters; see `ros_visualise.runtime.middleware.ParametersClient`.
+
+    Args:
+        node: where dynamic_reconfigure has them, such as ``/edge_detector``.
+        listener: is told of them.
+    """
+
+    def __init__(self, node: str, listener: ParametersListener) -> None:
+        our_own()  # is needed soon, by threads that must not wait for it
+        self._node = node
+        self._listener = listener
+        self._declaration: Declaration | None = None
+        self._description: ConfigDescription | None = None
+        self._last: Config | None = None
+        self._lock = threading.RLock()
+        self._descriptions = rospy.Subscriber(
+            f"{node}/parameter_descriptions", ConfigDescription, self._described
+        )
+        self._updates = rospy.Subscriber(f"{node}/parameter_updates", Config, self._updated)
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the node is connected."""
+        return bool(self._updates.get_num_connections())
+
+    def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Have the node take over values.
+
+        Raises:
+            ParameterError: the node refuses.
+            ConnectionError: it does not answer.
+        """
+        declaration = self._declaration
+        if declaration is None:
+            raise ConnectionError("its parameters are not known yet")
+        config = declaration.encode(specs(declaration.params), values)
+        try:
+            service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
+            return declaration.decode(service(config).config)
+        except (rospy.ServiceException, rospy.ROSException, OSError) as error:
+            if _REFUSED in str(error):
+                raise ParameterError(str(error)) from error
+            raise ConnectionError(str(error)) from error
+
+    def close(self) -> None:
+        """Follow them no longer."""
+        self._descriptions.unregister()
+        self._updates.unregister()
+
+    def _described(self, description: ConfigDescription) -> None:
+        with self._lock:
+            if description == self._description:
+                return
+            self._description = description
+            self._declaration = declare(description)
+            self._listener.declared(self._declaration.params, self._declaration.node)
+            if self._last is not None:
+                self._updated(self._last)
+
+    def _updated(self, config: Config) -> None:
+        with self._lock:
+            self._last = config
+            if self._declaration is not None:
+                self._listener.told(self._declaration.decode(config))

@@ -1,0 +1,68 @@
+"""Our messages on topics of the ROS graph."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import rospy
+
+from ros_visualise.data import Text
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import to_message
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.ros1.raw import RawPublisher
+from ros_visualise.runtime.ros1.transport import Publisher
+from ros_visualise.runtime.ros1.types import TYPES, message_class
+
+log = logging.getLogger(__name__)
+
+
+def advertise(topic: str, type: TopicType) -> Publisher:
+    """A publisher for a topic; see `ros_visualise.runtime.middleware.Middleware.advertise`."""
+    if type.definitions is not None:
+        return RawPublisher(topic, type)
+    if type.data_class is Text and type.qos.transient_local:
+        return DescriptionPublisher(topic, type)
+    return MessagePublisher(topic, type)
+
+
+class MessagePublisher(Publisher):
+    """Publishes messages of `ros_visualise.data`.
+
+    Args:
+        topic: its name.
+        type: its type.
+
+    Raises:
+        UsageError: ROS 1 has no such type.
+    """
+
+    def __init__(self, topic: str, type: TopicType) -> None:
+        super().__init__(topic, message_class(type.name), latch=type.qos.transient_local)
+
+    def publish(self, message: Any) -> None:
+        """Send a message.
+
+        Raises:
+            DamagedMessage: ROS cannot hold it.
+        """
+        try:
+            super().publish(to_message(message, TYPES))
+        except ValueError as error:
+            raise DamagedMessage(str(error)) from error
+
+
+class DescriptionPublisher(MessagePublisher):
+    """Publishes a robot's description, and sets the parameter of that name.
+
+    ROS 1 looks for it on the parameter server, ROS 2 on a topic.
+    """
+
+    def publish(self, message: Text) -> None:
+        """Send a description."""
+        try:
+            rospy.set_param(self.name, message.text)
+        except OSError as error:
+            log.debug("the parameter server does not answer: %s", error)
+        super().publish(message)
