@@ -41,6 +41,19 @@ def test_points_land_where_the_development_kit_puts_them(opened, drive_0009, cam
     assert np.abs(found - there[:, :2] / there[:, 2:]).max() < 0.01
 
 
+def test_the_baselines_that_p_leaves_out_are_between_the_frames(opened, drive_0009):
+    recording, (numbers, _) = opened(drive_0009), of_date(drive_0009)
+    for left, right in (0, 1), (2, 3):
+        frames = f"cam{left:02d}_optical", f"cam{right:02d}_optical"
+        first, second = (fixed_transform(recording, "velodyne", frame) for frame in frames)
+        T = transforms.inverse(first) @ second
+        fx = numbers[f"P_rect_{left:02d}"][0]
+        offsets = numbers[f"P_rect_{right:02d}"][3] - numbers[f"P_rect_{left:02d}"][3]
+        assert T[0, 3] == pytest.approx(-offsets / fx, abs=1e-4)
+        assert 0.53 < T[0, 3] < 0.54
+        assert T[:3, :3] == pytest.approx(np.eye(3), abs=1e-9)
+
+
 def test_rectified_images_have_the_rectified_calibration(opened, drive_0009):
     for camera in range(4):
         recording = opened(drive_0009)

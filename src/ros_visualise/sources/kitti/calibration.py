@@ -1,11 +1,13 @@
 """KITTI's calibration files: the cameras' pictures, and where each sensor is on the car.
 
 The optical frames here are those of the *rectified* cameras, of synced and of unsynced drives
-alike: each at its own camera's centre, all turned as rectified camera 0 is. ROS means this frame
-where it uses ``P`` of a CameraInfo, so that
+alike: each at its own camera's centre, all with the axes of rectified camera 0. ROS means this
+frame where it uses ``P`` of a CameraInfo, so that
 
-- ``P`` takes a point of ``camNN_optical`` to its pixel in the rectified image; its last column is
-  0, as the baseline is the distance between the frames and must not be counted twice;
+- ``P`` projects a point in ``camNN_optical`` to its pixel in the rectified image. Its last column
+  is 0: in KITTI's file it is the camera's offset from camera 0, for points in the frame of camera
+  0, while in ROS it is for points in the message's frame. With both, rviz and image_geometry would
+  count the baseline twice. It is the distance between the frames in ``/tf_static``;
 - of an unsynced image, ``R`` turns the raw camera's axes to those of this frame, and image_geometry
   or ``cv2.projectPoints`` (with R transposed, K, D) give the pixel in the raw image.
 

@@ -15,7 +15,7 @@ from ros_visualise.sources.kitti.files import read_lines
 from ros_visualise.sources.series import DamagedFile
 
 Times = dict[int, int]
-"""Number of a frame -> nanoseconds since 1970 in UTC."""
+"""Number of a frame -> nanoseconds since 1970, with KITTI's local time taken for UTC."""
 
 _NS = 1_000_000_000
 _LINE = re.compile(r"(\d{4}-\d\d-\d\d)[ T](\d\d:\d\d:\d\d(\.\d+)?)")
