@@ -190,8 +190,9 @@ def _add_convert(commands: Any) -> None:
     convert.add_argument("--duration", type=positive, metavar="S", help="so many seconds")
     convert.add_argument(
         "--compression",
-        choices=("none", "lz4", "bz2", "zstd"),
-        help="a .bag: none (default), lz4, bz2; .mcap and ROS 2: lz4 (default), none, zstd",
+        choices=("auto", "none", "lz4", "bz2", "zstd"),
+        help="a .bag: none (default), lz4, bz2; .mcap and ROS 2: auto (default: small messages by"
+        " zstd, images by lz4), none, lz4, zstd",
     )
     convert.add_argument(
         "--profile",

@@ -137,7 +137,7 @@ def test_a_ros2_folder_is_replaced_only_if_it_is_one(tmp_path: Path) -> None:
         (
             "r.mcap",
             {"compression": "bz2"},
-            "cannot be compressed by bz2; it can by lz4, none, zstd",
+            "cannot be compressed by bz2; it can by auto, lz4, none, zstd",
         ),
         ("r.mp4", {"compression": "lz4"}, "cannot be compressed by lz4"),
         ("r.bag", {"profile": "ros2"}, "holds messages of ROS 1"),

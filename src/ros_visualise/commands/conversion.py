@@ -14,6 +14,9 @@ from ros_visualise.messages.recorded import content
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording
 
+_LARGE_BYTES = 4096
+"""Of a message in the mean: to decode, compress and write such ones takes longer than Python."""
+
 
 @dataclass(frozen=True)
 class Part:
@@ -61,7 +64,7 @@ class Conversion:
         Raises:
             RecordingError: it could not be written to its end.
         """
-        with self.recorder, closing(ReadAhead(self._read())) as entries:
+        with self.recorder, closing(self._entries()) as entries:
             for entry in entries:
                 if self._stopped:
                     break
@@ -82,6 +85,12 @@ class Conversion:
         except DamagedMessage as error:
             self.left_out[entry.topic] += 1
             self.reasons.setdefault(entry.topic, str(error))
+
+    def _entries(self) -> ReadAhead | Generator[Entry, None, None]:
+        """Read on a thread of its own, unless messages are small: Python runs one at a time."""
+        count = sum(info.messages for info in self.recording.topics.values())
+        is_large = self.recording.size >= _LARGE_BYTES * count
+        return ReadAhead(self._read()) if is_large else self._read()
 
     def _read(self) -> Generator[Entry, None, None]:
         part = self.part

@@ -23,12 +23,15 @@ Kind = Literal["mcap", "bag", "mp4", "folder"]
 Profile = Literal["ros1", "ros2"]
 
 COMPRESSIONS: dict[Kind, tuple[str, ...]] = {
-    "mcap": ("lz4", "none", "zstd"),
-    "folder": ("lz4", "none", "zstd"),
+    "mcap": ("auto", "lz4", "none", "zstd"),
+    "folder": ("auto", "lz4", "none", "zstd"),
     "bag": ("none", "lz4", "bz2"),
     "mp4": (),
 }
-"""Kind of recording -> how it may be compressed; the first one is what it is if nobody says."""
+"""Kind of recording -> how it may be compressed; the first one is what it is if nobody says.
+
+``auto``: small messages by ZSTD, large ones, as images, by LZ4.
+"""
 PARAMETER_EVENTS = "/parameter_events"
 """The topic of a `ros_visualise.data.ParameterEvent`; with ROS 2 types it is always recorded."""
 

@@ -48,6 +48,7 @@ class BagRecorder(ChunkedRecorder):
     """Any number of topics in one .bag, as `rosbag record` writes it."""
 
     full_bytes = 768 * 1024  # as rosbag does
+    head_bytes = 46
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self._compression = settings.compression
@@ -86,15 +87,12 @@ class BagRecorder(ChunkedRecorder):
 
     def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
         chunk = self._chunk
-        stamp_ns = max(stamp_ns, 1)  # ROS leaves a message of time 0 out when it plays
         self._shown_from = len(chunk.parts)
         if topic not in self._seen:  # who reads an unfinished file finds it before its messages
             self._seen.add(topic)
             chunk.add(self._connections[topic])
-        time = _TIME(*divmod(stamp_ns, _NS))
+        time = _time(stamp_ns)
         chunk.index.setdefault(topic, []).append(time + _U32(chunk.size))
-        chunk.first_ns = min(stamp_ns, chunk.first_ns)
-        chunk.last_ns = max(stamp_ns, chunk.last_ns)
         prefix = self._prefixes[topic]
         length = len(prefix) + len(_LAST_FIELD) + len(time)
         chunk.add(_U32(length) + prefix + _LAST_FIELD + time + _U32(len(data)))
@@ -110,7 +108,7 @@ class BagRecorder(ChunkedRecorder):
         self._file.seek(self._end)
         self._file.write(start)
 
-    def _write_chunk(self) -> None:
+    def _write_chunk(self, first_ns: int, last_ns: int) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         content = b"".join(chunk.parts)
         compressed = _COMPRESS[self._compression](content)
@@ -121,8 +119,8 @@ class BagRecorder(ChunkedRecorder):
             op=bytes([_CHUNK_INFO]),
             ver=_U32(1),
             chunk_pos=struct.pack("<Q", self._end),
-            start_time=_TIME(*divmod(chunk.first_ns, _NS)),
-            end_time=_TIME(*divmod(chunk.last_ns, _NS)),
+            start_time=_time(first_ns),
+            end_time=_time(last_ns),
             count=_U32(len(chunk.index)),
         )
         counts = [_U32(self._numbers[t]) + _U32(len(found)) for t, found in chunk.index.items()]
@@ -162,13 +160,15 @@ class _Chunk:
     parts: list[Buffer] = field(default_factory=list)
     size: int = 0
     index: dict[str, list[bytes]] = field(default_factory=dict)
-    first_ns: int = 2**63
-    last_ns: int = 0
 
     def add(self, part: Buffer) -> None:
         """Put bytes at its end."""
         self.parts.append(part)
         self.size += len(part)
+
+
+def _time(stamp_ns: int) -> bytes:
+    return _TIME(*divmod(max(stamp_ns, 1), _NS))  # ROS does not play a message of time 0
 
 
 def _chunk_start(compression: str, size: int, compressed_size: int) -> bytes:

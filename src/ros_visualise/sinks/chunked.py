@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from ros_visualise.errors import DamagedMessage, RecordingError
-from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
 from ros_visualise.sinks.files import TargetFile
@@ -16,7 +16,7 @@ from ros_visualise.sinks.files import TargetFile
 _LIVE_CHUNK_BYTES = 64 * 1024
 _SPAN_NS = 1_000_000_000
 _END_NS = 2**32 * 1_000_000_000  # of the times that ROS 1 holds
-_INDEX_BYTES = 64  # what one message adds to the indexes, at most
+_RECORD_BYTES = 64  # what a message takes beside its own bytes, at most: its record and indexes
 _CHECK_BYTES = 64 * 1024
 
 
@@ -43,6 +43,8 @@ class ChunkedRecorder(ABC):
 
     full_bytes: ClassVar[int]
     """When a chunk is full, unless it is live."""
+    head_bytes: ClassVar[int]
+    """What a message takes in a chunk beside its own bytes, about."""
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self.topics = tuple(topics)
@@ -53,8 +55,9 @@ class ChunkedRecorder(ABC):
         self.start_ns, self.end_ns = _END_NS, 0
         self._chunk_bytes = _LIVE_CHUNK_BYTES if settings.live else self.full_bytes
         self._closed = False
-        self._count = self._kept = self._chunked = 0
-        self._waiting_bytes = self._waiting_since_ns = 0
+        self._kept = self._chunked = 0
+        self._waiting: list[int] = []  # stamps of the messages in the chunk
+        self._waiting_bytes = 0
         self._unchecked_bytes = _CHECK_BYTES
         self._file = TargetFile(path, settings.overwrite, settings.live)
         try:
@@ -87,23 +90,34 @@ class ChunkedRecorder(ABC):
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record a message; as `ros_visualise.sinks.Recorder`."""
-        if topic not in self.counts:
+        name = self._types.get(topic)
+        if name is None:
             return
         if self._closed:
             raise RecordingError(f"{self.path}: the recording has ended")
-        if isinstance(message, Recorded) and message.type_name != self._types[topic]:
-            raise DamagedMessage(f"{topic} is of {self._types[topic]}, not of {message.type_name}")
+        if isinstance(message, Recorded) and message.type_name != name:
+            raise DamagedMessage(f"{topic} is of {name}, not of {message.type_name}")
         data = self._encoder.encode(message)
-        stamp_ns = _stamp(message) if stamp_ns is None else stamp_ns
+        if stamp_ns is None:
+            stamp_ns = recorded_ns(message)
         if not 0 <= stamp_ns < _END_NS:
             raise DamagedMessage(f"{topic}: ROS cannot hold a stamp of {stamp_ns} ns")
+        size = len(data) + _RECORD_BYTES
+        self._unchecked_bytes += size
+        if self._unchecked_bytes >= _CHECK_BYTES:
+            self._require_room(size)
         try:
-            self._require_room(len(data))
-        except OSError as error:
-            self.close(whole=False)
-            raise self._file.give_up(error, self._count) from None
-        try:
-            self._add(topic, stamp_ns, data)
+            if self._live and self._waiting and abs(stamp_ns - self._waiting[0]) >= _SPAN_NS:
+                self._end_chunk()
+            self._append(topic, stamp_ns, data)
+            self._waiting.append(stamp_ns)
+            self._waiting_bytes += len(data) + self.head_bytes
+            self.counts[topic] += 1
+            if self._waiting_bytes >= self._chunk_bytes:
+                self._end_chunk()
+            elif self._live:
+                self._show()
+                self._keep()
         except OSError as error:
             raise self._fail(error) from None
 
@@ -150,52 +164,46 @@ class ChunkedRecorder(ABC):
         """Write the message that was appended last at the file's end."""
 
     @abstractmethod
-    def _write_chunk(self) -> None:
-        """Write the chunk and begin a new one."""
+    def _write_chunk(self, first_ns: int, last_ns: int) -> None:
+        """Write the chunk, whose messages have stamps between these, and begin a new one."""
 
     @abstractmethod
     def _finish(self) -> None:
         """Write what comes after the last chunk."""
 
-    def _add(self, topic: str, stamp_ns: int, data: Buffer) -> None:
-        if self._live and abs(stamp_ns - self._waiting_since_ns) >= _SPAN_NS:
-            self._end_chunk()
-        if not self._waiting_bytes:
-            self._waiting_since_ns = stamp_ns
-        self._append(topic, stamp_ns, data)
-        self._waiting_bytes += len(data) + _INDEX_BYTES
-        self.counts[topic] += 1
-        self._count += 1
-        self.start_ns, self.end_ns = min(self.start_ns, stamp_ns), max(self.end_ns, stamp_ns)
-        if self._waiting_bytes >= self._chunk_bytes:
-            self._end_chunk()
-        elif self._live:
-            self._show()
-            self._keep()
-
     def _end_chunk(self) -> None:
-        if not self._waiting_bytes:
+        if not self._waiting:
             return
+        first_ns, last_ns = min(self._waiting), max(self._waiting)
+        self.start_ns, self.end_ns = min(self.start_ns, first_ns), max(self.end_ns, last_ns)
         self._file.cut(self._end)
         self._kept = self._chunked
-        self._write_chunk()
+        self._write_chunk(first_ns, last_ns)
         self._end = self._file.tell()
+        self._chunked += len(self._waiting)
         self._waiting_bytes = 0
+        self._waiting.clear()
         self._keep()
-        self._chunked = self._count
+
+    @property
+    def _count(self) -> int:
+        """Messages that were taken by now."""
+        return self._chunked + len(self._waiting)
 
     def _keep(self) -> None:
         self._file.keep()
         self._kept = self._count
 
     def _require_room(self, size: int) -> None:
-        """See that the disk has room for a message; looks once in a while."""
-        self._unchecked_bytes += size + _INDEX_BYTES
-        if self._unchecked_bytes < _CHECK_BYTES:
-            return
+        """See that the disk has room for so many bytes more; looks once in a while."""
         self._unchecked_bytes = 0
+        waiting = self._waiting_bytes + _RECORD_BYTES * len(self._waiting)
         more = size + size // 128 + _CHECK_BYTES
-        self._file.require_room(self._waiting_bytes + more + self._index_bytes)
+        try:
+            self._file.require_room(waiting + more + self._index_bytes)
+        except OSError as error:
+            self.close(whole=False)
+            raise self._file.give_up(error, self._count) from None
 
     @property
     @abstractmethod
@@ -206,7 +214,3 @@ class ChunkedRecorder(ABC):
         self._closed = True
         self._file.fail()
         return self._file.give_up(error, self._kept)
-
-
-def _stamp(message: Any) -> int:
-    return int(message.stamp_ns if isinstance(message, Recorded) else message.header.stamp_ns)

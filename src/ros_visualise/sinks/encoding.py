@@ -87,10 +87,8 @@ class Encoder:
             DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970; or a
                 recorded one is none of its type, or cannot be converted.
         """
-        if isinstance(message, Path):
-            return self._encode_path(message)
         if not isinstance(message, Recorded):
-            return self._own.write(type_name(type(message)), self._make(message))
+            return self._encode(message)
         if message.definitions.encoding == self.encoding:
             return message.data
         convert = self._conversion(message.definitions, message.type_name)
@@ -100,6 +98,11 @@ class Encoder:
             raise DamagedMessage(
                 f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
             ) from error
+
+    def _encode(self, message: Any) -> Buffer:
+        if isinstance(message, Path):
+            return self._encode_path(message)
+        return self._own.write(type_name(type(message)), self._make(message))
 
     def _make(self, message: Any, header: Header | None = None) -> Any:
         try:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -36,15 +37,17 @@ from ros_visualise.sinks import Settings
 from ros_visualise.sinks.chunked import ChunkedRecorder
 from ros_visualise.sinks.encoding import Buffer, Declaration
 
-_COMPRESS: dict[str, tuple[str, Callable[[bytes], bytes]]] = {
-    "none": ("", bytes),
-    "lz4": ("lz4", lz4.frame.compress),
-    "zstd": ("zstd", zstandard.compress),
+_COMPRESS: dict[str, Callable[[bytes], bytes]] = {
+    "none": bytes,
+    "lz4": lz4.frame.compress,
+    "zstd": zstandard.compress,
 }
+_LARGE_BYTES = 32 * 1024  # of a message, as of images and scans
 _PROFILES = {"ros1": ("ros1", "ros1msg", "ros1"), "cdr": ("ros2", "ros2msg", "cdr")}
 """Encoding -> profile of the file, encoding of its schemas and of its messages."""
 _CHUNK_INDEX_BYTES = 128
 _MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_OP = int(Opcode.MESSAGE)  # of an enumeration it would be looked up for each message
 _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 _CHUNK = struct.Struct("<BQQQQII")
 _CHUNK_FIELDS_BYTES = _CHUNK.size - struct.calcsize("<BQ")
@@ -58,27 +61,27 @@ class _Chunk:
 
     parts: list[Buffer] = field(default_factory=list)
     size: int = 0
-    index: dict[int, list[int]] = field(default_factory=dict)
-    first_ns: int = 2**63
-    last_ns: int = 0
+    index: defaultdict[int, list[int]] = field(default_factory=lambda: defaultdict(list))
 
 
 class McapRecorder(ChunkedRecorder):
     """Any number of topics in one .mcap; log time and publish time are the stamp.
 
-    Chunks are compressed with LZ4 unless it is told otherwise: images of edges shrink to 2-30% in
-    one to two times the time of copying them, colour video to 60-98% at 200-300 MB/s. ZSTD would
-    halve the edges and save another 7-30% of the colour, at two to four times the cost: too slow
-    for colour at 1080p.
+    Unless it is told otherwise, chunks of small messages are compressed with ZSTD, and those of
+    large ones, as images, with LZ4: edges shrink to 2-30% in one to two times the time of copying
+    them, colour video to 60-98% at 200-300 MB/s. ZSTD would halve the edges and save another 7-30%
+    of the colour, at two to four times the cost: too slow for colour at 1080p.
     """
 
     full_bytes = 1 << 20
+    head_bytes = _MESSAGE.size
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
-        self._compression, self._compress = _COMPRESS[settings.compression]
+        self._compression = settings.compression
         self._profile, self._schema_encoding, self._encoding = _PROFILES[settings.encoding]
         self._schemas: dict[tuple[str, bytes], Schema] = {}
         self._channels: dict[str, Channel] = {}
+        self._numbers: dict[str, int] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
         super().__init__(path, topics, settings)
@@ -104,8 +107,9 @@ class McapRecorder(ChunkedRecorder):
         text = declared.text.encode()
         schema = Schema(number, text, self._schema_encoding, name)
         schema = self._schemas.setdefault((name, text), schema)
+        self._numbers[topic] = len(self._numbers) + 1
         self._channels[topic] = Channel(
-            id=len(self._channels) + 1,
+            id=self._numbers[topic],
             topic=topic,
             message_encoding=self._encoding,
             metadata=self._metadata(declared),
@@ -119,28 +123,26 @@ class McapRecorder(ChunkedRecorder):
         return {"callerid": "/ros_visualise", "md5sum": declared.digest, **latching}
 
     def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
-        chunk, channel = self._chunk, self._channels[topic].id
+        chunk, channel = self._chunk, self._numbers[topic]
         size = _MESSAGE_FIELDS_BYTES + len(data)
-        head = _MESSAGE.pack(Opcode.MESSAGE, size, channel, self.counts[topic], stamp_ns, stamp_ns)
-        chunk.index.setdefault(channel, []).extend((stamp_ns, chunk.size))
-        chunk.parts += (head, data)
-        chunk.size += len(head) + len(data)
-        chunk.first_ns = min(stamp_ns, chunk.first_ns)
-        chunk.last_ns = max(stamp_ns, chunk.last_ns)
+        chunk.parts += _MESSAGE.pack(_MESSAGE_OP, size, channel, 0, stamp_ns, stamp_ns), data
+        chunk.index[channel] += stamp_ns, chunk.size
+        chunk.size += _MESSAGE.size + len(data)
 
     def _show(self) -> None:
         self._file.write(b"".join(self._chunk.parts[-2:]))
 
-    def _write_chunk(self) -> None:
+    def _write_chunk(self, first_ns: int, last_ns: int) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         content = b"".join(chunk.parts)
-        compressed = self._compress(content)
-        name = self._compression.encode()
+        compression = self._compression_of(chunk)
+        compressed = _COMPRESS[compression](content)
+        name = b"" if compression == "none" else compression.encode()
         head = _CHUNK.pack(
             Opcode.CHUNK,
             _CHUNK_FIELDS_BYTES + len(name) + 8 + len(compressed),
-            chunk.first_ns,
-            chunk.last_ns,
+            first_ns,
+            last_ns,
             len(content),
             zlib.crc32(content),
             len(name),
@@ -158,15 +160,21 @@ class McapRecorder(ChunkedRecorder):
         found = ChunkIndex(
             chunk_length=length,
             chunk_start_offset=self._end,
-            compression=self._compression,
+            compression=name.decode(),
             compressed_size=len(compressed),
-            message_end_time=chunk.last_ns,
+            message_end_time=last_ns,
             message_index_length=position - self._end - length,
             message_index_offsets=offsets,
-            message_start_time=chunk.first_ns,
+            message_start_time=first_ns,
             uncompressed_size=len(content),
         )
         self._chunk_indexes.append(_records([found]))
+
+    def _compression_of(self, chunk: _Chunk) -> str:
+        if self._compression != "auto":
+            return self._compression
+        messages = len(chunk.parts) // 2
+        return "lz4" if chunk.size >= _LARGE_BYTES * messages else "zstd"
 
     def _finish(self) -> None:
         self._file.write(_records([DataEnd(0)]))
