@@ -5,6 +5,7 @@ import pytest
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import parse_node
+from ros_visualise.joining import Latest
 from ros_visualise.nodes import find, load, node
 from ros_visualise.pipelines import (
     demo_pipeline,
@@ -72,7 +73,7 @@ def test_the_path_is_made_of_odometry_from_outside():
 
 @pytest.mark.parametrize("name", ["negative", "Negative"])
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
-    path, found, after = parse_node(f"{own}:{name}")
+    path, found, after, _ = parse_node(f"{own}:{name}")
     assert after is None
     graph = topics_of(image_pipeline("landscape").insert(load(path, found), "filters"))
     assert list(graph) == ["landscape", "fps_control", "filters", "negative", "edge_detector"]
@@ -81,7 +82,7 @@ def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
 
 
 def test_it_may_stand_elsewhere(own):
-    path, found, after = parse_node(f"{own}:negative@landscape")
+    path, found, after, _ = parse_node(f"{own}:negative@landscape")
     graph = topics_of(image_pipeline("landscape").insert(load(path, found), after))
     assert graph["negative"][0] == {"image": "/image_raw"}
     assert graph["fps_control"][0] == {"image": "/negative"}
@@ -172,7 +173,50 @@ def test_what_is_said_of_outputs_is_of_those_that_there_are(port):
         node("measure", inputs={"image": Image}, outputs={"image": Image}, **{port: ("edges",)})
 
 
-@pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])
+@node(
+    "locator",
+    inputs={"image": Image, "odom": Odometry},
+    outputs={"settings": ParameterEvent},
+    join=Latest("image"),
+    frames=True,
+)
+def locator(image, odom, params, frames):
+    """Has several inputs."""
+
+
+def test_a_node_of_several_inputs_takes_topics_by_its_place_their_names_and_types():
+    simulated = simulation_pipeline("husky")
+    graph = topics_of(simulated.insert(locator.declared, "filters"))
+    assert graph["locator"][0] == {
+        "image": "/processed_image",
+        "odom": "/odom",  # and not /ground_truth/odom
+        "tf": "/tf",
+        "tf_static": "/tf_static",
+    }
+    assert graph["edge_detector"] == topics_of(simulated)["edge_detector"]
+
+
+def test_its_inputs_may_be_chosen_and_it_then_stands_behind_whoever_publishes_them():
+    _, _, after, topics = parse_node("own.py:locator@husky,image=/edges,odom=/ground_truth/odom")
+    graph = topics_of(simulation_pipeline("husky").insert(locator.declared, after, topics))
+    assert graph["locator"][0]["image"] == "/edges"
+    assert graph["locator"][0]["odom"] == "/ground_truth/odom"
+    assert list(graph) == ["husky", "fps_control", "filters", "edge_detector", "locator", "path"]
+
+
+def test_an_input_that_nothing_fits_is_named_with_what_there_is():
+    landscape, husky = image_pipeline("landscape"), simulation_pipeline("husky")
+    with pytest.raises(UsageError, match="locator: needs a topic of Odometry as odom; there is no"):
+        landscape.insert(locator.declared, "filters")
+    with pytest.raises(UsageError, match=r"as odom; there is /odom, .*choose by ,odom=TOPIC"):
+        husky.insert(locator.declared, "filters", {"odom": "/imu/data"})
+    with pytest.raises(UsageError, match="locator: no input 'boxes'; there is image, odom, tf"):
+        husky.insert(locator.declared, "filters", {"boxes": "/odom"})
+
+
+@pytest.mark.parametrize(
+    "text", ["own.py", "own.py:N,image", "own.py:N,image=", "own.py:", "own:Negative", ":Negative"]
+)
 def test_a_node_is_given_by_file_and_name(text):
     with pytest.raises(UsageError, match=r"FILE\.py:NAME"):
         parse_node(text)

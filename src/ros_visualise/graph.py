@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from types import MappingProxyType
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from ros_visualise import params
+from ros_visualise.declarations import TRANSFORMS
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
@@ -162,33 +164,75 @@ class Graph:
 
         return self.changed(configured)
 
-    def insert(self, added: NodeType, after: str) -> Graph:
-        """The same graph with a node of one's own, fed by the main output of ``after``.
+    def insert(
+        self, added: NodeType, after: str, topics: Mapping[str, str] = MappingProxyType({})
+    ) -> Graph:
+        """The same graph with a node of one's own.
 
-        Whoever listened to that output listens to the new node's instead, if it is of that type.
+        Its inputs are the topics that are given; the first other of that type is the main output of
+        ``after``; then those that are called as the input, or are the only ones of its type.
+        Whoever listened to the main output listens to the new node's instead, if that has this one
+        input, and an output of that type.
+
+        Args:
+            added: the new node.
+            after: the node that it comes after.
+            topics: input -> topic, where it says.
 
         Raises:
-            UsageError: no such node, the name is taken, or its input is not what ``after`` gives.
+            UsageError: no such node or topic, the name is taken, or nothing fits an input.
         """
         before = self.node(after)
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
-        port, topic = next(iter(before.outputs.items()))
-        given = before.type.outputs[port]
-        if list(added.inputs.values()) != [given]:
-            raise UsageError(
-                f"{added.name}: needs one input of type {given.__name__} after {after}"
-            )
-        new = place(added, {next(iter(added.inputs)): topic})
+        new = place(added, self._inputs_of(added, before, topics))
         taken = [output for output in new.outputs.values() if output in self.topics]
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
-        own = next((t for p, t in new.outputs.items() if added.outputs[p] is given), topic)
-        nodes = [new] if before is self.source else []
-        for node in self.nodes:
-            inputs = {port: own if t == topic else t for port, t in node.inputs.items()}
-            nodes += [replace(node, inputs=inputs)] + ([new] if node is before else [])
-        return Graph(self.source, tuple(nodes))
+        main, given = next(iter(before.topics.items()))
+        makes = [topic for topic, made in new.topics.items() if made.type is given.type]
+        takes_over = makes and [new.inputs[port] for port in added.stepped] == [main]
+        nodes = (
+            [_rewired(node, main, makes[0]) for node in self.nodes] if takes_over else self.nodes
+        )
+        publishers = {after, *(self.topics[topic].publisher for topic in new.inputs.values())}
+        last = max(n for n, member in enumerate(self.members) if member.name in publishers)
+        begin = last + (self.source is None)
+        return Graph(self.source, (*nodes[:begin], new, *nodes[begin:])).with_frames()
+
+    def with_frames(self) -> Graph:
+        """The same graph, with transforms for the nodes that need frames, if any are published."""
+
+        def framed(node: Node) -> Node:
+            known = TRANSFORMS if node.type.frames else {}
+            there = {port: f"/{port}" for port in known if port not in node.inputs}
+            there = {p: t for p, t in there.items() if self.source is None or t in self.topics}
+            return replace(node, inputs={**node.inputs, **there})
+
+        return Graph(self.source, tuple(framed(node) for node in self.nodes))
+
+    def _inputs_of(
+        self, added: NodeType, before: Member, topics: Mapping[str, str]
+    ) -> dict[str, str]:
+        """Input -> topic of a node that is to come after another."""
+        for port in topics.keys() - added.inputs.keys():
+            raise UsageError(f"{added.name}: no input {port!r}; there is {', '.join(added.inputs)}")
+        found = dict(topics)
+        main, given = next(iter(before.topics.items()))
+        free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
+        found |= {port: main for port in free[:1]}
+        for port, kind in added.inputs.items():
+            fitting = [topic for topic, made in self.topics.items() if made.type is kind]
+            named = [topic for topic in fitting if topic == f"/{port}"] or fitting
+            if port in added.stepped and port not in found and len(named) == 1:
+                found[port] = named[0]
+            if (port in added.stepped or port in found) and found.get(port) not in fitting:
+                there = ", ".join(fitting) or "none"
+                raise UsageError(
+                    f"{added.name}: needs a topic of {kind.__name__} as {port}; there is {there}:"
+                    f" choose by ,{port}=TOPIC behind its name"
+                )
+        return found
 
 
 def place(
@@ -207,14 +251,34 @@ def place(
     return Node(declared.name, declared, declared.params(), inputs, outputs or named)
 
 
-def parse_node(text: str) -> tuple[str, str, str | None]:
-    """``FILE.py:NAME[@AFTER]`` as (file, name, after); None where it does not say.
+class OwnNode(NamedTuple):
+    """Where a node of one's own is, and what it comes after; None where it does not say."""
+
+    path: str
+    name: str
+    after: str | None
+    topics: dict[str, str]
+
+
+def parse_node(text: str) -> OwnNode:
+    """``FILE.py:NAME[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
 
     Raises:
         UsageError: it is not of that form.
     """
-    path, colon, name = text.rpartition(":")
+    path, colon, rest = text.rpartition(":")
+    name, *chosen = rest.split(",")
     name, _, after = name.partition("@")
-    if not colon or not name or Path(path).suffix != ".py":
-        raise UsageError(f"{text}: give a node of your own as FILE.py:NAME or FILE.py:NAME@AFTER")
-    return path, name, after or None
+    topics = dict(one.partition("=")[::2] for one in chosen)
+    if not colon or not name or Path(path).suffix != ".py" or not all(topics.values()):
+        raise UsageError(
+            f"{text}: give a node of your own as FILE.py:NAME, FILE.py:NAME@AFTER"
+            " or FILE.py:NAME@AFTER,INPUT=/topic"
+        )
+    return OwnNode(path, name, after or None, topics)
+
+
+def _rewired(node: Node, before: str, now: str) -> Node:
+    """A node that listens to another topic instead of one."""
+    inputs = {port: now if topic == before else topic for port, topic in node.inputs.items()}
+    return replace(node, inputs=inputs)

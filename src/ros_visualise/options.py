@@ -118,7 +118,7 @@ def _add_nodes(parser: ArgumentParser) -> None:
         "--node",
         action="append",
         default=[],
-        metavar="FILE.py:NAME[@AFTER]",
+        metavar="FILE.py:NAME[@AFTER][,INPUT=TOPIC]",
         help="insert a node of your own, after `filters` unless it says; repeatable",
     )
 

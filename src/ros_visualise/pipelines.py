@@ -67,7 +67,7 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     Raises:
         UsageError: two of the same name, or one whose input is not what comes before it.
     """
-    return Graph(_placed(find_source(source)) if source else None, _chained(added))
+    return Graph(_placed(find_source(source)) if source else None, _chained(added)).with_frames()
 
 
 def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
@@ -77,9 +77,9 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
     for declared in added:
         if any(node.name == declared.name for node in nodes):
             raise UsageError(f"{declared.name}: is there twice")
-        if list(declared.inputs.values()) != [given]:
+        if list(declared.stepped.values()) != [given]:
             raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
-        inputs = {next(iter(declared.inputs)): topic}
+        inputs = {next(iter(declared.stepped)): topic}
         node = place(declared, inputs, _OUTPUTS.get(declared.name))
         nodes += (node,)
         topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)

@@ -36,10 +36,10 @@ def graph_of(args: Namespace) -> Graph:
     graph = _GRAPHS[args.command](args)
     last = "filters"
     for text in args.node:
-        path, name, after = parse_node(text)
-        added = registry.load(path, name)
-        graph = graph.insert(added, after or last)
-        last = last if after else added.name
+        own = parse_node(text)
+        added = registry.load(own.path, own.name)
+        graph = graph.insert(added, own.after or last, own.topics)
+        last = last if own.after or len(added.stepped) > 1 else added.name
     if args.params:
         try:
             graph = _configured(graph, _read_yaml(args.params), args)

@@ -62,8 +62,8 @@ def _alone(declared: NodeType | SourceType) -> Work:
 def _own(given: Sequence[str]) -> NodeType:
     if len(given) != 1:
         raise UsageError("give a node of your own as FILE.py:NAME")
-    path, name, _ = parse_node(given[0])
-    return load(path, name)
+    own = parse_node(given[0])
+    return load(own.path, own.name)
 
 
 def _run_pipeline(middleware: Middleware) -> int:
@@ -77,8 +77,8 @@ def _named(name: str) -> NodeType:
     """A built-in node by its name, or one's own as FILE.py:NAME."""
     if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
         return find_node(name)
-    path, attribute, _ = parse_node(name)
-    return load(path, attribute)
+    own = parse_node(name)
+    return load(own.path, own.name)
 
 
 def _run_viewer(middleware: Middleware) -> int:
