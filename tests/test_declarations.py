@@ -1,57 +1,68 @@
-"""What a declaration of several inputs must say, and what is answered where it does not."""
+"""What a class declares: actions, also those of its base classes, and what a robot follows."""
 
 import pytest
 
-from ros_visualise.data import Image, PoseArray
+from ros_visualise.data import Image, Odometry, Twist
 from ros_visualise.errors import UsageError
-from ros_visualise.joining import Approx, Exact, Latest
-from ros_visualise.nodes import node
-
-TWO = {"image": Image, "boxes": PoseArray}
+from ros_visualise.nodes import NoParams, action, find, node, source
 
 
-def declared(step, inputs=TWO, **rest):
-    return node("locator", inputs=inputs, outputs={"image": Image}, **rest)(step).declared
+class Counting:
+    def __init__(self, params):
+        self.count = 0
+
+    def step(self, image, params):
+        self.count += 1
+
+    @action("count from zero again")
+    def clear(self):
+        self.count = 0
+
+    @action("count one more")
+    def add(self):
+        self.count += 1
 
 
-def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
-    found = declared(lambda image, boxes, params, frames: image, join=Exact(), frames=True)
-    assert list(found.stepped) == ["image", "boxes"]
-    assert list(found.inputs) == ["image", "boxes", "tf", "tf_static"]
-    assert found.join == Exact()
+def test_actions_of_base_classes_count_and_the_nearest_one_tells_what_it_does():
+    @node("frames", inputs={"image": Image}, outputs={})
+    class Frames(Counting):
+        @action("count two more")
+        def add(self):
+            self.count += 2
+
+        def clear(self):
+            self.count = 1
+
+        @action("say it")
+        def say(self):
+            pass
+
+    declared = Frames.declared
+    assert declared.actions == {
+        "add": "count two more",
+        "say": "say it",
+        "clear": "count from zero again",
+    }
+    made = declared.make(NoParams())
+    for name in declared.actions:
+        getattr(made, name)()
+    assert made.count == 1
 
 
-@pytest.mark.parametrize(
-    ("step", "options", "says"),
-    [
-        (
-            lambda image, params: None,
-            {"join": Exact()},
-            "node locator: its step is given image, boxes, params, but takes image, params",
-        ),
-        (
-            lambda image, boxes, params: None,
-            {"join": Exact(), "frames": True},
-            "its step is given image, boxes, params, frames, but takes image, boxes, params",
-        ),
-        (
-            lambda image, boxes, params: None,
-            {},
-            "its step is given image, params, but takes image, boxes, params",
-        ),
-        (
-            lambda params, image=None, boxes=None: None,
-            {"join": Latest("picture")},
-            "node locator: no input 'picture'; there is image, boxes",
-        ),
-        (
-            lambda image, params: None,
-            {"inputs": {"image": Image}, "join": Approx(0.1)},
-            r"node locator: Approx\(slop_s=0.1\) joins several inputs; there is image",
-        ),
-        (type("Empty", (), {}), {}, "node locator: the class Empty has no method step"),
-    ],
-)
-def test_what_does_not_fit_is_said_when_it_is_declared(step, options, says):
-    with pytest.raises(UsageError, match=says):
-        declared(step, **options)
+def test_robots_share_the_actions_that_all_of_them_have():
+    shared = {"stop", "reset", "start_mission"}
+    assert set(find("husky").actions) == shared
+    assert set(find("quadrotor").actions) == shared | {"take_off", "land"}
+
+
+def test_a_robot_follows_no_other_velocities_than_a_twist_has():
+    with pytest.raises(
+        UsageError, match=r"source boat: no velocity axis 'surge'; there is linear\.x"
+    ):
+        source(
+            "boat",
+            params=NoParams,
+            inputs={"cmd_vel": Twist},
+            outputs={"odom": Odometry},
+            velocity_axes=("surge",),
+        )
