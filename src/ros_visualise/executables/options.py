@@ -11,7 +11,7 @@ from ros_visualise.ui import ViewOptions
 
 OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock", "max_memory"),
+    *("image_transport", "start", "duration", "clock", "max_memory", "end_with_master"),
 )
 """Those that every executable reads."""
 

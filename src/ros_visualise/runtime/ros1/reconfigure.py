@@ -14,6 +14,7 @@ from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, Reconfigure
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.ros1.description import describe, from_config, plain, spelled, to_config
+from ros_visualise.runtime.ros1.registration import set_param
 
 log = logging.getLogger(__name__)
 
@@ -99,13 +100,10 @@ class ReconfigureServer:
 
     def _put(self, current: Any) -> None:
         """Put what has changed on the parameter server."""
-        try:
-            for spec in self._specs:
-                value = getattr(current, spec.name)
-                if self._published is None or value != getattr(self._published, spec.name):
-                    rospy.set_param(f"{self._namespace}/{spec.name}", plain(spec, value))
-        except OSError as error:
-            log.debug("the parameter server does not answer: %s", error)
+        for spec in self._specs:
+            value = getattr(current, spec.name)
+            if self._published is None or value != getattr(self._published, spec.name):
+                set_param(f"{self._namespace}/{spec.name}", plain(spec, value))
 
 
 def starting_values(

@@ -7,21 +7,20 @@ import os
 import sys
 import threading
 import time
-import xmlrpc.client
 from typing import Any
 
-import rosgraph
 import rospkg
 import rospy
 
 from ros_visualise.errors import OpenError
-from ros_visualise.printing import Shown, say
+from ros_visualise.printing import Shown
+from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
-_CHECK_S = 0.5
 _CLOCK_S = 1.5  # as long as nodes that are launched together take to start
 _PACKAGE = "package://"
 
+_log = logging.getLogger(__name__)
 _wish = Wish()
 
 _SAY = {
@@ -34,13 +33,12 @@ _SAY = {
 
 
 def begin(name: str) -> None:
-    """Register as a node, send what the package logs to rosout, and end when the master does.
+    """Register as a node, with each master that there is, and send what is logged to rosout.
 
-    A node without its master cannot be reached by anybody new, nor be asked to end: roslaunch's own
-    would stay behind.
+    Without its master a node goes on, unless ``~end_with_master`` is set.
     """
     _return_to_where_it_was_typed()
-    _wait_for_master()
+    wait_for_master()
     interrupt()
     try:
         rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
@@ -52,7 +50,7 @@ def begin(name: str) -> None:
     to_rosout.setFormatter(Shown())
     log.addHandler(to_rosout)
     log.setLevel(logging.INFO)
-    threading.Thread(target=_watch_master, name="master watch", daemon=True).start()
+    keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
     threading.Thread(target=_watch_clock, name="clock watch", daemon=True).start()
 
 
@@ -112,34 +110,20 @@ def _return_to_where_it_was_typed() -> None:
         os.chdir(typed_in)
 
 
-def _wait_for_master() -> None:
-    if not rosgraph.is_master_online():
-        uri = rosgraph.get_master_uri()
-        say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
-    while not rosgraph.is_master_online():
-        time.sleep(_CHECK_S)
+def _say_alone() -> None:
+    _log.warning("the ROS master is gone; this node goes on, and waits for one to come back")
+
+
+def _end_without_master() -> None:
+    _log.warning("the ROS master is gone: this node ends")
+    _wish.asked = True
 
 
 def _watch_clock() -> None:
     """Say that no time passes, as after a launch file that left ``/use_sim_time`` behind."""
     time.sleep(_CLOCK_S)
     if not is_over() and not rospy.rostime.is_wallclock() and not rospy.get_time():
-        logging.getLogger(__name__).warning(
+        _log.warning(
             "/use_sim_time is set, and nobody publishes /clock: no time passes. If nobody is going"
             " to: rosparam delete /use_sim_time, and start this node again"
         )
-
-
-def _watch_master() -> None:
-    master = xmlrpc.client.ServerProxy(rosgraph.get_master_uri())
-    missed = 0
-    while not rospy.is_shutdown():
-        try:
-            master.getPid(rospy.get_name())
-            missed = 0
-        except (OSError, xmlrpc.client.Error):
-            missed += 1
-        if missed == 2:  # a single call may fail on a busy network
-            rospy.logwarn("the ROS master is gone: this node ends")
-            end("no master")
-        time.sleep(_CHECK_S)

@@ -1,0 +1,159 @@
+"""This node's registration with the ROS master: made by rospy, and kept up here.
+
+A node goes on without its master, as every node of ROS does: those who are connected stay so.
+Those of rospy are lost to a master that starts anew; this one registers with it again.
+"""
+
+from __future__ import annotations
+
+import http.client
+import logging
+import threading
+import time
+import xmlrpc.client
+from collections.abc import Callable
+from typing import Any
+
+import rosgraph
+import rospy
+from rospy.impl.registration import (
+    Registration,
+    RegistrationListener,
+    RegManager,
+    get_registration_listeners,
+    get_service_manager,
+    get_topic_manager,
+)
+
+from ros_visualise.printing import say
+
+log = logging.getLogger(__name__)
+
+_CHECK_S = 0.5
+_PATIENCE_S = 3.0
+_UNREACHABLE = (OSError, http.client.HTTPException, xmlrpc.client.Error)
+_params: dict[str, Any] = {}
+
+
+def wait_for_master() -> None:
+    """Wait until there is a ROS master, and from then on for none of its answers for ever."""
+    uri = rosgraph.get_master_uri()
+    if not rosgraph.is_master_online():
+        say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
+    while not rosgraph.is_master_online():
+        time.sleep(_CHECK_S)
+    rospy.core._xmlrpc_cache[uri] = rospy.core._LockedServerProxy(uri, transport=_Transport())
+
+
+def set_param(name: str, value: Any) -> None:
+    """Set a parameter; without a master, as soon as there is one."""
+    _params[name] = value
+    try:
+        rospy.set_param(name, value)
+    except _UNREACHABLE as error:
+        log.debug("the parameter server does not answer: %s", error)
+
+
+def keep_registered(on_gone: Callable[[], None]) -> None:
+    """Register what this node has and will have with whatever master there is.
+
+    Args:
+        on_gone: called when the master is gone, each time.
+    """
+    listeners = get_registration_listeners()
+    with listeners.lock:
+        [manager] = [one for one in listeners.listeners if isinstance(one, RegManager)]
+        registrar = _Registrar(manager)
+        listeners.listeners[:] = [registrar]
+    rospy.core.add_shutdown_hook(lambda _: registrar.wake())
+    threading.Thread(
+        target=registrar.watch, args=(on_gone,), name="master watch", daemon=True
+    ).start()
+
+
+class _Registrar(RegistrationListener):  # type: ignore[misc]
+    """Takes the place of rospy's own, which asks a master that is gone until it answers.
+
+    It does so with a lock that the end of the process needs, too.
+    """
+
+    def __init__(self, manager: RegManager) -> None:
+        self._manager = manager
+        self._name = rospy.get_name()
+        self._master = rospy.core.xmlrpcapi(manager.master_uri)
+
+    def reg_added(self, name: str, kind: str, direction: str) -> None:
+        """A topic or service is there; with a type or an address."""
+        try:
+            self._register(name, kind, direction)
+        except _UNREACHABLE as error:
+            log.debug("%s is registered when the master is back: %s", name, error)
+
+    def reg_removed(self, name: str, kind: str, direction: str) -> None:
+        """A topic or service is there no longer."""
+        leave = {
+            Registration.PUB: ("unregisterPublisher", self._manager.uri),
+            Registration.SUB: ("unregisterSubscriber", self._manager.uri),
+            Registration.SRV: ("unregisterService", kind),
+        }
+        method, address = leave[direction]
+        try:
+            getattr(self._master, method)(self._name, name, address)
+        except _UNREACHABLE as error:
+            log.debug("%s is not unregistered: %s", name, error)
+
+    def wake(self) -> None:
+        """Spare the end of the process the half second until the manager looks by itself."""
+        with self._manager.cond:
+            self._manager.cond.notify_all()
+
+    def watch(self, on_gone: Callable[[], None]) -> None:
+        """Notice that the master is gone, and register with the next one; until the end."""
+        known = missed = 0
+        while not rospy.is_shutdown():
+            try:
+                pid = self._master.getPid(self._name)[2]
+                if known and (missed or pid != known):
+                    self._register_all()
+                known, missed = pid, 0
+            except _UNREACHABLE:
+                missed += 1
+                if missed == 2:  # a single call may fail on a busy network
+                    on_gone()
+            time.sleep(_CHECK_S)
+
+    def _register_all(self) -> None:
+        topics, services = get_topic_manager(), get_service_manager()
+        there = [
+            *((*topic, Registration.PUB) for topic in topics.get_publications()),
+            *((*topic, Registration.SUB) for topic in topics.get_subscriptions()),
+            *((*service, Registration.SRV) for service in services.get_services()),
+        ]
+        for one in there:
+            self._register(*one)
+        for name, value in list(_params.items()):
+            rospy.set_param(name, value)
+        log.warning("registered again with the ROS master, which is back")
+
+    def _register(self, name: str, kind: str, direction: str) -> None:
+        own = self._manager.uri
+        if direction == Registration.PUB:
+            answer = self._master.registerPublisher(self._name, name, kind, own)
+        elif direction == Registration.SUB:
+            answer = self._master.registerSubscriber(self._name, name, kind, own)
+        else:
+            answer = self._master.registerService(self._name, name, kind, own)
+        code, message, publishers = answer
+        if code != 1:
+            log.error("the ROS master refuses %s: %s", name, message)
+        elif direction == Registration.SUB:
+            self._manager.publisher_update(name, publishers)
+
+
+class _Transport(xmlrpc.client.Transport):
+    """Asks, and does not wait for ever, as where the machine of the other one is gone."""
+
+    def make_connection(self, host: Any) -> http.client.HTTPConnection:
+        connection = super().make_connection(host)
+        connection.timeout = _PATIENCE_S
+        return connection
