@@ -93,7 +93,7 @@ def test_ctrl_c_ends_every_node(launched):
     assert "has died" not in said
 
 
-def test_nodes_end_without_their_master(launched):
+def test_roslaunch_ends_its_nodes_when_its_master_is_gone(launched):
     [master] = [pid for pid in children(launched.process.pid) if "rosmaster" in command_of(pid)]
     os.kill(master, signal.SIGKILL)
     wait_for(lambda: not launched.alive(), "the nodes to end")

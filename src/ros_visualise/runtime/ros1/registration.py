@@ -6,6 +6,7 @@ Those of rospy are lost to a master that starts anew; this one registers with it
 
 from __future__ import annotations
 
+import errno
 import http.client
 import logging
 import threading
@@ -30,7 +31,8 @@ from ros_visualise.printing import say
 log = logging.getLogger(__name__)
 
 _CHECK_S = 0.5
-_PATIENCE_S = 3.0
+_PATIENCE_S = 2.0
+_LESS_PATIENCE_S = 0.3  # with a master that has not answered before
 _UNREACHABLE = (OSError, http.client.HTTPException, xmlrpc.client.Error)
 _params: dict[str, Any] = {}
 
@@ -151,9 +153,20 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
 
 
 class _Transport(xmlrpc.client.Transport):
-    """Asks, and does not wait for ever, as where the machine of the other one is gone."""
+    """Does not wait for ever for an answer, as where the machine of the other one is gone."""
+
+    _patience_s = _PATIENCE_S
 
     def make_connection(self, host: Any) -> http.client.HTTPConnection:
         connection = super().make_connection(host)
-        connection.timeout = _PATIENCE_S
+        connection.timeout = self._patience_s
         return connection
+
+    def single_request(self, *args: Any) -> Any:
+        try:
+            answer = super().single_request(*args)
+        except TimeoutError as error:  # rospy wants a number in it
+            self._patience_s = _LESS_PATIENCE_S
+            raise OSError(errno.ETIMEDOUT, "the ROS master does not answer") from error
+        self._patience_s = _PATIENCE_S
+        return answer
