@@ -1,15 +1,22 @@
 """A launched 4K video ends by itself, however it is ended."""
 
 import os
+import re
 import signal
 import subprocess
+import sys
+import time
 import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from ros_graph import NODES as EXECUTABLES
 from ros_graph import Master, end, free_port, wait_for
 
+from ros_visualise.signals import STOPPED
+
+ROSLAUNCH_WAITS_S = 15  # and then ends a node by other means
 NODES = {"/streamer", "/fps_control", "/filters", "/edge_detector"}
 
 
@@ -110,6 +117,23 @@ def test_rosnode_kill_ends_every_node(launched):
     launched.process.send_signal(signal.SIGINT)
     said = launched.process.communicate(timeout=60)[0]
     assert "has died" not in said
+
+
+@pytest.mark.parametrize("after_s", [0, 0.2, 0.4, 0.6, 0.9, 1.4])
+def test_ctrl_c_ends_a_node_that_only_begins(ros_master, after_s):
+    command = [sys.executable, str(EXECUTABLES / "edge_detector"), "__name:=begun"]
+    node = ros_master.run(*command)
+    wait_for(lambda: catches_sigterm(node.pid), "its first line")
+    time.sleep(after_s)
+    node.send_signal(signal.SIGINT)
+    said = node.communicate(timeout=ROSLAUNCH_WAITS_S)[0]
+    assert node.returncode in (0, STOPPED, -signal.SIGINT)
+    assert "Traceback" not in said
+
+
+def catches_sigterm(pid: int) -> bool:
+    [caught] = re.findall(r"SigCgt:\s*(\w+)", Path(f"/proc/{pid}/status").read_text())
+    return bool(int(caught, 16) >> signal.SIGTERM - 1 & 1)
 
 
 def command_of(pid: int) -> str:
