@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 from typing import Any
-
-import rospy
 
 from ros_visualise.data import Text
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros1.raw import RawPublisher
+from ros_visualise.runtime.ros1.registration import set_param
 from ros_visualise.runtime.ros1.transport import Publisher
 from ros_visualise.runtime.ros1.types import TYPES, message_class
-
-log = logging.getLogger(__name__)
 
 
 def advertise(topic: str, type: TopicType) -> Publisher:
@@ -61,8 +57,5 @@ class DescriptionPublisher(MessagePublisher):
 
     def publish(self, message: Text) -> None:
         """Send a description."""
-        try:
-            rospy.set_param(self.name, message.text)
-        except OSError as error:
-            log.debug("the parameter server does not answer: %s", error)
+        set_param(self.name, message.text)
         super().publish(message)
