@@ -33,8 +33,7 @@ class NodeType:
     ``on_demand`` names the outputs that are only made while somebody wants them; ``latched`` those
     whose last message holds until the next, so that whoever comes later gets it; ``drops`` is the
     reason under which an answer of None is counted, where that means a dropped message;
-    ``late_s`` is how much older than the last a message of an input may be without time having
-    jumped back; ``timed`` where its step wants to know when a message came; ``stateless`` where the
+    ``timed`` where its step wants to know when a message came; ``stateless`` where the
     same message and parameters always give the same answer; ``actions`` are the names of its
     actions, and what each does. ``stepped`` are the inputs whose messages its step is given, and
     ``join`` is how they come together; ``frames`` where it is also given the frames that there are,
@@ -48,7 +47,6 @@ class NodeType:
     outputs: Mapping[str, type]
     on_demand: frozenset[str] = frozenset()
     drops: str | None = None
-    late_s: float = 0.0
     timed: bool = False
     stateless: bool = True
     doc: str = ""
@@ -141,7 +139,6 @@ def node(
     on_demand: tuple[str, ...] = (),
     latched: tuple[str, ...] = (),
     drops: str | None = None,
-    late_s: float = 0.0,
     timed: bool = False,
     join: Join = EACH,
     frames: bool = False,
@@ -173,7 +170,6 @@ def node(
             outputs,
             frozenset(on_demand),
             drops,
-            late_s,
             timed,
             stateless=not isinstance(target, type),
             doc=_first_line(target),

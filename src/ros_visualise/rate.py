@@ -74,7 +74,8 @@ class Pacer:
 
     A phase accumulator over the messages' own stamps: due times lie one period apart, and for each
     the nearest message passes. So the mean rate is the requested one and no gap is off by more
-    than one period of the input, whatever the ratio of the two rates; nothing is ever repeated.
+    than one period of the input, whatever the ratio of the two rates; nothing is ever repeated. A
+    message that comes late takes no time.
     """
 
     def __init__(self) -> None:
@@ -82,23 +83,22 @@ class Pacer:
 
     def reset(self) -> None:
         """Forget the phase: the next message passes."""
-        self._origin_ns: int | None = None
-        self._last_ns = self._passed_ns = 0
+        self._stamp_ns: int | None = None
+        self._time_ns = self._passed_ns = 0
         self._due_ns = self._period_ns = 0.0
 
     def passes(self, stamp_ns: int, rate_hz: float) -> bool:
         """Whether the message of that stamp passes at ``rate_hz``; to be asked once for each."""
-        if self._origin_ns is None or stamp_ns < self._origin_ns + self._last_ns:
-            self.reset()
-            self._origin_ns = stamp_ns
-        return self._passes(stamp_ns - self._origin_ns, 1e9 / rate_hz)
+        last_ns = stamp_ns if self._stamp_ns is None else self._stamp_ns
+        self._stamp_ns = stamp_ns
+        return self._passes(max(stamp_ns - last_ns, 0), 1e9 / rate_hz)
 
-    def _passes(self, time_ns: int, period_ns: float) -> bool:
+    def _passes(self, step_ns: int, period_ns: float) -> bool:
+        self._time_ns = time_ns = self._time_ns + step_ns
         if period_ns != self._period_ns and time_ns:
             self._due_ns = self._passed_ns + period_ns
-        half_step_ns = (time_ns - self._last_ns) / 2
-        self._last_ns, self._period_ns = time_ns, period_ns
-        if time_ns + half_step_ns < self._due_ns:
+        self._period_ns = period_ns
+        if time_ns + step_ns / 2 < self._due_ns:
             return False
         self._passed_ns = time_ns
         behind = self._due_ns + period_ns <= time_ns

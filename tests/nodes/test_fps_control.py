@@ -19,6 +19,7 @@ def run(params, stamps_ns):
     return sum(answer is not None for answer in answers)
 
 
+S = 1_000_000_000
 STAMPS = [round(i * 1e9 / 30) for i in range(300)]
 
 
@@ -44,3 +45,11 @@ def test_it_reports_what_was_asked_for():
     assert control.report() == {"requested_hz": 1}
     control.step(image(1), FpsParams(enabled=False), 1)
     assert control.report() == {"requested_hz": None}
+
+
+def test_after_a_jump_of_time_the_next_frame_passes():
+    control, params = FpsControl(FpsParams()), FpsParams(fps=1)
+    assert control.step(image(5 * S), params, 0) is not None
+    assert control.step(image(5 * S + S // 2), params, 0) is None
+    control.reset()
+    assert control.step(image(5 * S + S * 6 // 10), params, 0) is not None

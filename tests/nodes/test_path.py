@@ -27,7 +27,6 @@ from ros_visualise.messages import from_message
 from ros_visualise.nodes.path import PathNode, PathParams
 from ros_visualise.pipelines import path_pipeline
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.queues import Packet
 
 EACH = PathParams(min_distance=0, min_angle=0, rate=0)
 
@@ -377,16 +376,16 @@ def runtime():
 def test_a_jump_back_in_time_begins_a_new_path(runtime):
     subscription = runtime.subscribe("/path")
     seen = []
-    for number, (x, time_s) in enumerate([(0, 5), (1, 6), (2, 1), (3, 2)]):
-        runtime.topic("/odom").publish(Packet(number, odometry(x, time_s=time_s), 0))
+    for x, time_s in [(0, 5), (1, 6), (2, 1), (3, 2)]:
+        runtime.publish("/odom", odometry(x, time_s=time_s))
         seen.append(subscription.take(5).positions_xyz[:, 0].tolist())
     assert seen == [[0], [0, 1], [2], [2, 3]]
 
 
 def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
     subscription = runtime.subscribe("/path")
-    for number, (x, time_s) in enumerate([(0, 5), (1, 6), (0.5, 5.5), (2, 7)]):
-        runtime.topic("/odom").publish(Packet(number, odometry(x, time_s=time_s), 0))
+    for x, time_s in [(0, 5), (1, 6), (0.5, 5.5), (2, 7)]:
+        runtime.publish("/odom", odometry(x, time_s=time_s))
         path = subscription.take(5)
         assert (path is None) == (time_s == 5.5)
     assert path.positions_xyz[:, 0].tolist() == [0, 1, 2]
@@ -397,8 +396,7 @@ def test_the_last_poses_are_published_though_no_message_follows(runtime):
     runtime.parameters["path"].update({"rate": 5.0})
     subscription = runtime.subscribe("/path", depth=10)
     for number in range(50):
-        message = odometry(number, time_s=number / 100)
-        runtime.topic("/odom").publish(Packet(number, message, 0))
+        runtime.publish("/odom", odometry(number, time_s=number / 100))
     lengths = [0]
     while lengths[-1] < 50:
         lengths.append(len(subscription.take(60).stamps_ns))
@@ -409,7 +407,7 @@ def test_a_path_is_recorded(runtime, tmp_path: File):
     subscription = runtime.subscribe("/path")
     recording = runtime.start_recording(tmp_path / "path.mcap")
     for number in range(3):
-        runtime.topic("/odom").publish(Packet(number, odometry(number, time_s=number), 0))
+        runtime.publish("/odom", odometry(number, time_s=number))
         subscription.take(5)
     runtime.stop_recording(recording)
     with (tmp_path / "path.mcap").open("rb") as file:

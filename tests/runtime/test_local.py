@@ -355,15 +355,15 @@ def test_a_node_of_two_ways_is_reset_once_by_one_seek():
     joined = Node("joined", Joined.declared, Joined.declared.params(), inputs, {"image": "/out"})
     runner = NodeRunner(joined, Parameters(joined.params))
 
-    def step(port, stamp_ns, turns):
+    def step(port, stamp_ns, epoch):
         image = Image(np.zeros((2, 2), np.uint8), "mono8", Header(stamp_ns))
-        runner.step(Packet(0, image, 0, port, turns=turns))
+        runner.step(Packet(0, image, 0, port, epoch=epoch))
 
-    for port, stamp_ns, turns in [
+    for port, stamp_ns, epoch in [
         *(("near", 1, 0), ("far", 1, 0), ("near", 2, 0)),
         *(("near", 50, 1), ("far", 2, 0), ("far", 50, 1), ("near", 51, 1), ("far", 51, 1)),
     ]:
-        step(port, stamp_ns, turns)
+        step(port, stamp_ns, epoch)
     assert log == [1, 1, 2, "reset", 50, 50, 51, 51]
     assert runner.report()["dropped"] == {"stale": 1}
 

@@ -98,15 +98,15 @@ def test_loops_continue_the_stamps_by_the_length_with_the_last_period(clock: Fak
 
 def test_a_jump_counts_before_the_first_message_from_there(clock: FakeClock) -> None:
     looped = Playback(loop=True, frames=7, clock=clock)
-    assert looped.jumps == 0
-    assert [looped.jumps for _ in looped.run(regular(3))] == [1, 1, 1, 2, 2, 2, 3]
+    assert looped.laps == 0
+    assert [looped.laps for _ in looped.run(regular(3))] == [0, 0, 0, 1, 1, 1, 2]
     sought = Playback(clock=clock)
     jumps = []
     for _, frame in sought.run(regular(9)):
-        jumps.append(sought.jumps)
+        jumps.append(sought.epoch)
         if frame == 2:
             sought.seek(0.7)
-    assert jumps == [1, 1, 1, 2, 2]
+    assert jumps == [0, 0, 0, 1, 1]
 
 
 def test_an_empty_recording_ends_under_loop(clock: FakeClock) -> None:

@@ -23,13 +23,13 @@ class Told:
         self.parameters = {"robot": Parameters(NoParams())}
         self.asked = Counter()
         self._topics = {name: Topic(on_demand=False) for name in outputs}
-        self._number = 0
+        self._number = self.epoch = 0
 
     def say(self, **messages):
         """Publish one message on each of these topics."""
         for name, message in messages.items():
             self._number += 1
-            self._topics[f"/{name}"].publish(Packet(self._number, message, 0))
+            self._topics[f"/{name}"].publish(Packet(self._number, message, 0, epoch=self.epoch))
 
     def subscribe(self, topic, depth=1):
         inbox = Inbox(lossless=False, keep=depth)

@@ -31,7 +31,7 @@ def test_messages_of_types_that_nobody_knows_have_fields():
 def test_a_history_holds_the_last_seconds():
     history = History(["a"])
     for step in range(100):
-        history.add(10**18 + step * S, {"a": step, "b": 0})
+        history.add(10**18 + step * S, {"a": step, "b": 0}, 0)
     seconds, values = history.columns(10)
     assert seconds.tolist() == list(range(89, 100))
     assert values.tolist() == seconds.tolist()
@@ -40,7 +40,7 @@ def test_a_history_holds_the_last_seconds():
 def test_a_history_is_bounded_and_thinned():
     history = History(["a"])
     for step in range(30_000):
-        history.add(step * S // 1000, {"a": step})
+        history.add(step * S // 1000, {"a": step}, 0)
     seconds, values = history.columns(1000)
     assert 750 <= len(seconds) <= 1500
     assert values[0] == 10_000
@@ -48,10 +48,11 @@ def test_a_history_is_bounded_and_thinned():
 
 def test_a_history_begins_anew_when_time_jumps_back_and_has_gaps_where_a_field_lacks():
     history = History(["a"])
-    history.add(5 * S, {"a": 1})
-    history.add(6 * S, {"a": 2})
-    history.add(3 * S, {"a": 3})
-    history.add(4 * S, {})
+    history.add(5 * S, {"a": 1}, 0)
+    history.add(6 * S, {"a": 2}, 0)
+    history.add(5 * S, {"a": 7}, 0)
+    history.add(3 * S, {"a": 3}, 1)
+    history.add(4 * S, {}, 1)
     seconds, values = history.columns(10)
     assert seconds.tolist() == [0, 1]
     assert values[0] == 3

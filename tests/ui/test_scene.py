@@ -160,6 +160,8 @@ def test_odometry_leaves_a_trail_that_begins_anew_when_time_jumps_back(scene, lo
     look("topics/odom/axes", is_at([4, 0, 0]))
     segments = look("topics/odom/trail", lambda node: node["points"].max() == 4)["points"]
     assert np.allclose(segments.reshape(-1, 2, 3)[:4, :, 0], [[0, 1], [1, 2], [2, 3], [3, 4]])
+    draw(scene, odom=odometry([7, 0, 0], 4.5))
+    scene.forget()
     draw(scene, odom=odometry([9, 0, 0], 0.5))
     look("topics/odom/trail", lambda node: set(node["points"][::3]) <= {9.0})
 

@@ -77,3 +77,8 @@ class Transforms(Message):
     def read(cls, message: Any) -> Transforms:
         """The transforms in a tf2_msgs/msg/TFMessage."""
         return cls(tuple(map(TransformStamped.read, message.transforms)))
+
+
+def is_static(topic: str) -> bool:
+    """Whether the transforms on a topic hold at all times, as tf2 names it."""
+    return topic.rstrip("/").endswith("tf_static")

@@ -13,8 +13,7 @@ A node is a function or, where it keeps a state, a class with
   one of ours,
 and where needed
 - ``reset()``, when time has jumped: somebody went elsewhere in what is played, the source was
-  opened anew, or a message is older than the one before on the same input, by more than the
-  ``late_s`` that the node declares,
+  opened anew, or the stamps on a topic went back by more than a second,
 - ``finish()``, at the end of the stream,
 - ``tick(params)``, now and then where messages come from outside, so that nobody knows whether
   another comes: what is due by now,

@@ -49,6 +49,10 @@ class FpsControl:
         stamp_ns = image.header.stamp_ns or self._since_first_arrival(arrival_ns)
         return image if self._pacer.passes(stamp_ns, self._requested_hz) else None
 
+    def reset(self) -> None:
+        """Let the next frame pass: time jumped."""
+        self._pacer.reset()
+
     def _since_first_arrival(self, arrival_ns: int) -> int:
         if self._first_arrival_ns is None:
             self._first_arrival_ns = arrival_ns

@@ -63,7 +63,6 @@ class PathParams:
     },
     outputs={"path": Path},
     latched=("path",),
-    late_s=1.0,  # messages come late, and those who send transforms disagree
     timed=True,
 )
 class PathNode:

@@ -15,6 +15,10 @@ from ros_visualise.sources.playback import Playback
 class Subscription(Protocol):
     """The newest messages of one topic, for whoever looks on; it never holds up a node."""
 
+    @property
+    def epoch(self) -> int:
+        """How often time had jumped before the message taken last."""
+
     def take(self, timeout_s: float) -> Any | None:
         """The oldest message that waits; None if none came in time or the topic ended.
 

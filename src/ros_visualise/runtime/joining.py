@@ -131,7 +131,7 @@ class _Together:
         self._held: deque[_Held] = deque()
         self._last = Packet(0, None, 0)
         self._last_set: tuple[Packet, ...] = ()
-        self._answered = self._turns = 0
+        self._answered = self._epoch = 0
         self._newest_ns: dict[str, int] = {}
         self._came: Counter[str] | None = Counter()  # until something is joined or said
         self._said: set[str] = set()
@@ -201,7 +201,7 @@ class _Together:
         """Let the joiner and the frames have a packet."""
         port, message = packet.port, packet.message
         assert message is not None
-        if packet.turns < self._turns:
+        if packet.epoch < self._epoch:
             self._lost[f"stale {port}"] += 1
             return
         self._reset_if_time_jumped(packet)
@@ -242,21 +242,17 @@ class _Together:
             self._say(f"{self._topics[packet.port]}: {error}")
 
     def _reset_if_time_jumped(self, packet: Packet) -> None:
-        """Forget what waits, and frames that moved, where somebody went elsewhere in time."""
-        port, message = packet.port, packet.message
-        assert message is not None
-        stamp_ns = message.header.stamp_ns
-        newest_ns = self._newest_ns.get(port, stamp_ns)
-        goes_back = stamp_ns < newest_ns - round(self._type.late_s * 1e9)
-        if packet.turns > self._turns or (goes_back and port not in TRANSFORMS):
+        """Forget what waits, and frames that moved, where time has jumped."""
+        assert packet.message is not None
+        port, stamp_ns = packet.port, packet.message.header.stamp_ns
+        if packet.epoch > self._epoch:
             self._joiner.reset(stamp_ns)
             self._runner.frames.reset()
             self._lost["stale"] += sum(len(held.packets) for held in self._held)
             self._held.clear()
             self._newest_ns.clear()
-            newest_ns = stamp_ns
-        self._newest_ns[port] = max(stamp_ns, newest_ns)
-        self._turns = packet.turns
+        self._newest_ns[port] = max(stamp_ns, self._newest_ns.get(port, stamp_ns))
+        self._epoch = packet.epoch
 
     def _tell_if_silent(self, port: str) -> None:
         """Say it when messages come and none are joined."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
@@ -13,9 +12,10 @@ from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.params import Parameters, Value, specs
+from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.node_thread import NodeThread
-from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
@@ -48,10 +48,13 @@ class LocalRuntime:
         self._lossless = False
         self._topics = {name: Topic(False) for name in graph.inputs}
         self._topics |= {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
+        numbering = Numbering()
+        self._entrances = {
+            name: Entrance(name, self._topics[name], numbering) for name in graph.inputs
+        }
         self._recordings: list[RecorderThread] = []
         self._recording = threading.Lock()
         self._stopped = False
-        self._fed = 0
         self._source = self._open_source()
         self._nodes = self._join_all()
         works = [self._source.run] if self._source else []
@@ -107,7 +110,7 @@ class LocalRuntime:
         )
 
     def topic(self, name: str) -> Topic:
-        """A topic of the graph or an input of it, to listen to or to feed from outside."""
+        """A topic of the graph or an input of it, to listen to."""
         return self._topics[name]
 
     def wait_until_taken(self, topic: str, timeout_s: float) -> None:
@@ -124,8 +127,7 @@ class LocalRuntime:
 
     def publish(self, topic: str, message: Any) -> None:
         """Publish on a topic that comes from outside."""
-        self._fed += 1
-        self._topics[topic].publish(Packet(self._fed, message, time.monotonic_ns()))
+        self._entrances[topic].publish(message)
 
     def act(self, node: str, action: str) -> None:
         """Run an action of a node."""

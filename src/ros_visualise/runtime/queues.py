@@ -17,9 +17,10 @@ class Packet(NamedTuple):
     ``number`` counts what the source published, ``arrival_ns`` is the monotonic time at which it
     did, and ``log_ns`` the time under which it is recorded, where the source tells it. What nodes
     make of it keeps all three, so that a recorder can put all topics in order, at the times at
-    which they came about. ``port`` is the input of the node that it waits for; ``turns`` how often
-    the source had been sent elsewhere or opened anew. ``more``: this is not the publisher's last
-    word on this number. ``again``: the node had this message before.
+    which they came about. ``port`` is the input of the node that it waits for; ``epoch`` how often
+    time had jumped: the source was sent elsewhere or opened anew, or its clock went back. ``more``:
+    this is not the publisher's last word on this number. ``again``: the node had this message
+    before.
     """
 
     number: int
@@ -27,7 +28,7 @@ class Packet(NamedTuple):
     arrival_ns: int
     port: str = ""
     log_ns: int | None = None
-    turns: int = 0
+    epoch: int = 0
     more: bool = False
     again: bool = False
 

@@ -41,8 +41,7 @@ class NodeRunner:
         self._type = node.type
         self._parameters = parameters
         self._state = node.type.make(parameters.current)
-        self._newest_ns: dict[str, int] = {}  # input -> stamp
-        self._turns = 0  # of the source, until the last message
+        self._epoch: int | None = None  # of the last message
         self._said: set[tuple[type, str, int | None]] = set()
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
@@ -53,14 +52,14 @@ class NodeRunner:
         The answer is output name -> message.
         """
         started_ns = time.monotonic_ns()
-        packet = max(packets, key=lambda one: (one.turns, one.arrival_ns))
-        if packet.turns < self._turns:  # of before a seek, by another way than what came after it
+        packet = max(packets, key=lambda one: (one.epoch, one.arrival_ns))
+        if self._is_of_before(packet):
             self.stats.dropped["stale"] += 1
             return NOTHING
         try:
             messages = {one.port: self._content(one) for one in packets}
             with self._at_state:
-                self._reset_if_time_jumped(messages, packet.turns)
+                self._reset_if_time_jumped(packet)
                 outputs = self._by_output(self._ask(packet, messages))
         except DamagedMessage:
             self.stats.dropped["damaged"] += 1
@@ -139,19 +138,14 @@ class NodeRunner:
                 raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
         return outputs
 
-    def _reset_if_time_jumped(self, messages: Mapping[str, Any], turns: int) -> None:
-        stamps = {port: message.header.stamp_ns for port, message in messages.items()}
-        late_ns = round(self._type.late_s * 1e9)
-        goes_back = any(
-            stamp_ns < self._newest_ns.get(port, stamp_ns) - late_ns
-            for port, stamp_ns in stamps.items()
-        )
-        if self._newest_ns and (goes_back or turns != self._turns):
+    def _is_of_before(self, packet: Packet) -> bool:
+        """Whether time has jumped since, as what came by another way has told already."""
+        return self._epoch is not None and packet.epoch < self._epoch
+
+    def _reset_if_time_jumped(self, packet: Packet) -> None:
+        if self._epoch not in (None, packet.epoch):
             self._state.reset()
-            self._newest_ns.clear()
-        for port, stamp_ns in stamps.items():
-            self._newest_ns[port] = max(stamp_ns, self._newest_ns.get(port, stamp_ns))
-        self._turns = turns
+        self._epoch = packet.epoch
 
     def _fail(self, error: Exception) -> None:
         self.failed = True

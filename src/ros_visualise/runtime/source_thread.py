@@ -13,6 +13,7 @@ from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
 from ros_visualise.params import Parameters
 from ros_visualise.rate import Steady
+from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
@@ -55,7 +56,8 @@ class SourceThread:
         self._on_message = on_message
         self._stats = NodeStats()
         self._steady = Steady()
-        self._reopened = 0
+        self._begun = self._reopened = 0
+        self._epochs = Epochs(node.type.latched)
         self._source = self._open()
 
     def run(self) -> None:
@@ -96,16 +98,20 @@ class SourceThread:
     def _publish_all(self) -> None:
         for number, (port, message) in enumerate(self._messages()):
             arrival_ns = time.monotonic_ns()
-            packet = Packet(
-                number,
-                message,
-                arrival_ns,
-                log_ns=self._log_ns(message, arrival_ns),
-                turns=self._playback.turns + self._reopened,
-            )
+            log_ns = self._log_ns(message, arrival_ns)
+            epoch = self._epoch(port, message.header.stamp_ns, log_ns)
+            packet = Packet(number, message, arrival_ns, log_ns=log_ns, epoch=epoch)
             self._stats.received = self._stats.processed = number + 1
             self._on_message()
             self._outputs[port].publish(packet)
+
+    def _epoch(self, port: str, stamp_ns: int, log_ns: int) -> int:
+        """How often time had jumped before this message: of itself, or as a person asked."""
+        begun = self._playback.epoch + self._reopened
+        if begun != self._begun:
+            self._begun = begun
+            self._epochs.begin()
+        return self._epochs.of(port, stamp_ns, log_ns)
 
     def _log_ns(self, message: Any, arrival_ns: int) -> int:
         """When to record it: live, time goes on evenly, also where the stamps' clock is set."""

@@ -19,10 +19,14 @@ class TopicStats:
         self.messages = 0
         self._wall = _Rate()
         self._stamps = _Rate()
+        self._epoch = 0
 
-    def count(self, stamp_ns: int) -> None:
-        """One message of that stamp passes."""
+    def count(self, stamp_ns: int, epoch: int) -> None:
+        """One message of that stamp passes; between two epochs no time has passed."""
         self.messages += 1
+        if epoch != self._epoch:
+            self._epoch = epoch
+            self._stamps.times.clear()
         self._wall.count(time.monotonic_ns())
         self._stamps.count(stamp_ns)
 
@@ -36,7 +40,7 @@ class TopicStats:
 
 
 class _Rate:
-    """The mean rate of a series of times; repeated ones and jumps backwards are left out."""
+    """The mean rate of a series of times; repeated and late ones are left out."""
 
     def __init__(self) -> None:
         self.times: deque[int] = deque(maxlen=_KEPT)

@@ -35,6 +35,7 @@ class Subscription:
         self._inbox = inbox
         self._disconnect = disconnect
         self._said = False
+        self.epoch = 0
 
     def take(self, timeout_s: float) -> Any | None:
         """The oldest message that waits; None if none came in time or the topic ended.
@@ -43,6 +44,7 @@ class Subscription:
         """
         packet = self._inbox.take(timeout_s)
         while packet is not None:
+            self.epoch = packet.epoch
             try:
                 return content(packet.message)
             except DamagedMessage as error:
@@ -97,7 +99,7 @@ class Topic:
             if packet.message is not None:
                 self._last, self._last_s = packet, time.monotonic()
         if packet.message is not None and (listeners or not self.on_demand):
-            self._stats.count(packet.message.header.stamp_ns)
+            self._stats.count(packet.message.header.stamp_ns, packet.epoch)
         for listener in listeners:
             listener.put(packet)
 

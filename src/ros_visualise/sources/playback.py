@@ -67,7 +67,7 @@ class Playback:
         self._asked = Requests()
         self._quota = Quota(duration_s, frames)
         self._loop, self._hold = loop, hold
-        self._jumps = self._turns = 0
+        self._laps = self._epoch = 0
         self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._done = False  # all that was asked for is played
@@ -95,17 +95,14 @@ class Playback:
         return self._quota.frames > 0
 
     @property
-    def jumps(self) -> int:
-        """How often it went elsewhere: a seek, a step back, the start of a loop, or at first.
-
-        It counts before the first message from there passes.
-        """
-        return self._jumps
+    def epoch(self) -> int:
+        """How often a person sent it elsewhere, known before the first message from there."""
+        return self._epoch
 
     @property
-    def turns(self) -> int:
-        """How many of the jumps a person asked for; the start of a loop goes on in time."""
-        return self._turns
+    def laps(self) -> int:
+        """How often it has begun anew as a loop, which goes on in time."""
+        return self._laps
 
     @property
     def state(self) -> PlaybackState:
@@ -250,7 +247,6 @@ class Playback:
         self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
     ) -> Generator[tuple[int, T], None, bool]:
         """Returns whether the end was reached."""
-        self._jumps += 1
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
                 if not self._wait_turn(time_ns, is_frame(item)):
@@ -296,7 +292,7 @@ class Playback:
             if not self._asked.lead_away:
                 return self._begin_loop()
             self._line.is_fresh = True
-            self._turns += 1
+            self._epoch += 1
             position_ns, frames_back = self._asked.take_place(self._position_ns)
         return time_before(recording, position_ns, frames_back)
 
@@ -317,6 +313,7 @@ class Playback:
 
     def _begin_loop(self) -> int:
         self._line.begin_loop(self._duration_ns or 0)
-        self._turns += self._asked.start_over
+        self._epoch += self._asked.start_over
+        self._laps += not self._asked.start_over
         self._line.is_fresh, self._asked.start_over = self._asked.start_over, False
         return 0

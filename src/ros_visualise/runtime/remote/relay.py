@@ -5,12 +5,12 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from itertools import count
 from typing import Any
 
 from ros_visualise.data import Image
 from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
+from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
@@ -24,16 +24,17 @@ class Relay:
         middleware: what they come by.
         name: the topic.
         kind: the class of its messages.
+        numbering: shared by all that is received.
     """
 
-    def __init__(self, middleware: Middleware, name: str, kind: type) -> None:
+    def __init__(self, middleware: Middleware, name: str, kind: type, numbering: Numbering) -> None:
         self._middleware = middleware
         self._name = name
         self._kind = kind
         self._topic = Topic(on_demand=True)
+        self._entrance = Entrance(name, self._topic, numbering)
         self._listeners: list[Consumer] = []
         self._input: Input | None = None
-        self._numbers = count(1)
         self._lock = threading.Lock()
 
     @property
@@ -66,11 +67,9 @@ class Relay:
 
     def _open(self, compressed: bool) -> Input:
         if self._kind is Image:
-            return ImageInput(self._middleware, self._name, self._name, self._feed, compressed)
-        return Input(self._middleware, self._name, self._kind, self._feed)
-
-    def _feed(self, message: Any) -> None:
-        self._topic.publish(Packet(next(self._numbers), message, time.monotonic_ns()))
+            feed = self._entrance.publish
+            return ImageInput(self._middleware, self._name, self._name, feed, compressed)
+        return Input(self._middleware, self._name, self._kind, self._entrance.publish)
 
     def close(self) -> None:
         """Remove all listeners."""

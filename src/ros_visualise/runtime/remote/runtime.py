@@ -17,6 +17,7 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
+from ros_visualise.runtime.entrance import Numbering
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
@@ -58,6 +59,7 @@ class RemoteRuntime:
         self._figures = Figures(middleware)
         self._key: object = None
         self._seen_s: dict[str, float] = {}
+        self._numbering = Numbering()
         self._relays: dict[str, Relay] = {}
         self._recordings: dict[RecorderThread, Arrivals] = {}
         self._publishers: dict[str, Publisher] = {}
@@ -195,7 +197,7 @@ class RemoteRuntime:
         with self._lock:
             if topic not in self._relays:
                 self._relays[topic] = Relay(
-                    self._middleware, topic, self._sight.types.get(topic, Image)
+                    self._middleware, topic, self._sight.types.get(topic, Image), self._numbering
                 )
             return self._relays[topic]
 

@@ -30,6 +30,11 @@ class Feed:
         self._topic = topic
         return True
 
+    @property
+    def epoch(self) -> int:
+        """How often time had jumped before the message taken last."""
+        return 0 if self._subscription is None else self._subscription.epoch
+
     def take(self) -> Any:
         """The oldest message that waits; None if there is none."""
         return None if self._subscription is None else self._subscription.take(0)

@@ -35,12 +35,15 @@ class History:
         self.paths = list(paths)
         self._rows: deque[tuple[float, ...]] = deque(maxlen=_KEPT)
         self._first_ns: int | None = None
+        self._epoch = 0
 
-    def add(self, stamp_ns: int, fields: Mapping[str, float]) -> None:
-        """Go on with a message; after a jump back in time, begin anew."""
-        if self._first_ns is None or (self._rows and self._time_s(stamp_ns) < self._rows[-1][0]):
+    def add(self, stamp_ns: int, fields: Mapping[str, float], epoch: int) -> None:
+        """Go on with a message, unless it is late; where time has jumped, begin anew."""
+        if self._first_ns is None or epoch != self._epoch:
             self._rows.clear()
-            self._first_ns = stamp_ns
+            self._first_ns, self._epoch = stamp_ns, epoch
+        elif self._time_s(stamp_ns) < self._rows[-1][0]:
+            return
         values = (fields.get(path, float("nan")) for path in self.paths)
         self._rows.append((self._time_s(stamp_ns), *values))
 
@@ -124,7 +127,7 @@ class FieldPlot:
         fields = fields_of(message)
         if not self._known and fields:
             self._offer(tuple(fields))
-        self._history.add(message.header.stamp_ns, fields)
+        self._history.add(message.header.stamp_ns, fields, self._feed.epoch)
 
     def _offer(self, paths: tuple[str, ...]) -> None:
         """Let a person choose among these; the first that is no time is chosen at once."""

@@ -60,6 +60,11 @@ class Frames:
         if _name(frame) not in self._seen:
             self._seen.append(_name(frame))
 
+    def forget(self) -> None:
+        """Time jumped: of transforms that move, none is known any more."""
+        self.tree.reset()
+        self.links.forget()
+
     @property
     def names(self) -> list[str]:
         """All frames, sorted."""

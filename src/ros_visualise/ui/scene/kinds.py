@@ -63,11 +63,6 @@ def is_spatial(kind: type) -> bool:
     return (kind in DRAWINGS and kind not in CAMERAS) or kind is Transforms
 
 
-def is_static(topic: str) -> bool:
-    """Whether the transforms on a topic hold at all times, as tf2 names it."""
-    return topic.rstrip("/").endswith("tf_static")
-
-
 def is_robot(topic: str) -> bool:
     """Whether the texts on a topic describe a robot, as ROS 2 names it."""
     return topic.rstrip("/").endswith("robot_description")

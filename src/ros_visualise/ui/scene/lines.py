@@ -87,8 +87,9 @@ class Trail:
         self._last: tuple[int, Floats] | None = None
 
     def add(self, stamp_ns: int, position_xyz: Floats) -> None:
-        """Go on to a position (3,); after a jump through time or space, begin anew there."""
-        if not np.isfinite(position_xyz).all():
+        """Go on to a position (3,), unless it is late; after a jump, begin anew there."""
+        is_late = self._last is not None and stamp_ns < self._last[0]
+        if is_late or not np.isfinite(position_xyz).all():
             return
         if self._last is not None and self._is_jump(stamp_ns, position_xyz):
             self.clear()
@@ -116,7 +117,7 @@ class Trail:
         assert self._last is not None
         passed_s = (stamp_ns - self._last[0]) / _NS
         moved_m = float(np.linalg.norm(position_xyz - self._last[1]))
-        return passed_s < 0 or (passed_s > 0 and moved_m > _MAX_SPEED_MPS * passed_s)
+        return passed_s > 0 and moved_m > _MAX_SPEED_MPS * passed_s
 
 
 def thinned(vertices: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

@@ -38,9 +38,15 @@ class Links:
         with self._lock:
             self._ways[child] = one.header.frame_id.lstrip("/"), static
             stamps = self._stamps_ns.setdefault(child, deque(maxlen=_KEPT))
-            if stamps and one.header.stamp_ns < stamps[-1]:
-                stamps.clear()  # time jumped back
-            stamps.append(one.header.stamp_ns)
+            if not stamps or one.header.stamp_ns > stamps[-1]:
+                stamps.append(one.header.stamp_ns)
+
+    def forget(self) -> None:
+        """Time jumped: count anew."""
+        with self._lock:
+            for child, stamps in self._stamps_ns.items():
+                if not self._ways[child][1]:
+                    stamps.clear()
 
     def all(self) -> list[Link]:
         """Every link, by the name of its child."""
@@ -48,6 +54,7 @@ class Links:
             return [
                 Link(*self._way(child), stamps[-1], self._rate(child))
                 for child, stamps in sorted(self._stamps_ns.items())
+                if stamps
             ]
 
     def _way(self, child: str) -> tuple[str, str, bool]:

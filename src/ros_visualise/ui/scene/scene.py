@@ -12,11 +12,12 @@ from typing import Any
 import viser
 
 from ros_visualise.data import CameraInfo, Floats, Image, Text, Transforms
+from ros_visualise.data.frames import is_static
 from ros_visualise.errors import NoTransform
 from ros_visualise.ui.scene.axes import Axes
 from ros_visualise.ui.scene.drawing import Look
 from ros_visualise.ui.scene.frames import Frames
-from ros_visualise.ui.scene.kinds import DRAWINGS, is_static
+from ros_visualise.ui.scene.kinds import DRAWINGS
 from ros_visualise.ui.scene.robots import Robot
 from ros_visualise.ui.scene.topics import Entry, Topics
 from ros_visualise.ui.scene.view import View
@@ -110,6 +111,7 @@ class Scene:
         """
         with self._lock:
             self._newest = 0, 0.0
+            self.frames.forget()
             for _, entry in self._topics:
                 entry.forget()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Container, Mapping
+from typing import Any
 
 from ros_visualise.data import Image, Text
 from ros_visualise.graph import Graph
@@ -55,7 +56,7 @@ class SceneThread:
         self._messages: dict[str, Subscription] = {}
         self._taken_s: dict[str, float] = {}
         self._kinds: Mapping[str, type] = {}
-        self._jumps = 0
+        self._place = (0, 0)
         self._rounds = Rounds("scene", self._do_round, self._finish, _PERIOD_S, in_haste)
 
     def start(self) -> None:
@@ -86,8 +87,7 @@ class SceneThread:
     def _do_round(self) -> None:
         for topic, subscription in self._held.items():
             while (message := subscription.take(0)) is not None:
-                self._forget_before_jump()
-                self._scene.show(topic, message)
+                self._show(topic, message, subscription.epoch)
         if not self._is_watched():
             self._rest_but(())
             return
@@ -110,16 +110,16 @@ class SceneThread:
         message = self._messages[topic].take(0)
         if message is not None:
             self._taken_s[topic] = now_s
-            self._forget_before_jump()
-            self._scene.show(topic, message)
+            self._show(topic, message, self._messages[topic].epoch)
 
-    def _forget_before_jump(self) -> None:
-        """Let go of what is drawn if the source went elsewhere before the message just taken."""
+    def _show(self, topic: str, message: Any, epoch: int) -> None:
+        """Draw a message; what is drawn goes where time has jumped, or a loop has begun anew."""
         playback = self._runtime.playback
-        jumps = 0 if playback is None else playback.jumps
-        if jumps != self._jumps:
-            self._jumps = jumps
+        place = epoch, 0 if playback is None else playback.laps
+        if place > self._place:
+            self._place = place
             self._scene.forget()
+        self._scene.show(topic, message)
 
     def _rest(self, topic: str) -> None:
         """Ask for nothing on a topic until it is wanted again."""

@@ -58,11 +58,8 @@ class Entry:
 
     def draw(self, drawing: Drawing, look: Look) -> None:
         """Draw the message that waits."""
-        message, before = self.waiting, self.shown
+        message = self.waiting
         self.waiting, self.shown, self.problem = None, message, ""
-        went_back = before is not None and message.header.stamp_ns < before.header.stamp_ns
-        if went_back and not drawing.gathers:
-            drawing.reset()
         try:
             drawing.draw(message, look)
         except (DamagedMessage, ValueError) as error:  # such as a cloud without heights
