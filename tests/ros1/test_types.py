@@ -16,8 +16,13 @@ from ros_visualise.data import (
     CompressedImage,
     DiagnosticArray,
     DiagnosticStatus,
+    Detection,
+    Detection3D,
+    Detections,
+    Detections3D,
     FluidPressure,
     Header,
+    Hypothesis,
     Image,
     Imu,
     LaserScan,
@@ -166,9 +171,15 @@ def test_several_transforms_survive() -> None:
 
 def test_every_message_is_of_the_class_that_its_topic_has() -> None:
     markers = MarkerArray((Marker(MarkerType.CUBE, header=HEADER),))
-    data_of_all = [*DATA, TRANSFORMS, markers]
+    found = Detections((Detection(numbers(2), numbers(2), 0.5, (Hypothesis("3", 0.5),)),), HEADER)
+    around = Detections3D((Detection3D(numbers(3), numbers(4), numbers(3)),), HEADER)
+    data_of_all = [*DATA, TRANSFORMS, markers, found, around]
     for data in data_of_all:
-        assert type(to_message(data, TYPES)) is message_class(data.type_name)
+        message = to_message(data, TYPES)
+        assert type(message) is message_class(data.type_name)
+        assert serialize(message) == bytes(
+            ROSBAGS.write(type_name(type(data)), to_message(data, ROSBAGS.types))
+        )
     assert {type(data) for data in data_of_all} >= set(MESSAGES) - {ParameterEvent}
 
 
@@ -182,6 +193,11 @@ def test_a_type_whose_package_is_not_installed_is_made_from_its_definition(
     kind = made["visualization_msgs/msg/MarkerArray"]
     assert kind._type == "visualization_msgs/MarkerArray"
     assert kind._md5sum == "d155b9ce5188fbaf89745847fd5882d7"
+
+
+def test_detections_have_the_official_type_though_nobody_installed_it() -> None:
+    assert message_class(Detections.type_name)._md5sum == "402071f61477de256df9f1aa45e6e4c8"
+    assert message_class(Detections3D.type_name)._md5sum == "05c51d9aea1fb4cfdc8effb94f197b6f"
 
 
 def test_what_ros_1_lacks_is_refused() -> None:

@@ -10,6 +10,10 @@ from ros_visualise.data.clouds import PointCloud as PointCloud
 from ros_visualise.data.diagnostics import DiagnosticArray as DiagnosticArray
 from ros_visualise.data.diagnostics import DiagnosticStatus as DiagnosticStatus
 from ros_visualise.data.diagnostics import Level as Level
+from ros_visualise.data.detections import Detection as Detection
+from ros_visualise.data.detections import Detections as Detections
+from ros_visualise.data.detections_3d import Detection3D as Detection3D
+from ros_visualise.data.detections_3d import Detections3D as Detections3D
 from ros_visualise.data.encodings import ENCODINGS as ENCODINGS
 from ros_visualise.data.encodings import MEASUREMENTS as MEASUREMENTS
 from ros_visualise.data.encodings import Deferred as Deferred
@@ -18,6 +22,7 @@ from ros_visualise.data.frames import TransformStamped as TransformStamped
 from ros_visualise.data.header import Floats as Floats
 from ros_visualise.data.header import Header as Header
 from ros_visualise.data.header import Pixels as Pixels
+from ros_visualise.data.hypotheses import Hypothesis as Hypothesis
 from ros_visualise.data.images import CompressedImage as CompressedImage
 from ros_visualise.data.images import Image as Image
 from ros_visualise.data.maps import OccupancyGrid as OccupancyGrid

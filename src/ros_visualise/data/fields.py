@@ -31,6 +31,13 @@ class Fields(NamedTuple):
     values: Mapping[str, Any]
 
 
+class Either(NamedTuple):
+    """A message whose type has another name in another version of ROS."""
+
+    first: Fields
+    other: Fields
+
+
 class Columns(NamedTuple):
     """``length`` messages of one type before their class is known: each field's values in a row."""
 
@@ -46,10 +53,26 @@ def build(value: Any, types: Types) -> Any:
     """
     if isinstance(value, Fields):
         cls, values = types[value.type_name], value.values
-        return cls(*[build(values[name], types) for name in field_names(cls)])
+        own = [build(values[name], types) for name in field_names(cls)]
+        return cls(*map(_plain, own) if _slots(cls) else own)
     if isinstance(value, Columns):
         return _rows(value, types)
+    if isinstance(value, Either):
+        return build(value.first if _has(types, value.first.type_name) else value.other, types)
     return [build(item, types) for item in value] if isinstance(value, list) else value
+
+
+def _plain(value: Any) -> Any:
+    """No bytes as genpy's classes take them inside another message."""
+    is_bytes = isinstance(value, np.ndarray) and value.dtype == np.uint8
+    return b"" if is_bytes and not value.size else value
+
+
+def _has(types: Types, type_name: str) -> bool:
+    try:
+        return bool(types[type_name])  # some make a class when it is first asked for
+    except KeyError:
+        return False
 
 
 def _rows(many: Columns, types: Types) -> list[Any]:

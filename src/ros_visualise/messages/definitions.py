@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.messages.added_types import ADDED_TYPES
 from ros_visualise.messages.bounded import BoundedStore
 from ros_visualise.messages.expansion import check_expansion
 
@@ -20,7 +21,6 @@ Encoding = Literal["ros1", "cdr"]
 
 _STORES = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
 _HEADER = "std_msgs/msg/Header"
-_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 _LONGEST = 256 << 10  # the library parses 100 KiB in a second; the longest real ones have that
@@ -173,9 +173,10 @@ class Definitions:
 
 def _make_store(encoding: Encoding) -> BoundedStore:
     store = BoundedStore(get_typestore(_STORES[encoding]))
-    if _TRANSFORMS not in store.fielddefs:  # of ROS 1 the library lacks it
-        text = "geometry_msgs/TransformStamped[] transforms"
-        store.register(get_types_from_msg(text, _TRANSFORMS))
+    added = {}
+    for name, text in ADDED_TYPES[encoding].items():
+        added.update(get_types_from_msg(text, name))
+    store.register(added)
     return store
 
 

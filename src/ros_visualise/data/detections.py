@@ -1,0 +1,122 @@
+"""What detectors find in an image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data.fields import Either, Fields, header
+from ros_visualise.data.header import Floats, Header, keep
+from ros_visualise.data.hypotheses import (
+    Found,
+    Hypothesis,
+    read_header_of,
+    read_hypotheses,
+    write_hypotheses,
+)
+from ros_visualise.data.message import Message
+
+
+@dataclass(frozen=True, eq=False)
+class Detection(Found):
+    """A thing in an image, in pixels, whose origin is the centre of the top-left pixel.
+
+    Its box has ``size_uv`` (2,) about ``center_uv`` (2,), turned by ``theta`` radians from the
+    image's x axis to its y axis. ``corners_uv`` (N, 2) are its outline where that is known, else
+    empty. ``id`` is the same for the same thing in other images; empty where nobody knows.
+    """
+
+    center_uv: Floats
+    size_uv: Floats
+    theta: float = 0.0
+    hypotheses: tuple[Hypothesis, ...] = ()
+    id: str = ""
+    corners_uv: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+    def __post_init__(self) -> None:
+        keep(self, center_uv=(2,), size_uv=(2,), corners_uv=(len(self.corners_uv), 2))
+
+    @classmethod
+    def of_corners(
+        cls, corners_uv: npt.ArrayLike, hypotheses: Sequence[Hypothesis] = (), id: str = ""
+    ) -> Detection:
+        """A thing of this outline (N, 2), N > 2, and the smallest box around it."""
+        corners = np.asarray(corners_uv, np.float64)
+        center, size, degrees = cv2.minAreaRect(corners.astype(np.float32))
+        theta = float(np.deg2rad(degrees))
+        return cls(np.array(center), np.array(size), theta, tuple(hypotheses), id, corners)
+
+    @property
+    def outline_uv(self) -> Floats:
+        """Its corners where they are known, else those of its box: (N, 2)."""
+        if len(self.corners_uv):
+            return self.corners_uv
+        c, s = np.cos(self.theta), np.sin(self.theta)
+        half = self.size_uv / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        corners: Floats = self.center_uv + half @ np.array([[c, s], [-s, c]])
+        return corners
+
+
+@dataclass(frozen=True, eq=False)
+class Detections(Message):
+    """What was found in one image: the header is that of the image.
+
+    A message of ROS 1 has numbers alone for classes and no ``id``, none has ``corners_uv``.
+    """
+
+    type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
+    plotted: ClassVar[bool] = False
+
+    detections: tuple[Detection, ...]
+    header: Header = Header()
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a vision_msgs/msg/Detection2DArray, of ROS 1 and of ROS 2.
+
+        Raises:
+            ValueError: it is for ROS 1 and a class is no number.
+        """
+        kind = "vision_msgs/msg/Detection2D"
+        found = [Fields(kind, self._fields_of(one)) for one in self.detections]
+        return {"header": header(self.header), "detections": found}
+
+    @classmethod
+    def read(cls, message: Any) -> Detections:
+        """What was found by a vision_msgs/msg/Detection2DArray."""
+        found = tuple(map(_read_detection, message.detections))
+        return cls(found, read_header_of(message))
+
+    def _fields_of(self, one: Detection) -> dict[str, Any]:
+        x, y = one.center_uv.tolist()
+        flat = Fields("geometry_msgs/msg/Pose2D", {"x": x, "y": y, "theta": one.theta})
+        position = Fields("vision_msgs/msg/Point2D", {"x": x, "y": y})
+        center = Fields("vision_msgs/msg/Pose2D", {"position": position, "theta": one.theta})
+        size = dict(zip(("size_x", "size_y"), one.size_uv.tolist(), strict=True))
+        box = Fields("vision_msgs/msg/BoundingBox2D", {"center": Either(center, flat), **size})
+        no_image: dict[str, Any] = dict.fromkeys(("height", "width", "is_bigendian", "step"), 0)
+        no_image |= {"header": header(Header()), "encoding": "", "data": np.zeros(0, np.uint8)}
+        return {
+            "header": header(self.header),
+            "results": write_hypotheses(one.hypotheses),
+            "bbox": box,
+            "id": one.id,
+            "source_img": Fields("sensor_msgs/msg/Image", no_image),
+        }
+
+
+def _read_detection(message: Any) -> Detection:
+    box = message.bbox
+    # before ROS 2 Humble the centre was a geometry_msgs/Pose2D
+    center = getattr(box.center, "position", box.center)
+    return Detection(
+        np.array([center.x, center.y], np.float64),
+        np.array([box.size_x, box.size_y], np.float64),
+        float(box.center.theta),
+        read_hypotheses(message.results),
+        str(getattr(message, "id", "")),
+    )

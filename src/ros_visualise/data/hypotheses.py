@@ -1,0 +1,117 @@
+"""What a detected thing may be <-> vision_msgs, whose versions differ in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data.fields import Fields, field_names, read_header
+from ros_visualise.data.header import Floats, Header, keep
+from ros_visualise.data.vectors import pose_fields, xyz, xyzw
+
+_LEVEL = np.array([0.0, 0, 0, 1])
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """What a thing may be, and where in space it is then.
+
+    ``class_id`` names the class; ``score`` goes from 0 to 1. The pose, ``position_xyz`` (3,) in
+    metres and ``quat_xyzw`` (4,), is in the frame of the message; its ``covariance`` is 6x6.
+    """
+
+    class_id: str
+    score: float
+    position_xyz: Floats = field(default_factory=lambda: np.zeros(3))
+    quat_xyzw: Floats = field(default_factory=lambda: _LEVEL)
+    covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+
+    def __post_init__(self) -> None:
+        keep(self, position_xyz=(3,), quat_xyzw=(4,), covariance=(6, 6))
+
+
+class Found:
+    """What a detection in an image and one in space have in common."""
+
+    hypotheses: tuple[Hypothesis, ...]
+
+    @property
+    def class_id(self) -> str:
+        """The likeliest class; empty without any."""
+        return max(self.hypotheses, key=_score, default=_NOTHING).class_id
+
+    @property
+    def score(self) -> float:
+        """Of the likeliest class; 0 without any."""
+        return max(self.hypotheses, key=_score, default=_NOTHING).score
+
+
+class _HypothesisFields(dict[str, Any]):
+    """The class as a number is made for ROS 1 alone, which has no names."""
+
+    def __missing__(self, name: str) -> Any:
+        if name != "id":
+            raise KeyError(name)
+        class_id = self["hypothesis"].values["class_id"]
+        try:
+            return int(class_id)
+        except ValueError:
+            raise ValueError(
+                f"class {class_id!r}: vision_msgs of ROS 1 holds numbers alone; give its number"
+            ) from None
+
+
+def write_hypotheses(several: Sequence[Hypothesis]) -> list[Fields]:
+    """For the results of a detection."""
+    return [_write_hypothesis(one) for one in several]
+
+
+def _write_hypothesis(one: Hypothesis) -> Fields:
+    said = {"class_id": one.class_id, "score": one.score}
+    pose = {
+        "pose": pose_fields(one.position_xyz, one.quat_xyzw),
+        "covariance": one.covariance.ravel(),
+    }
+    values = _HypothesisFields(
+        hypothesis=Fields("vision_msgs/msg/ObjectHypothesis", said),
+        score=one.score,
+        pose=Fields("geometry_msgs/msg/PoseWithCovariance", pose),
+    )
+    return Fields("vision_msgs/msg/ObjectHypothesisWithPose", values)
+
+
+def read_hypotheses(results: Any) -> tuple[Hypothesis, ...]:
+    """Those in the results of a detection."""
+    return tuple(map(_read_hypothesis, results))
+
+
+def _read_hypothesis(message: Any) -> Hypothesis:
+    # before ROS 2 Galactic class and score stood here, and the class was called id
+    said = getattr(message, "hypothesis", message)
+    name = "class_id" if "class_id" in field_names(said.__class__) else "id"
+    pose = message.pose
+    return Hypothesis(
+        str(getattr(said, name)),
+        float(said.score),
+        np.array(xyz(pose.pose.position)),
+        np.array(xyzw(pose.pose.orientation)),
+        np.array(pose.covariance, np.float64).reshape(6, 6),
+    )
+
+
+def read_header_of(message: Any) -> Header:
+    """Of the array; some detectors fill in that of each detection alone."""
+    found = read_header(message.header)
+    if found == Header() and len(message.detections):
+        return read_header(message.detections[0].header)
+    return found
+
+
+def _score(one: Hypothesis) -> float:
+    return one.score
+
+
+_NOTHING = Hypothesis("", 0.0)
