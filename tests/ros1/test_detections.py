@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import rosbag
-from ros_graph import Heard, Master, end
+from ros_graph import Heard, Master
 
 from ros_visualise.data import Detection, Detections, Header, Hypothesis
 from ros_visualise.messages import from_message
@@ -36,11 +36,12 @@ def test_detections_of_an_mcap_are_played_and_recorded(
             recorder.write(TOPIC, found(number))
     copy = tmp_path / "copy.bag"
     record = ros_master.run("rosbag", "record", "-O", str(copy), "-l", str(COUNT), TOPIC)
-    heard = hear(TOPIC, message_class(Detections))
+    heard = hear(TOPIC, message_class(Detections.type_name))
     start("player", f"_path:={recorder.path}", "_loop:=true", "_rate:=2", wait=False)
     heard.wait(COUNT)
     assert "vision_msgs/Detection2DArray" in ros_master.call("rostopic", "type", TOPIC)
-    assert record.wait(timeout=60) == 0, end(record)
+    record.communicate(timeout=60)
+    assert record.returncode == 0
     with rosbag.Bag(str(copy)) as bag:
         (told,) = bag.get_type_and_topic_info().topics.values()
         messages = [message for _, message, _ in bag.read_messages()]
@@ -49,7 +50,7 @@ def test_detections_of_an_mcap_are_played_and_recorded(
     printed = ros_master.call("rostopic", "echo", "-b", str(copy), "-p", TOPIC)
     assert printed.count("\n") == COUNT + 1
     with closing(open_recording(copy)) as recording:
-        again = [entry.message.content for entry in recording.read([TOPIC])]
+        again = [entry.message.content for entry in recording.read(topics=[TOPIC])]
     for one, message in zip(again, messages, strict=True):
         assert len(one.detections) == len(message.detections)
         assert all(box.class_id == "3" and box.theta == 0.5 for box in one.detections)

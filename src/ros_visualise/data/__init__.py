@@ -7,13 +7,13 @@ What is imported here can travel on a topic: a new kind of message is one file, 
 
 from ros_visualise.data.cameras import CameraInfo as CameraInfo
 from ros_visualise.data.clouds import PointCloud as PointCloud
-from ros_visualise.data.diagnostics import DiagnosticArray as DiagnosticArray
-from ros_visualise.data.diagnostics import DiagnosticStatus as DiagnosticStatus
-from ros_visualise.data.diagnostics import Level as Level
 from ros_visualise.data.detections import Detection as Detection
 from ros_visualise.data.detections import Detections as Detections
 from ros_visualise.data.detections_3d import Detection3D as Detection3D
 from ros_visualise.data.detections_3d import Detections3D as Detections3D
+from ros_visualise.data.diagnostics import DiagnosticArray as DiagnosticArray
+from ros_visualise.data.diagnostics import DiagnosticStatus as DiagnosticStatus
+from ros_visualise.data.diagnostics import Level as Level
 from ros_visualise.data.encodings import ENCODINGS as ENCODINGS
 from ros_visualise.data.encodings import MEASUREMENTS as MEASUREMENTS
 from ros_visualise.data.encodings import Deferred as Deferred
