@@ -1,0 +1,47 @@
+"""The node that rectifies images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Image
+from ros_visualise.errors import UnsupportedImage
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import color, rectification
+from ros_visualise.vision.rectification import Interpolation
+
+
+@dataclass(frozen=True)
+class RectifyParams:
+    """Parameters of `rectify`."""
+
+    alpha: float = param(
+        -1.0,
+        "what is shown: 0 only valid pixels, 1 all that the camera took; below 0 as calibrated",
+        min=-1,
+        max=1,
+    )
+    interpolation: Interpolation = param(
+        Interpolation.LINEAR, "what pixels between pixels are made of; of depth: nearest"
+    )
+
+
+@node("rectify", params=RectifyParams, inputs={"image": Image}, outputs={"image_rect": Image})
+def rectify(image: Image, params: RectifyParams) -> Image:
+    """Images as a camera without distortion takes them, with the calibration of that camera."""
+    if color.is_bayer(image.encoding):
+        raise UnsupportedImage(f"{image.encoding}: set filters.demosaic=true, and rectify after it")
+    info = image.camera_info
+    if info is None:
+        raise UnsupportedImage(
+            "images without a calibration are left out: give their source camera_info_url"
+        )
+    if (info.width, info.height) != (image.width, image.height):
+        raise UnsupportedImage(
+            f"images of {image.width}x{image.height} with a calibration for"
+            f" {info.width}x{info.height} are left out"
+        )
+    model = rectification.model_of(info, params.alpha)
+    pixels = rectification.rectify(image.pixels, model, params.interpolation)
+    return replace(image, data=pixels, camera_info=rectification.rectified(info, model))
