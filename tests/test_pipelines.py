@@ -4,12 +4,14 @@ import pytest
 
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
-from ros_visualise.graph import parse_node
+from ros_visualise.graph import parse_insertion
 from ros_visualise.joining import Latest
-from ros_visualise.nodes import find, load, node
+from ros_visualise.nodes import choose_node, find, load, node
 from ros_visualise.pipelines import (
+    alone,
     demo_pipeline,
     image_pipeline,
+    known_topics,
     path_pipeline,
     simulation_pipeline,
 )
@@ -73,17 +75,17 @@ def test_the_path_is_made_of_odometry_from_outside():
 
 @pytest.mark.parametrize("name", ["negative", "Negative"])
 def test_a_node_of_ones_own_is_inserted_after_the_filters(own, name):
-    path, found, after, _ = parse_node(f"{own}:{name}")
+    found, after, _ = parse_insertion(f"{own}:{name}")
     assert after is None
-    graph = topics_of(image_pipeline("landscape").insert(load(path, found), "filters"))
+    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), "filters"))
     assert list(graph) == ["landscape", "fps_control", "filters", "negative", "edge_detector"]
     assert graph["negative"] == ({"image": "/processed_image"}, {"image": "/negative"})
     assert graph["edge_detector"][0] == {"image": "/negative"}
 
 
 def test_it_may_stand_elsewhere(own):
-    path, found, after, _ = parse_node(f"{own}:negative@landscape")
-    graph = topics_of(image_pipeline("landscape").insert(load(path, found), after))
+    found, after, _ = parse_insertion(f"{own}:negative@landscape")
+    graph = topics_of(image_pipeline("landscape").insert(choose_node(found), after))
     assert graph["negative"][0] == {"image": "/image_raw"}
     assert graph["fps_control"][0] == {"image": "/negative"}
 
@@ -197,7 +199,7 @@ def test_a_node_of_several_inputs_takes_topics_by_its_place_their_names_and_type
 
 
 def test_its_inputs_may_be_chosen_and_it_then_stands_behind_whoever_publishes_them():
-    _, _, after, topics = parse_node("own.py:locator@husky,image=/edges,odom=/ground_truth/odom")
+    _, after, topics = parse_insertion("own.py:locator@husky,image=/edges,odom=/ground_truth/odom")
     graph = topics_of(simulation_pipeline("husky").insert(locator.declared, after, topics))
     assert graph["locator"][0]["image"] == "/edges"
     assert graph["locator"][0]["odom"] == "/ground_truth/odom"
@@ -214,12 +216,36 @@ def test_an_input_that_nothing_fits_is_named_with_what_there_is():
         husky.insert(locator.declared, "filters", {"boxes": "/odom"})
 
 
-@pytest.mark.parametrize(
-    "text", ["own.py", "own.py:N,image", "own.py:N,image=", "own.py:", "own:Negative", ":Negative"]
-)
-def test_a_node_is_given_by_file_and_name(text):
-    with pytest.raises(UsageError, match=r"FILE\.py:NAME"):
-        parse_node(text)
+@pytest.mark.parametrize("text", ["own.py:N,image", "own.py:N,image=", "rectify@camera,image"])
+def test_inputs_are_chosen_by_name_and_topic(text):
+    with pytest.raises(UsageError, match=r"give a node as NODE, NODE@AFTER or .*INPUT=/topic"):
+        parse_insertion(text)
+
+
+@pytest.mark.parametrize("text", ["own.py", "own.py:", "own:Negative", ":Negative"])
+def test_a_node_is_given_by_file_and_name_or_is_built_in(text):
+    with pytest.raises(UsageError, match=r"there is .*rectify.*FILE\.py:NAME"):
+        choose_node(text)
+
+
+def test_a_built_in_node_is_inserted_under_its_own_topic():
+    name, after, _ = parse_insertion("rectify@camera")
+    added = choose_node(name)
+    camera = image_pipeline("camera")
+    graph = topics_of(camera.insert(added, after, outputs=known_topics(added)))
+    assert graph["rectify"] == ({"image": "/image_raw"}, {"image_rect": "/image_rect"})
+    assert graph["fps_control"][0] == {"image": "/image_rect"}
+    assert topics_of(alone(added))["rectify"] == graph["rectify"]
+
+
+def test_after_a_source_of_many_topics_a_node_takes_the_images_that_are_processed():
+    graph = simulation_pipeline("husky").insert(find("rectify"), "husky")
+    assert graph.node("rectify").inputs == {"image": "/image_raw"}
+
+
+def test_a_source_is_no_node_to_insert():
+    with pytest.raises(UsageError, match="camera is a source, not a node"):
+        choose_node("camera")
 
 
 def test_a_file_that_does_not_run_says_why(own):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -165,12 +164,17 @@ class Graph:
         return self.changed(configured)
 
     def insert(
-        self, added: NodeType, after: str, topics: Mapping[str, str] = MappingProxyType({})
+        self,
+        added: NodeType,
+        after: str,
+        topics: Mapping[str, str] = MappingProxyType({}),
+        outputs: Mapping[str, str] | None = None,
     ) -> Graph:
-        """The same graph with a node of one's own.
+        """The same graph with one node more.
 
         Its inputs are the topics that are given; the first other of that type is the main output of
         ``after``; then those that are called as the input, or are the only ones of its type.
+        The main output is the first of a type that the node takes, rather one that a node hears.
         Whoever listened to the main output listens to the new node's instead, if that has this one
         input, and an output of that type.
 
@@ -178,6 +182,7 @@ class Graph:
             added: the new node.
             after: the node that it comes after.
             topics: input -> topic, where it says.
+            outputs: output -> topic; see `place`.
 
         Raises:
             UsageError: no such node or topic, the name is taken, or nothing fits an input.
@@ -185,11 +190,11 @@ class Graph:
         before = self.node(after)
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
-        new = place(added, self._inputs_of(added, before, topics))
+        main, given = self._main_output(added, before)
+        new = place(added, self._inputs_of(added, main, given, topics), outputs)
         taken = [output for output in new.outputs.values() if output in self.topics]
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
-        main, given = next(iter(before.topics.items()))
         makes = [topic for topic, made in new.topics.items() if made.type is given.type]
         takes_over = makes and [new.inputs[port] for port in added.stepped] == [main]
         nodes = (
@@ -211,14 +216,20 @@ class Graph:
 
         return Graph(self.source, tuple(framed(node) for node in self.nodes))
 
+    def _main_output(self, added: NodeType, before: Member) -> tuple[str, TopicSpec]:
+        """A topic of one node for the next: of a type that this takes, if there is any."""
+        there = list(before.topics.items())
+        fitting = [(name, made) for name, made in there if made.type in added.stepped.values()]
+        heard = {topic for node in self.nodes for topic in node.inputs.values()}
+        return [*((name, made) for name, made in fitting if name in heard), *fitting, *there][0]
+
     def _inputs_of(
-        self, added: NodeType, before: Member, topics: Mapping[str, str]
+        self, added: NodeType, main: str, given: TopicSpec, topics: Mapping[str, str]
     ) -> dict[str, str]:
-        """Input -> topic of a node that is to come after another."""
+        """Input -> topic of a node that is to come after another, whose main output this is."""
         for port in topics.keys() - added.inputs.keys():
             raise UsageError(f"{added.name}: no input {port!r}; there is {', '.join(added.inputs)}")
         found = dict(topics)
-        main, given = next(iter(before.topics.items()))
         free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
         found |= {port: main for port in free[:1]}
         for port, kind in added.inputs.items():
@@ -251,17 +262,18 @@ def place(
     return Node(declared.name, declared, declared.params(), inputs, outputs or named)
 
 
-class OwnNode(NamedTuple):
-    """Where a node of one's own is, and what it comes after; None where it does not say."""
+class Insertion(NamedTuple):
+    """A node, what it comes after, and topics for its inputs; None where it does not say."""
 
-    path: str
-    name: str
+    node: str
     after: str | None
     topics: dict[str, str]
 
 
-def parse_node(text: str) -> OwnNode:
-    """``FILE.py:NAME[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
+def parse_insertion(text: str) -> Insertion:
+    """``NODE[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
+
+    NODE is as `ros_visualise.nodes.choose_node` takes it.
 
     Raises:
         UsageError: it is not of that form.
@@ -270,12 +282,9 @@ def parse_node(text: str) -> OwnNode:
     name, *chosen = rest.split(",")
     name, _, after = name.partition("@")
     topics = dict(one.partition("=")[::2] for one in chosen)
-    if not colon or not name or Path(path).suffix != ".py" or not all(topics.values()):
-        raise UsageError(
-            f"{text}: give a node of your own as FILE.py:NAME, FILE.py:NAME@AFTER"
-            " or FILE.py:NAME@AFTER,INPUT=/topic"
-        )
-    return OwnNode(path, name, after or None, topics)
+    if not all(topics.values()):
+        raise UsageError(f"{text}: give a node as NODE, NODE@AFTER or NODE@AFTER,INPUT=/topic")
+    return Insertion(path + colon + name, after or None, topics)
 
 
 def _rewired(node: Node, before: str, now: str) -> Node:

@@ -118,8 +118,9 @@ def _add_nodes(parser: ArgumentParser) -> None:
         "--node",
         action="append",
         default=[],
-        metavar="FILE.py:NAME[@AFTER][,INPUT=TOPIC]",
-        help="insert a node of your own, after `filters` unless it says; repeatable",
+        metavar="NODE[@AFTER][,INPUT=TOPIC]",
+        help="insert a node, `rectify` or your own as FILE.py:NAME, after `filters` unless it says;"
+        " repeatable",
     )
 
 

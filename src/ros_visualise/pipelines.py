@@ -35,6 +35,7 @@ _OUTPUTS = {
     "fps_control": {"image": "/controlled_stream"},
     "filters": {"image": "/processed_image"},
     "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
+    "rectify": {"image_rect": "/image_rect"},
 }
 
 
@@ -80,10 +81,16 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
         if list(declared.stepped.values()) != [given]:
             raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
         inputs = {next(iter(declared.stepped)): topic}
-        node = place(declared, inputs, _OUTPUTS.get(declared.name))
+        node = place(declared, inputs, known_topics(declared))
         nodes += (node,)
         topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
     return nodes
+
+
+def known_topics(declared: NodeType) -> dict[str, str] | None:
+    """What a built-in node publishes: output -> topic; None where that follows from its name."""
+    topics = _OUTPUTS.get(declared.name, {})
+    return topics if topics.keys() == declared.outputs.keys() else None
 
 
 def recording_pipeline(
@@ -237,6 +244,8 @@ def alone(declared: NodeType | SourceType) -> Graph:
     if declared.name in IMAGE_NODES:
         whole = chain([find_node(name) for name in IMAGE_NODES])
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
+    if known_topics(declared):
+        return chain([declared])
     return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))
 
 

@@ -22,7 +22,8 @@ COMPRESSED = TopicType("sensor_msgs/msg/CompressedImage")
     ("image", "info"),
     [
         ("/image_raw", "/camera_info"),
-        ("/left/image_rect_color", "/left/camera_info"),
+        ("/left/image_color", "/left/camera_info"),
+        ("/left/image_rect", "/left/image_rect/camera_info"),
         ("/edges", "/edges/camera_info"),
         ("/drone/processed_image", "/drone/processed_image/camera_info"),
     ],
@@ -44,6 +45,7 @@ def test_it_is_published_where_ros_expects_it(image, info):
             "/edges/camera_info",
         ),
         ("/a/image_raw/compressed", COMPRESSED, ["/a/camera_info"], "/a/camera_info"),
+        ("/a/image_rect", RAW, ["/a/camera_info"], "/a/camera_info"),
         ("/a/points", TopicType("sensor_msgs/msg/PointCloud2"), ["/a/camera_info"], None),
     ],
 )

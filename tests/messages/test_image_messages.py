@@ -283,3 +283,18 @@ def test_an_uncalibrated_camera_has_its_size_alone() -> None:
     assert not found.P.any()
     assert len(found.D) == 0
     np.testing.assert_array_equal(found.R, np.eye(3))
+
+
+def test_a_calibration_is_that_of_the_images_when_the_sensor_is_cut_and_binned() -> None:
+    message = through_ros1(CAMERA)
+    message.binning_x, message.binning_y = 2, 4
+    message.roi.x_offset, message.roi.y_offset = 100, 40
+    message.roi.width, message.roi.height = 800, 200
+    found = from_message(message, CameraInfo)
+    assert (found.width, found.height) == (400, 50)
+    expected = [[721.5 / 2, 0, 509.6 / 2], [0, 722.5 / 4, 132.9 / 4], [0, 0, 1]]
+    np.testing.assert_allclose(found.K, expected)
+    point = np.array([0.3, -0.2, 1, 0])
+    u, v, w = CAMERA.P @ point
+    np.testing.assert_allclose(found.P @ point, [(u - 100 * w) / 2, (v - 40 * w) / 4, w])
+    np.testing.assert_array_equal(found.D, CAMERA.D)

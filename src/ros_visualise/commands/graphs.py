@@ -7,14 +7,15 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from typing import Any
 
-from ros_visualise import nodes as registry
 from ros_visualise.errors import OpenError, ParameterError, UsageError
-from ros_visualise.graph import Graph, parse_node
+from ros_visualise.graph import Graph, parse_insertion
+from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     demo_pipeline,
     image_pipeline,
+    known_topics,
     recording_pipeline,
     simulation_pipeline,
 )
@@ -36,10 +37,11 @@ def graph_of(args: Namespace) -> Graph:
     graph = _GRAPHS[args.command](args)
     last = "filters"
     for text in args.node:
-        own = parse_node(text)
-        added = registry.load(own.path, own.name)
-        graph = graph.insert(added, own.after or last, own.topics)
-        last = last if own.after or len(added.stepped) > 1 else added.name
+        wanted = parse_insertion(text)
+        added = choose_node(wanted.node)
+        after = wanted.after or last
+        graph = graph.insert(added, after, wanted.topics, known_topics(added))
+        last = last if wanted.after or len(added.stepped) > 1 else added.name
     if args.params:
         try:
             graph = _configured(graph, _read_yaml(args.params), args)

@@ -58,18 +58,37 @@ class CameraInfo(Message):
 
     @classmethod
     def read(cls, message: Any) -> CameraInfo:
-        """The calibration in a sensor_msgs/msg/CameraInfo."""
+        """The calibration in a sensor_msgs/msg/CameraInfo, of the images that come with it.
+
+        ROS tells that of the whole sensor, with its binning and its region of interest beside it:
+        here they are in the size, K and P.
+        """
 
         def matrix(name: str, *shape: int) -> Any:
             return np.array(field_of(message, name), np.float64).reshape(shape)
 
+        width, height, to_image = _binned_region(message)
         return cls(
-            height=int(message.height),
-            width=int(message.width),
-            K=matrix("k", 3, 3),
+            height=height,
+            width=width,
+            K=to_image @ matrix("k", 3, 3),
             D=matrix("d", -1),
             R=matrix("r", 3, 3),
-            P=matrix("p", 3, 4),
+            P=to_image @ matrix("p", 3, 4),
             distortion_model=str(message.distortion_model),
             header=read_header(message.header),
         )
+
+
+def _binned_region(message: Any) -> tuple[int, int, npt.NDArray[np.float64]]:
+    """Width and height of a camera's images, and where pixels of its sensor are in them, 3x3.
+
+    Source: image_geometry, PinholeCameraModel, which moves no pixel by the half of a bin.
+    """
+    roi = message.roi
+    is_part = roi.width and roi.height
+    x, y = (roi.x_offset, roi.y_offset) if is_part else (0, 0)
+    width, height = (roi.width, roi.height) if is_part else (message.width, message.height)
+    step_x, step_y = max(message.binning_x, 1), max(message.binning_y, 1)
+    to_image = np.diag([1 / step_x, 1 / step_y, 1.0]) @ [[1, 0, -x], [0, 1, -y], [0, 0, 1]]
+    return int(width // step_x), int(height // step_y), to_image

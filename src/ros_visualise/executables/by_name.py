@@ -15,8 +15,7 @@ from ros_visualise.executables.options import (
 )
 from ros_visualise.executables.player import run_player
 from ros_visualise.executables.running import run_graph
-from ros_visualise.graph import parse_node
-from ros_visualise.nodes import NodeType, SourceType, find, find_all, find_node, load
+from ros_visualise.nodes import NodeType, SourceType, choose_node, find
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -62,23 +61,14 @@ def _alone(declared: NodeType | SourceType) -> Work:
 def _own(given: Sequence[str]) -> NodeType:
     if len(given) != 1:
         raise UsageError("give a node of your own as FILE.py:NAME")
-    own = parse_node(given[0])
-    return load(own.path, own.name)
+    return choose_node(given[0])
 
 
 def _run_pipeline(middleware: Middleware) -> int:
     """Run several nodes in one process; between them images pass by reference."""
     names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
-    graph = chain([_named(name) for name in names], middleware.option("source", "") or None)
+    graph = chain([choose_node(name) for name in names], middleware.option("source", "") or None)
     return run_graph(middleware, graph, {node.name: node.name for node in graph.members})
-
-
-def _named(name: str) -> NodeType:
-    """A built-in node by its name, or one's own as FILE.py:NAME."""
-    if name in {found.name for found in find_all() if isinstance(found, NodeType)}:
-        return find_node(name)
-    own = parse_node(name)
-    return load(own.path, own.name)
 
 
 def _run_viewer(middleware: Middleware) -> int:

@@ -21,10 +21,11 @@ def info_topic(image_topic: str) -> str:
 
     ``/camera/image_raw`` has it beside itself, ``/camera/camera_info``, as all of ROS expects; an
     image of another name is one of several in its namespace and has it below: ``/edges`` has
-    ``/edges/camera_info``.
+    ``/edges/camera_info``, and ``/camera/image_rect`` its own, without distortion.
     """
     base, _, name = image_topic.rpartition("/")
-    return f"{base if name.startswith('image') else image_topic}/camera_info"
+    is_raw = name.startswith("image") and not name.startswith("image_rect")
+    return f"{base if is_raw else image_topic}/camera_info"
 
 
 def calibration_topic(topic: str, known: Mapping[str, TopicType]) -> str | None:

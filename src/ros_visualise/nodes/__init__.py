@@ -71,6 +71,7 @@ __all__ = [
     "Source",
     "SourceType",
     "action",
+    "choose_node",
     "find",
     "find_all",
     "find_node",
@@ -122,6 +123,21 @@ def find_all() -> list[NodeType | SourceType]:
     """Every built-in source and node, by name."""
     names = sorted(module.name for module in pkgutil.iter_modules(__path__))
     return [find(name) for name in names]
+
+
+def choose_node(text: str) -> NodeType:
+    """The built-in node of that name, or one's own as ``FILE.py:NAME``; as `load` and `find_node`.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    path, _, name = text.rpartition(":")
+    if name and Path(path).suffix == ".py":
+        return load(path, name)
+    try:
+        return find_node(text)
+    except UsageError as error:
+        raise UsageError(f"{error}; one of your own is FILE.py:NAME") from None
 
 
 def load(path: str, name: str) -> NodeType:

@@ -60,9 +60,9 @@ def model_of(info: CameraInfo, alpha: float) -> Model:
 
     Args:
         info: its calibration.
-        alpha: below 0: as the calibration says, by its R and P. Else what the rectified image shows,
-            from 0, nothing but valid pixels, to 1, every pixel that the camera took; laid out by K
-            and D alone, as cameracalibrator does it for a single camera.
+        alpha: below 0: as the calibration says, by its R and P. Else what the rectified image
+            shows, from 0, nothing but valid pixels, to 1, every pixel that the camera took; laid
+            out by K and D alone, as cameracalibrator does it for a single camera.
 
     Raises:
         UnsupportedImage: its model of distortion is not known.
@@ -78,7 +78,8 @@ def model_of(info: CameraInfo, alpha: float) -> Model:
         laid_out = estimate(info.K, D, size, np.eye(3), balance=alpha)
     else:
         laid_out, _ = cv2.getOptimalNewCameraMatrix(info.K, D, size, alpha)
-    return Model(size, info.K, D, np.eye(3), _without_offset(laid_out), is_fisheye)
+    P = _without_offset(np.asarray(laid_out, np.float64))
+    return Model(size, info.K, D, np.eye(3), P, is_fisheye)
 
 
 def rectify(pixels: Pixels, model: Model, interpolation: Interpolation) -> Pixels:
