@@ -65,13 +65,15 @@ def test_its_images_are_those_of_image_proc(ros_master, start, hear):
             stamp = rospy.Time(number)
             image.header.stamp = info.header.stamp = stamp
             image.header.frame_id = info.header.frame_id = "cam"
+            info.P = [*P[:3], -number, *P[4:]]
             theirs = color if image.encoding == "bgr8" else gray
 
             def shown(info=info, image=image, theirs=theirs, stamp=stamp) -> Any:
                 calibrations.publish(info)
                 images.publish(image)
                 time.sleep(0.05)
-                return all(one.since(stamp) for one in (ours, infos, theirs))
+                is_there = all(one.since(stamp) for one in (ours, infos, theirs))
+                return is_there and newest(infos).P[3] == info.P[3] / (info.binning_x or 1)
 
             wait_for(shown, f"image {number}")
             assert_same(newest(ours), newest(theirs))
