@@ -1,6 +1,7 @@
 """Calibration files: read as ROS writes them, fitted to the images, or refused in one line."""
 
 import logging
+import os
 
 import numpy as np
 import pytest
@@ -157,3 +158,27 @@ def test_no_file_is_no_calibration():
     image = images(64, 48)
     assert Calibration("").add_to(image) is image
     assert Calibration("").fit((64, 48)) is None
+
+
+def test_a_file_that_comes_to_be_or_changes_is_followed(write, tmp_path, caplog):
+    path = tmp_path / "later.yaml"
+    with caplog.at_level(logging.INFO):
+        calibration = Calibration(str(path))
+    assert "no such file; the images go on without it, until there is" in caplog.text
+    image = images(640, 480)
+    assert calibration.add_to(image) is image
+    write(OST, "later.yaml")
+    assert calibration.add_to(image).camera_info.K[0, 0] == 535.92
+    os.replace(write(OST.replace("535.92", "536.5"), "new.yaml"), path)
+    assert calibration.add_to(image).camera_info.K[0, 0] == 536.5
+
+
+def test_a_file_that_is_damaged_or_goes_changes_nothing(write, caplog):
+    path = write(OST)
+    calibration = Calibration(path)
+    os.replace(write("image_width: [", "new.yaml"), path)
+    found = [calibration.add_to(images(640, 480)).camera_info for _ in range(3)]
+    os.unlink(path)
+    found.append(calibration.add_to(images(640, 480)).camera_info)
+    assert [info.K[0, 0] for info in found] == [535.92] * 4
+    assert caplog.text.count("the images go on as before") == 1

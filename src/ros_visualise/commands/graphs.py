@@ -19,6 +19,7 @@ from ros_visualise.pipelines import (
     recording_pipeline,
     simulation_pipeline,
 )
+from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.yaml_files import BadYaml, load_yaml
@@ -54,6 +55,7 @@ def graph_of(args: Namespace) -> Graph:
             raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
         graph = _configured(graph, {node: {param: value}}, args)
     _refuse_unfed_pair(graph)
+    _refuse_missing_calibration(graph)
     return graph
 
 
@@ -128,6 +130,13 @@ def _refuse_unfed_pair(graph: Graph) -> None:
                 f"{node.name}: no tf comes to it here, so leave tf_parent and tf_child empty; two"
                 " frames of a recording are followed by --odom /tf:PARENT.CHILD"
             )
+
+
+def _refuse_missing_calibration(graph: Graph) -> None:
+    """A source waits for a file that is not there yet; a person who types its name does not."""
+    url = getattr(graph.source.params, "camera_info_url", "") if graph.source else ""
+    if url:
+        read_calibration(url)
 
 
 def _size(args: Namespace) -> dict[str, str]:

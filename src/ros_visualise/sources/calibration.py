@@ -25,17 +25,24 @@ _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
 class Calibration:
     """The calibration of a camera, made to fit its images.
 
+    Its file is read again when it changes, and may come to be later: then the camera is calibrated
+    from there on, as when somebody calibrates it while it runs.
+
     Args:
         url: a path or ``file:///path``; empty: the camera is not calibrated.
 
     Raises:
-        OpenError: it cannot be read.
+        OpenError: what is there cannot be read.
     """
 
     def __init__(self, url: str) -> None:
         self._url = url
-        self._info = read_calibration(url) if url else None
+        self._path = path_of(url) if url else None
+        self._version = self._look()
+        self._info = read_calibration(url) if self._version else None
         self._fitted: dict[Size, CameraInfo | None] = {}
+        if url and self._info is None:
+            log.info("%s: no such file; the images go on without it, until there is", url)
 
     def fit(self, size: Size) -> CameraInfo | None:
         """The calibration of images of that size.
@@ -55,11 +62,34 @@ class Calibration:
 
     def add_to(self, image: Image) -> Image:
         """The image with its calibration; as it is, said once, where that is of another shape."""
+        self._follow()
         size = (image.width, image.height)
         if size not in self._fitted:
             self._fitted[size] = self._fit_or_say(size)
         info = self._fitted[size]
         return image if info is None else replace(image, camera_info=info)
+
+    def _look(self) -> tuple[int, int] | None:
+        """What tells one version of the file from another; None where there is no file."""
+        try:
+            found = None if self._path is None else self._path.stat()
+        except OSError:
+            return None
+        return None if found is None else (found.st_mtime_ns, found.st_ino)
+
+    def _follow(self) -> None:
+        """Take over what the file holds now; what cannot be read changes nothing."""
+        version = self._look()
+        if version in (None, self._version):
+            return
+        self._version = version
+        try:
+            self._info = read_calibration(self._url)
+        except OpenError as error:
+            log.error("%s; the images go on as before", error)
+        else:
+            log.info("%s: the calibration from now on", self._url)
+            self._fitted.clear()
 
     def _fit_or_say(self, size: Size) -> CameraInfo | None:
         try:
@@ -78,7 +108,7 @@ def read_calibration(url: str) -> CameraInfo:
     Raises:
         OpenError: there is none.
     """
-    path = _path(url)
+    path = path_of(url)
     try:
         values = load_yaml(path)
     except OSError as error:
@@ -91,7 +121,12 @@ def read_calibration(url: str) -> CameraInfo:
         raise OpenError(f"{path}: {error}; {_WANTED}") from None
 
 
-def _path(url: str) -> Path:
+def path_of(url: str) -> Path:
+    """The file of ``file:///path``; a path as it is.
+
+    Raises:
+        OpenError: it is another kind of address.
+    """
     if "://" not in url:
         return Path(url)
     parts = urlsplit(url)
