@@ -217,6 +217,7 @@ def test_the_report(drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
             "/map": {"type": "sensor_msgs/msg/Image", "messages": 2},
             "/tf_static": {"type": "tf2_msgs/msg/TFMessage", "messages": 3},
         },
+        "unplaced": {},
         "lost": {"messages": 0, "bytes": 0, "notes": []},
     }
 

@@ -21,7 +21,7 @@ _LONGEST_PLAIN = 1 << 16  # of what may be a number, which takes long to make of
 
 
 class BadYaml(ValueError):
-    """A file is no YAML, or too large; says why."""
+    """This is no YAML, or too large; says why."""
 
 
 def load_yaml(path: Path) -> Any:
@@ -33,6 +33,15 @@ def load_yaml(path: Path) -> Any:
     """
     with path.open("rb") as file:
         data = file.read(_MOST_BYTES + 1)
+    return parse_yaml(data)
+
+
+def parse_yaml(data: bytes) -> Any:
+    """The values in a text.
+
+    Raises:
+        BadYaml: it is no YAML, or too large.
+    """
     if len(data) > _MOST_BYTES:
         raise BadYaml(f"more than {_MOST_BYTES >> 20} MiB; leave out what is not needed")
     yaml = YAML(typ="safe", pure=True)  # in Python alone, so that Ctrl-C need not wait for it

@@ -65,6 +65,8 @@ class Conversion:
             RecordingError: it could not be written to its end.
         """
         with self.recorder, closing(self._entries()) as entries:
+            for extra in self.recording.extras():
+                self.recorder.add_extra(extra)
             for entry in entries:
                 if self._stopped:
                     break

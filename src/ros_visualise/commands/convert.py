@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from argparse import Namespace
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -162,6 +163,8 @@ def _finish(
         say(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
         say(f"ros-visualise: {args.input}: {_describe_empty(args)}")
+    if unplaced := conversion.recorder.unplaced:
+        say(f"ros-visualise: {_describe_unplaced(target, unplaced)}")
     report = _report(conversion, unwritable, notes)
     _say_result(report)
     if args.json:
@@ -188,6 +191,12 @@ def _describe_empty(args: Namespace) -> str:
     elif start_s:
         words.append(f"from {start_s:g} s on")
     return " ".join(words)
+
+
+def _describe_unplaced(target: Path, unplaced: Mapping[str, int]) -> str:
+    """What to say of what was left behind, of which nothing is damaged."""
+    left = ", ".join(counted(count, noun) for noun, count in unplaced.items())
+    return f"{target} has no place for {left}"
 
 
 def _notes(source: str, conversion: Conversion, unwritable: dict[str, str]) -> list[str]:
@@ -218,6 +227,7 @@ def _report(conversion: Conversion, unwritable: dict[str, str], notes: list[str]
             }
             for topic in conversion.part.topics
         },
+        "unplaced": dict(conversion.recorder.unplaced),
         "lost": {
             "messages": recording.loss.messages + left_out,
             "bytes": recording.loss.bytes,

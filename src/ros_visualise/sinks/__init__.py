@@ -18,6 +18,7 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks.names import parse_target
+from ros_visualise.sources.recordings import Extra
 
 Kind = Literal["mcap", "bag", "mp4", "folder"]
 Profile = Literal["ros1", "ros2"]
@@ -54,11 +55,22 @@ class Recorder(Protocol):
         """The file or folder; until it is whole, one that replaces another is beside that."""
 
     @property
+    def unplaced(self) -> Mapping[str, int]:
+        """What it was given and has no place for: ``attachment`` -> how many of them."""
+
+    @property
     def topics(self) -> tuple[str, ...]:
         """What it records; messages of other topics are let go."""
 
     def add(self, topic: str, kind: TopicType) -> None:
         """Record one more topic from now on; a video lets it go.
+
+        Raises:
+            RecordingError: as `write`.
+        """
+
+    def add_extra(self, extra: Extra) -> None:
+        """Keep what belongs to no topic, if it has a place for that; else it is `unplaced`.
 
         Raises:
             RecordingError: as `write`.

@@ -11,17 +11,20 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
+from mcap.records import Attachment
 
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks import Settings
-from ros_visualise.sinks.chunked import ChunkedRecorder
+from ros_visualise.sinks.chunked import OWN_NAME, ChunkedRecorder
 from ros_visualise.sinks.encoding import Buffer, Declaration
+from ros_visualise.sinks.qos_profiles import profile
+from ros_visualise.sources.recordings import Extra
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _BAG_HEADER_BYTES = 4096  # with blanks: room to write it again, also by rosbag reindex
-_CALLER = "/ros_visualise"
 _MESSAGE, _BAG, _INDEX, _CHUNK, _CHUNK_INFO, _CONNECTION = 2, 3, 4, 5, 6, 7
 _NS = 1_000_000_000
 _U32 = struct.Struct("<I").pack
@@ -69,23 +72,32 @@ class BagRecorder(ChunkedRecorder):
         self._numbers[topic] = number = len(self._numbers)
         self._prefixes[topic] = _fields(op=bytes([_MESSAGE]), conn=_U32(number))
         self._connections[topic] = self._connection(topic, declared)
+        profiles = declared.topic.offered_qos.strip()
+        if profiles and profiles != profile(declared.topic.qos):  # else a latched one says the same
+            self.unplaced["QoS profile"] += 1
 
     def _connection(self, topic: str, declared: Declaration) -> bytes:
         header = _fields(
             op=bytes([_CONNECTION]), conn=_U32(self._numbers[topic]), topic=topic.encode()
         )
-        latching = {"latching": b"1"} if declared.latched else {}
+        latching = {"latching": b"1"} if declared.topic.qos.transient_local else {}
         about = _fields(
             topic=topic.encode(),
             type=declared.name.replace("/msg/", "/").encode(),
             md5sum=declared.digest.encode(),
             message_definition=declared.text.encode(),
-            callerid=_CALLER.encode(),
+            callerid=(self._publisher(declared.topic) or OWN_NAME).encode(),
             **latching,
         )
         return _record(header, about)
 
-    def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
+    def add_extra(self, extra: Extra) -> None:
+        """As `ros_visualise.sinks.Recorder`; a bag has no place for any."""
+        self.unplaced["attachment" if isinstance(extra, Attachment) else "metadata record"] += 1
+
+    def _append(self, topic: str, stamp_ns: int, data: Buffer, message: Any) -> None:
+        if isinstance(message, Recorded):
+            self._count_unplaced(message)
         chunk = self._chunk
         self._shown_from = len(chunk.parts)
         if topic not in self._seen:  # who reads an unfinished file finds it before its messages
@@ -97,6 +109,12 @@ class BagRecorder(ChunkedRecorder):
         length = len(prefix) + len(_LAST_FIELD) + len(time)
         chunk.add(_U32(length) + prefix + _LAST_FIELD + time + _U32(len(data)))
         chunk.add(data)
+
+    def _count_unplaced(self, message: Recorded) -> None:
+        if message.sequence:
+            self.unplaced["sequence number"] += 1
+        if message.publish_ns != message.stamp_ns:
+            self.unplaced["sending time"] += 1
 
     def _show(self) -> None:
         """Let the chunk at the file's end grow, not compressed, and its index after it."""

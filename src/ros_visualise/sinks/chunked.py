@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -12,6 +13,10 @@ from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder
 from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sources.recordings import Extra
+
+OWN_NAME = "/ros_visualise"
+"""Who published a topic, to recordings of ROS 1 that ask for one name."""
 
 _LIVE_CHUNK_BYTES = 64 * 1024
 _SPAN_NS = 1_000_000_000
@@ -47,11 +52,10 @@ class ChunkedRecorder(ABC):
     """What a message takes in a chunk beside its own bytes, about."""
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
-        self.topics = tuple(topics)
+        self.unplaced: Counter[str] = Counter()
         self._encoder, self._live = Encoder(settings.encoding), settings.live
         self.declared = {name: self._encoder.declare(topic) for name, topic in topics.items()}
         self.counts = dict.fromkeys(topics, 0)
-        self._types = {name: topic.name for name, topic in topics.items()}
         self.start_ns, self.end_ns = _END_NS, 0
         self._chunk_bytes = _LIVE_CHUNK_BYTES if settings.live else self.full_bytes
         self._closed = False
@@ -68,35 +72,31 @@ class ChunkedRecorder(ABC):
             raise self._fail(error) from None
 
     @property
+    def topics(self) -> tuple[str, ...]:
+        """As `ros_visualise.sinks.Recorder`."""
+        return tuple(self.declared)
+
+    @property
     def path(self) -> Path:
         """As `ros_visualise.sinks.Recorder`."""
         return self._file.path
 
     def add(self, topic: str, kind: TopicType) -> None:
         """Take another topic from now on; as `ros_visualise.sinks.Recorder`."""
-        if self._closed:
-            raise RecordingError(f"{self.path}: the recording has ended")
+        self._require_open()
         self.declared[topic] = declared = self._encoder.declare(kind)
         self.counts[topic] = 0
-        self._types[topic] = kind.name
-        self.topics += (topic,)
-        try:
-            self._end_chunk()
-            self._declare(topic, declared)
-            self._end = self._file.tell()
-            self._keep()
-        except OSError as error:
-            raise self._fail(error) from None
+        self._write_between(lambda: self._declare(topic, declared))
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record a message; as `ros_visualise.sinks.Recorder`."""
-        name = self._types.get(topic)
-        if name is None:
+        declared = self.declared.get(topic)
+        if declared is None:
             return
-        if self._closed:
-            raise RecordingError(f"{self.path}: the recording has ended")
-        if isinstance(message, Recorded) and message.type_name != name:
-            raise DamagedMessage(f"{topic} is of {name}, not of {message.type_name}")
+        self._require_open()
+        if isinstance(message, Recorded) and message.type_name != declared.topic.name:
+            is_of = f"is of {declared.topic.name}, not of {message.type_name}"
+            raise DamagedMessage(f"{topic} {is_of}")
         data = self._encoder.encode(message)
         if stamp_ns is None:
             stamp_ns = recorded_ns(message)
@@ -109,7 +109,7 @@ class ChunkedRecorder(ABC):
         try:
             if self._live and self._waiting and abs(stamp_ns - self._waiting[0]) >= _SPAN_NS:
                 self._end_chunk()
-            self._append(topic, stamp_ns, data)
+            self._append(topic, stamp_ns, data, message)
             self._waiting.append(stamp_ns)
             self._waiting_bytes += len(data) + self.head_bytes
             self.counts[topic] += 1
@@ -148,6 +148,10 @@ class ChunkedRecorder(ABC):
         self.close(whole=kind is None)
 
     @abstractmethod
+    def add_extra(self, extra: Extra) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+
+    @abstractmethod
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
         """Write the file's start."""
 
@@ -156,8 +160,8 @@ class ChunkedRecorder(ABC):
         """Let a topic be known, at the file's end if it has to be written."""
 
     @abstractmethod
-    def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
-        """Take a message into the chunk."""
+    def _append(self, topic: str, stamp_ns: int, data: Buffer, message: Any) -> None:
+        """Take a message into the chunk: its bytes, and itself for what stands beside them."""
 
     @abstractmethod
     def _show(self) -> None:
@@ -170,6 +174,27 @@ class ChunkedRecorder(ABC):
     @abstractmethod
     def _finish(self) -> None:
         """Write what comes after the last chunk."""
+
+    def _publisher(self, topic: TopicType) -> str:
+        """Who published a topic, if that is known and was one node."""
+        if len(topic.callerids) > 1:
+            self.unplaced["publisher's name"] += len(topic.callerids)
+        return topic.callerids[0] if len(topic.callerids) == 1 else ""
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise RecordingError(f"{self.path}: the recording has ended")
+
+    def _write_between(self, write: Callable[[], object]) -> None:
+        """Write what stands between two chunks."""
+        try:
+            self._end_chunk()
+            self._file.cut(self._end)
+            write()
+            self._end = self._file.tell()
+            self._keep()
+        except OSError as error:
+            raise self._fail(error) from None
 
     def _end_chunk(self) -> None:
         if not self._waiting:

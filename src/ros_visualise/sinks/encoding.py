@@ -32,14 +32,14 @@ _ROS = {"ros1": "ROS 1", "cdr": "ROS 2"}
 class Declaration:
     """What a file says of a topic's messages.
 
-    Their type as ``sensor_msgs/msg/Image``, its whole definition, its MD5 or hash, and whether who
-    comes late gets the last one.
+    Their type as ``sensor_msgs/msg/Image``, its whole definition, its MD5 or hash; and of `topic`
+    how they are delivered and who published them.
     """
 
     name: str
     text: str
     digest: str
-    latched: bool
+    topic: TopicType
 
 
 class Encoder:
@@ -78,7 +78,7 @@ class Encoder:
             raise DamagedMessage(f"{name}: {_ROS[self.encoding]} cannot hold this type") from error
         if self._is_ros1:
             text = _THREE_PARTS.sub(r"\1\2/\3", text)
-        return Declaration(self._rename(name), text, digest, topic.qos.transient_local)
+        return Declaration(self._rename(name), text, digest, topic)
 
     def encode(self, message: Any) -> Buffer:
         """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.

@@ -9,8 +9,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from rosbags.convert.converter import LATCH
-from rosbags.rosbag2.metadata import dump_qos_v8
 from ruamel.yaml import YAML
 
 from ros_visualise.errors import RecordingError, RosVisualiseError
@@ -18,6 +16,8 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.bag_folder import BagFolder
 from ros_visualise.sinks.mcap_file import McapRecorder
+from ros_visualise.sinks.qos_profiles import in_numbers, offered_qos
+from ros_visualise.sources.recordings import Extra
 from ros_visualise.sources.recordings.metadata import METADATA
 
 _VERSION = 8  # what ROS 2 Iron writes, and later ones read
@@ -52,6 +52,16 @@ class FolderRecorder:
     def topics(self) -> tuple[str, ...]:
         """As `ros_visualise.sinks.Recorder`."""
         return self._recorder.topics
+
+    @property
+    def unplaced(self) -> Mapping[str, int]:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._recorder.unplaced
+
+    def add_extra(self, extra: Extra) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        with self._ending():
+            self._recorder.add_extra(extra)
 
     def add(self, topic: str, kind: TopicType) -> None:
         """As `ros_visualise.sinks.Recorder`."""
@@ -142,7 +152,7 @@ class FolderRecorder:
             "name": name,
             "type": declared.name,
             "serialization_format": "cdr",
-            "offered_qos_profiles": dump_qos_v8(LATCH) if declared.latched else "",
+            "offered_qos_profiles": in_numbers(offered_qos(declared.topic)),
             "type_description_hash": declared.digest,
         }
         return {"topic_metadata": about, "message_count": self._recorder.counts[name]}

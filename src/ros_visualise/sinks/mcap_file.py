@@ -12,30 +12,34 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
+    AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
     Footer,
     Header,
     McapRecord,
+    MetadataIndex,
     Schema,
     Statistics,
     SummaryOffset,
 )
 from mcap.writer import MCAP0_MAGIC
-from rosbags.convert.converter import LATCH
-from rosbags.rosbag2.metadata import dump_qos_v8
 
-from ros_visualise.messages.recorded import TopicType
+from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks import Settings
-from ros_visualise.sinks.chunked import ChunkedRecorder
+from ros_visualise.sinks.chunked import OWN_NAME, ChunkedRecorder
 from ros_visualise.sinks.encoding import Buffer, Declaration
+from ros_visualise.sinks.qos_profiles import offered_qos
+from ros_visualise.sources.recordings import Extra
 
 _COMPRESS: dict[str, Callable[[bytes], bytes]] = {
     "none": bytes,
@@ -46,6 +50,7 @@ _LARGE_BYTES = 32 * 1024  # of a message, as of images and scans
 _PROFILES = {"ros1": ("ros1", "ros1msg", "ros1"), "cdr": ("ros2", "ros2msg", "cdr")}
 """Encoding -> profile of the file, encoding of its schemas and of its messages."""
 _CHUNK_INDEX_BYTES = 128
+_LATEST_NS = 2**64 - 1
 _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_OP = int(Opcode.MESSAGE)  # of an enumeration it would be looked up for each message
 _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
@@ -65,7 +70,7 @@ class _Chunk:
 
 
 class McapRecorder(ChunkedRecorder):
-    """Any number of topics in one .mcap; log time and publish time are the stamp.
+    """Any number of topics in one .mcap; what is made now was published when it was logged.
 
     Unless it is told otherwise, chunks of small messages are compressed with ZSTD, and those of
     large ones, as images, with LZ4: edges shrink to 2-30% in one to two times the time of copying
@@ -84,6 +89,8 @@ class McapRecorder(ChunkedRecorder):
         self._numbers: dict[str, int] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
+        self._attachment_indexes: list[AttachmentIndex] = []
+        self._metadata_indexes: list[MetadataIndex] = []
         super().__init__(path, topics, settings)
 
     def _begin(self, declared: Mapping[str, Declaration]) -> None:
@@ -117,15 +124,40 @@ class McapRecorder(ChunkedRecorder):
         )
 
     def _metadata(self, declared: Declaration) -> dict[str, str]:
+        """As rosbag2 or ROS 1 write it; with what of the other the recording it comes from has."""
+        topic, callerid = declared.topic, self._publisher(declared.topic)
         if self._profile == "ros2":
-            return {"offered_qos_profiles": dump_qos_v8(LATCH) if declared.latched else ""}
-        latching = {"latching": "1"} if declared.latched else {}
-        return {"callerid": "/ros_visualise", "md5sum": declared.digest, **latching}
+            named = {"callerid": callerid} if callerid else {}
+            return {"offered_qos_profiles": offered_qos(topic), **named}
+        found = {"callerid": callerid or OWN_NAME, "md5sum": declared.digest}
+        found |= {"latching": "1"} if topic.qos.transient_local else {}
+        return found | ({"offered_qos_profiles": topic.offered_qos} if topic.offered_qos else {})
 
-    def _append(self, topic: str, stamp_ns: int, data: Buffer) -> None:
-        chunk, channel = self._chunk, self._numbers[topic]
-        size = _MESSAGE_FIELDS_BYTES + len(data)
-        chunk.parts += _MESSAGE.pack(_MESSAGE_OP, size, channel, 0, stamp_ns, stamp_ns), data
+    def add_extra(self, extra: Extra) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        record = _records([extra])
+        self._require_open()
+        self._require_room(len(record))
+        self._write_between(lambda: self._write_extra(extra, record))
+
+    def _write_extra(self, extra: Extra, record: bytes) -> None:
+        place = self._file.tell(), len(record)
+        self._file.write(record)
+        if isinstance(extra, Attachment):
+            times, size = (extra.log_time, extra.create_time), len(extra.data)
+            found = AttachmentIndex(*place, *times, size, extra.name, extra.media_type)
+            self._attachment_indexes.append(found)
+        else:
+            self._metadata_indexes.append(MetadataIndex(*place, extra.name))
+
+    def _append(self, topic: str, stamp_ns: int, data: Buffer, message: Any) -> None:
+        chunk, channel, size = self._chunk, self._numbers[topic], _MESSAGE_FIELDS_BYTES + len(data)
+        number, sent_ns = 0, stamp_ns
+        if isinstance(message, Recorded):
+            number, delay_ns = message.sequence, message.stamp_ns - message.publish_ns
+            if delay_ns:
+                sent_ns = min(max(stamp_ns - delay_ns, 0), _LATEST_NS)
+        chunk.parts += _MESSAGE.pack(_MESSAGE_OP, size, channel, number, stamp_ns, sent_ns), data
         chunk.index[channel] += stamp_ns, chunk.size
         chunk.size += _MESSAGE.size + len(data)
 
@@ -184,6 +216,8 @@ class McapRecorder(ChunkedRecorder):
             Opcode.CHANNEL: _records(self._channels.values()),
             Opcode.STATISTICS: _records([self._statistics()]),
             Opcode.CHUNK_INDEX: b"".join(self._chunk_indexes),
+            Opcode.ATTACHMENT_INDEX: _records(self._attachment_indexes),
+            Opcode.METADATA_INDEX: _records(self._metadata_indexes),
         }
         offsets = []
         for opcode, group in groups.items():
@@ -198,21 +232,24 @@ class McapRecorder(ChunkedRecorder):
     def _statistics(self) -> Statistics:
         count = sum(self.counts.values())
         return Statistics(
-            attachment_count=0,
+            attachment_count=len(self._attachment_indexes),
             channel_count=len(self._channels),
             channel_message_counts={c.id: self.counts[t] for t, c in self._channels.items()},
             chunk_count=len(self._chunk_indexes),
             message_count=count,
             message_end_time=self.end_ns,
             message_start_time=self.start_ns if count else 0,
-            metadata_count=0,
+            metadata_count=len(self._metadata_indexes),
             schema_count=len(self._schemas),
         )
 
     @property
     def _index_bytes(self) -> int:
-        return len(self._chunk_indexes) * (_CHUNK_INDEX_BYTES + 10 * len(self.topics)) + sum(
-            len(found.text) + 256 for found in self.declared.values()
+        extras = [*self._attachment_indexes, *self._metadata_indexes]
+        return (
+            len(self._chunk_indexes) * (_CHUNK_INDEX_BYTES + 10 * len(self.topics))
+            + sum(len(found.text) + 256 for found in self.declared.values())
+            + len(_records(extras))
         )
 
 

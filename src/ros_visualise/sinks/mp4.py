@@ -20,6 +20,7 @@ from ros_visualise.messages.recorded import Recorded, TopicType, content
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
 from ros_visualise.sinks.yuv import Bytes, even_size, to_i420
+from ros_visualise.sources.recordings import Extra
 
 log = logging.getLogger(__name__)
 
@@ -65,6 +66,7 @@ class Mp4Recorder:
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:
         _require_encoder(path)
         self.topics: tuple[str, ...] = (topic,)
+        self.unplaced: Mapping[str, int] = {}
         self._file = TargetFile(path, overwrite, live=True)
         self._video: _Video | None = None
         self._timeline = Timeline()
@@ -78,6 +80,9 @@ class Mp4Recorder:
 
     def add(self, topic: str, kind: TopicType) -> None:
         """A video holds one topic: others are let go."""
+
+    def add_extra(self, extra: Extra) -> None:
+        """A video holds images alone: what else there is is let go."""
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record an image at its stamp; as `ros_visualise.sinks.Recorder`."""
