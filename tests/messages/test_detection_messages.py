@@ -17,8 +17,11 @@ from ros_visualise.data import (
     Header,
     Hypothesis,
 )
-from ros_visualise.messages import data_class, from_message
-from ros_visualise.messages.definitions import Definitions
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import data_class, from_message, type_name
+from ros_visualise.messages.definitions import Definitions, Encoding
+from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.sinks.encoding import Encoder
 
 SEEN = Hypothesis("7", 0.75, np.arange(3.0), np.array([0, 0, 0.6, 0.8]), np.eye(6) / 3)
 GUESS = Hypothesis("12", 0.125)
@@ -136,3 +139,23 @@ def test_the_outline_is_that_of_the_turned_box_or_of_the_corners() -> None:
 def test_they_have_classes() -> None:
     assert data_class("vision_msgs/msg/Detection2DArray") is Detections
     assert data_class("vision_msgs/msg/Detection3DArray") is Detections3D
+
+
+@pytest.mark.parametrize("encodings", [("ros1", "cdr"), ("cdr", "ros1")])
+@pytest.mark.parametrize("data", FOUND)
+def test_recorded_ones_are_converted_to_the_other_ros(
+    data: Any, encodings: tuple[Encoding, Encoding]
+) -> None:
+    here, there = Encoder(encodings[0]), Encoder(encodings[1])
+    name = type_name(type(data))
+    recorded = Recorded(name, here.encode(data), Definitions(encodings[0]), 0)
+    there.declare(TopicType(name, recorded.definitions))
+    converted = Definitions(encodings[1]).read(name, bytes(there.encode(recorded)))
+    assert_same_found(from_message(converted, type(data)), data)
+
+
+def test_a_recorded_name_that_ros_1_cannot_hold_is_said() -> None:
+    named = Detections((replace(BOX, hypotheses=(Hypothesis("dog", 0.5),)),), HEADER)
+    recorded = Recorded(type_name(Detections), Encoder("cdr").encode(named), ROS2, 0)
+    with pytest.raises(DamagedMessage, match="'dog'"):
+        Encoder("ros1").encode(recorded)

@@ -71,6 +71,7 @@ class Detections(Message):
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
     plotted: ClassVar[bool] = False
+    renamed: ClassVar[bool] = True
 
     detections: tuple[Detection, ...]
     header: Header = Header()

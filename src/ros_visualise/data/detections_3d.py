@@ -40,6 +40,7 @@ class Detections3D(Message):
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection3DArray"
     plotted: ClassVar[bool] = False
+    renamed: ClassVar[bool] = True
 
     detections: tuple[Detection3D, ...]
     header: Header = Header()

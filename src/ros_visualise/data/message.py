@@ -18,12 +18,14 @@ class Message:
         plotted: whether it has single numbers, which can be plotted over time.
         has_header: whether the ROS message says when and where; what has none gets the time at
             which it came.
+        renamed: ROS 1 and ROS 2 differ in more than what the message library converts by itself.
     """
 
     type_name: ClassVar[str]
     waiting: ClassVar[int] = 256
     plotted: ClassVar[bool] = True
     has_header: ClassVar[bool] = True
+    renamed: ClassVar[bool] = False
 
     @property
     def nbytes(self) -> int:

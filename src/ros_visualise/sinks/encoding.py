@@ -12,9 +12,9 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
-from ros_visualise.data import Header, Path
+from ros_visualise.data import Header, Message, Path
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages import to_message, type_name
+from ros_visualise.messages import data_class, from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
 from ros_visualise.messages.path_bytes import pose_bytes
 from ros_visualise.messages.recorded import Recorded, TopicType
@@ -94,6 +94,8 @@ class Encoder:
         convert = self._conversion(message.definitions, message.type_name)
         try:
             return convert(message.data)
+        except DamagedMessage:
+            raise
         except Exception as error:  # the library raises what it happens to meet
             raise DamagedMessage(
                 f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
@@ -169,12 +171,19 @@ class Encoder:
             _migrate, source.store, own, name, target, self._defaults, to_ros1=self._is_ros1
         )
         if not is_same_wireformat(source.store, own, name, target):
+            kind = data_class(name)
+            if kind is not None and kind.renamed:
+                return partial(self._rewrite, source, name, kind)
             log.info("%s: ROS 1 and ROS 2 differ here; fields are kept by their names", name)
             return migrate
         if self._is_ros1:
             direct = partial(source.store.cdr_to_ros1, typename=name)
             return lambda data: direct(data) if data[1] & 1 else migrate(data)  # little-endian only
         return partial(own.ros1_to_cdr, typename=target)
+
+    def _rewrite(self, source: Definitions, name: str, kind: type[Message], data: Buffer) -> Buffer:
+        """Read a message as one of ours and write that."""
+        return self._encode(from_message(source.read(name, data), kind))
 
     @property
     def _is_ros1(self) -> bool:
