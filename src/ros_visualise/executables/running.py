@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
@@ -11,7 +12,7 @@ from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import choose_image_transport, choose_view, seconds
 from ros_visualise.graph import Graph, M
 from ros_visualise.params import update
-from ros_visualise.rate import WallClock
+from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
@@ -115,8 +116,18 @@ def _playback(middleware: Middleware, graph: Graph, stays: bool) -> Playback | N
         duration_s=duration_s or None,
         hold=(stays or bool(source.inputs)) and not duration_s,
         live_stamps=not source.makes_time,
-        clock=WallClock() if source.makes_time else middleware.clock(),
+        clock=_clock(middleware, source.makes_time),
     )
+
+
+def _clock(middleware: Middleware, makes_time: bool) -> Clock:
+    """What drives a source: where it makes the graph's time, the time of day; else that time."""
+    if makes_time and middleware.option("clock", True):
+        return WallClock()
+    clock = middleware.clock()
+    while makes_time and not (clock.now_ns() or middleware.is_over()):
+        time.sleep(_SPIN_S)  # it would begin at zero
+    return clock
 
 
 def _open_view(middleware: Middleware) -> View:

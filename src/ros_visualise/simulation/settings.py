@@ -130,3 +130,4 @@ class ScenarioParams:
         "none", "square, figure_of_eight, lawn_mower, default, a YAML file, or none"
     )
     seed: int = setting(0, "of all random errors", min=0, max=2**31 - 1)
+    tf_prefix: str = setting("", "of its frames, but map: uav1 for uav1/base_link")

@@ -21,6 +21,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.declarations import action
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.simulation.prefix import prefixed
 from ros_visualise.simulation.schedule import Output
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import Simulation
@@ -77,6 +78,7 @@ class SimulatedRobot:
     ) -> None:
         mission = None if place.mission == _NO_MISSION else place.mission
         self._arguments = robot, place.world, place.seed, mission, settings
+        self._tf_prefix = place.tf_prefix
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
@@ -95,7 +97,8 @@ class SimulatedRobot:
         for stamp_ns, batch in self._playback.run(self, self._is_frame):
             for output in batch:
                 shown_ns = 0 if output.name in LATCHED else batch[-1].stamp_ns
-                yield output.name, restamped(output.message, stamp_ns - shown_ns)
+                message = restamped(output.message, stamp_ns - shown_ns)
+                yield output.name, prefixed(message, self._tf_prefix)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
         """(Time since the start, messages), from those shown at that time on.

@@ -15,6 +15,7 @@ import rospy
 from ros_visualise.errors import OpenError
 from ros_visualise.printing import Shown
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
+from ros_visualise.runtime.ros1.transport import global_name
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
 _CLOCK_S = 1.5  # as long as nodes that are launched together take to start
@@ -66,7 +67,7 @@ def option(name: str, default: Any) -> Any:
 
 def resolve(name: str) -> str:
     """A topic's name on the graph, remapped as this node was told to."""
-    return str(rospy.resolve_name(name))
+    return str(rospy.resolve_name(global_name(name)))
 
 
 def find_file(url: str) -> str:
