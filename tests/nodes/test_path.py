@@ -437,3 +437,14 @@ def test_a_husky_outdoors(recordings: File):
     gaps = np.linalg.norm(np.diff(path.positions_xyz, axis=0), axis=1)
     assert gaps.min() >= 0.5
     assert gaps.max() < 0.5 + steps.max()
+
+
+def test_it_is_said_once_that_another_input_is_followed_than_odometry(caplog):
+    caplog.set_level("INFO", "ros_visualise")
+    node = PathNode(PathParams())
+    level = np.array([0.0, 0.0, 0.0, 1.0])
+    for stamp_ns in (1, 2):
+        node.step(PathParams(), pose=PoseStamped(np.zeros(3), level, Header(stamp_ns, "map")))
+    assert caplog.messages == ["no odometry has come: the path follows pose"]
+    node.step(PathParams(), odom=Odometry(np.zeros(3), level, header=Header(3, "odom")))
+    assert len(caplog.messages) == 1

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,8 @@ from ros_visualise.geometry.travel import Travel
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
 from ros_visualise.rate import Clock, Pacer, WallClock
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -168,6 +171,8 @@ class PathNode:
         order = ("odom", "pose", "pose_cov", "fix", "")
         if order.index(name) < order.index(self._followed):
             self._followed = name
+            if name != "odom":
+                log.info("no odometry has come: the path follows %s", name)
             self._begin()
         return name == self._followed
 

@@ -17,7 +17,7 @@ _SUFFIX = "/parameter_descriptions"
 
 
 def look() -> Listing:
-    """The graph without this node.
+    """The graph without this node, and without those of other namespaces beside its own.
 
     Raises:
         ConnectionError: the master does not answer.
@@ -43,13 +43,25 @@ def list_graph(
     """What the master's lists tell: of topics and their nodes, and of topics and their types."""
     type_of = dict(types)
     parameters = defaultdict(list)
+    publishers, subscribers = _seen_from(own, publishers), _seen_from(own, subscribers)
     for topic, nodes in sorted(publishers):
         if type_of.get(topic) == _DESCRIPTION and topic.endswith(_SUFFIX):
             for node in nodes:
                 parameters[node].append(topic.removesuffix(_SUFFIX))
     return Listing(
-        [(topic, [node for node in nodes if node != own]) for topic, nodes in publishers],
-        [(topic, [node for node in nodes if node != own]) for topic, nodes in subscribers],
+        publishers,
+        subscribers,
         {topic: kind.replace("/", "/msg/") for topic, kind in types},
         parameters,
     )
+
+
+def _seen_from(own: str, ends: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[str]]]:
+    """Topics with those of their nodes that a node sees: in its namespace, above or below it."""
+    here = own.rpartition("/")[0] + "/"
+
+    def is_seen(node: str) -> bool:
+        there = node.rpartition("/")[0] + "/"
+        return node != own and (here.startswith(there) or there.startswith(here))
+
+    return [(topic, [node for node in nodes if is_seen(node)]) for topic, nodes in ends]
