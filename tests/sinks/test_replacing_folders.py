@@ -3,6 +3,9 @@
 import logging
 import os
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -148,6 +151,44 @@ def test_what_comes_while_it_is_replaced_stays(
     (aside,) = tmp_path.glob("r.old-*")
     assert content(aside) == {"notes.txt": b"precious"}
     assert f"{aside} stays" in caplog.text
+
+
+KILLED = """
+import os, signal, sys
+from test_replacing import record
+from pathlib import Path
+made, rename = int(sys.argv[2]), os.rename
+
+def killed_after(old, new):
+    global made
+    rename(old, new)
+    made -= 1
+    if not made:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+os.rename = killed_after
+record(Path(sys.argv[1]), 0, 1, overwrite=True)
+"""
+
+
+@pytest.mark.parametrize("renames", [1, 2])
+def test_what_a_kill_left_aside_is_told_at_the_next_start(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, renames: int
+) -> None:
+    record(folder := tmp_path / "r", 0)
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parent)}
+    command = [sys.executable, "-c", KILLED, str(folder), str(renames)]
+    assert subprocess.run(command, env=environment, timeout=60).returncode == -signal.SIGKILL
+    (aside,) = tmp_path.glob("r.old-*")
+    assert count(aside) == 1
+    assert folder.exists() == (renames == 2)
+    record(folder, 0, 1, 2, overwrite=True)
+    assert [record.getMessage() for record in caplog.records if str(aside) in record.message] == [
+        f"{aside} is what {folder} was before a run that was killed;"
+        " rename it to have it back, or delete it"
+    ]
+    assert count(folder) == 3
+    assert count(aside) == 1
 
 
 def test_rights_stay_as_they_were(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import logging
 import os
 import re
@@ -24,6 +25,8 @@ _BEGINNINGS = {
     ".zstd": b"\x28\xb5\x2f\xfd",
 }
 """How a bag's files end -> how they begin."""
+_ASIDE = ".old-"
+_ADVICE = "rename it to have it back, or delete it"
 
 
 class BagFolder(Target):
@@ -34,6 +37,11 @@ class BagFolder(Target):
     Raises:
         OpenError: as `Target`.
     """
+
+    def __init__(self, path: Path, overwrite: bool) -> None:
+        super().__init__(path, overwrite)
+        for aside in sorted(path.parent.glob(f"{glob.escape(path.name)}{_ASIDE}*")):
+            log.warning("%s is what %s was before a run that was killed; %s", aside, path, _ADVICE)
 
     @property
     def file(self) -> Path:
@@ -68,7 +76,7 @@ class BagFolder(Target):
         if names is None:
             raise OSError(f"{old.name} holds something else by now")
         self._take_over(old, names)
-        aside = old.with_name(f"{old.name}.old-{os.getpid()}")
+        aside = old.with_name(f"{old.name}{_ASIDE}{os.getpid()}")
         os.rename(old, aside)
         try:
             os.rename(self.path, old)
