@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file
 from ros_visualise.sources.recordings import Extra, Loss, Recording
+from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, Records
 from ros_visualise.sources.recordings.mcap_channels import describe
 from ros_visualise.sources.recordings.mcap_extras import parse_extra
 from ros_visualise.sources.recordings.mcap_index import (
@@ -23,13 +24,11 @@ from ros_visualise.sources.recordings.mcap_index import (
     indexed_stamps,
     read_index,
 )
-from ros_visualise.sources.recordings.mcap_piece import McapPiece
 from ros_visualise.sources.recordings.mcap_records import (
     ANY_CHANNEL,
     EVER,
     MAGIC,
     Damaged,
-    Records,
     decompress,
     messages,
 )
@@ -114,7 +113,7 @@ class McapFile:
             there = found if is_short else messages(records, ANY_CHANNEL, *EVER)[0]
             why = "its records contradict each other"
             self._lose(piece, why, max(0, known - len(there)))
-        return McapPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
+        return ChunkPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`; from the index behind each chunk, where it is whole."""

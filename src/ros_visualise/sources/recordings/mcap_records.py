@@ -18,6 +18,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from ros_visualise.errors import TooLarge
+from ros_visualise.sources.recordings.chunk_piece import Place, Records
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -57,14 +58,6 @@ class ChunkHead(NamedTuple):
     compression: str
     data_offset: int
     end: int
-
-
-Records = bytes | memoryview
-"""The bytes of one record after another."""
-
-Place = tuple[int, int, int, int, int, int]
-"""A message among records: its log time, its channel, where its bytes start and where they stop,
-its publish time, and its sequence."""
 
 
 def chunk_head(record: bytes) -> ChunkHead:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
 from heapq import heappop, heappush
 from itertools import chain
 from pathlib import Path
@@ -12,19 +11,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.messages.qos import LATCHED, VOLATILE
-from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo, left_out
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
 from ros_visualise.sources.recordings.calibrations import calibrated
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import (
     LATEST_NS,
-    Channel,
     Piece,
     Query,
     Storage,
-    add_note,
 )
+from ros_visualise.sources.recordings.topics import Topics
 
 
 def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
@@ -61,6 +57,7 @@ class MergedRecording:
         storages: its files, in their order.
         loss: to which the files add what they cannot read.
         release: called when it is closed.
+        compression: that of the files as a whole; empty: they tell.
     """
 
     def __init__(
@@ -70,11 +67,12 @@ class MergedRecording:
         storages: Sequence[Storage],
         loss: Loss,
         release: Callable[[], None] = lambda: None,
+        compression: str = "",
     ) -> None:
         self.path, self.format, self.loss = path, format, loss
         self.size = sum(storage.size for storage in storages)
-        self.compression = ", ".join(sorted({c for s in storages for c in s.compressions}))
-        topics = _Topics(storages, loss)
+        self._compression = compression
+        topics = Topics(storages, loss)
         self.topics: Mapping[str, TopicInfo] = topics.by_name
         self._chosen = topics.chosen
         spans = [(s.starts_ns.min(), s.ends_ns.max()) for s in storages if len(s.starts_ns)]
@@ -83,6 +81,12 @@ class MergedRecording:
         self._storages = storages
         self._release = release
         self._closed = threading.Event()
+
+    @property
+    def compression(self) -> str:
+        """As `Recording.compression`."""
+        found = {name for storage in self._storages for name in storage.compressions}
+        return self._compression or ", ".join(sorted(found))
 
     def read(
         self,
@@ -144,56 +148,3 @@ class MergedRecording:
             return self._storages[file].open_piece(int(piece), query, shelf)
 
         return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
-
-
-class _Topics:
-    """The topics of several files. Each is of one type, which can be read if any can.
-
-    Attributes:
-        by_name: in the order of their names.
-        chosen: of each, a channel of its type.
-    """
-
-    def __init__(self, storages: Sequence[Storage], loss: Loss) -> None:
-        self.by_name: dict[str, TopicInfo] = {}
-        self.chosen: dict[str, Channel] = {}
-        found: dict[str, list[tuple[Channel, int]]] = {}
-        connections: Counter[str] = Counter()
-        for storage in storages:
-            for number, channel in storage.channels.items():
-                found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
-            connections |= Counter(channel.topic for channel in storage.channels.values())
-        for topic in sorted(found):
-            self.by_name[topic] = self._add(topic, found[topic], connections[topic], loss)
-
-    def _add(
-        self, topic: str, channels: Sequence[tuple[Channel, int]], connections: int, loss: Loss
-    ) -> TopicInfo:
-        chosen, _ = min(channels, key=lambda pair: (bool(pair[0].unreadable), not pair[1]))
-        self.chosen[topic] = chosen
-        alike = [pair for pair in channels if pair[0].is_like(chosen)]
-        others = [pair for pair in channels if not pair[0].is_like(chosen)]
-        for name in dict.fromkeys(channel.type_name for channel, _ in others):
-            count = sum(count for channel, count in others if channel.type_name == name)
-            loss.messages += count
-            if count:
-                add_note(loss, left_out(topic, count, name, chosen.type_name))
-        return TopicInfo(
-            TopicType(
-                chosen.type_name,
-                chosen.definitions,
-                LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
-                "\n".join(_told(channel.offered_qos.strip() for channel, _ in alike)),
-                _told(channel.callerid for channel, _ in alike),
-            ),
-            sum(count for _, count in alike),
-            chosen.digest,
-            connections,
-            chosen.unreadable,
-            {channel.type_name: channel.digest for channel, _ in others},
-        )
-
-
-def _told(texts: Iterable[str]) -> tuple[str, ...]:
-    """Each of them once, without empty ones."""
-    return tuple(dict.fromkeys(filter(None, texts)))

@@ -51,10 +51,9 @@ def open_rosbag2(path: Path) -> Recording:
             storages = [CompressedMessages(storage, loss, packed) for storage in storages]
         _compare(metadata, storages, loss)
         release = stack.pop_all().close
-    recording = MergedRecording(path, "rosbag2", storages, loss, release)
+    compression = "zstd" if any(file.suffix == _PACKED for file in files) else ""
+    recording = MergedRecording(path, "rosbag2", storages, loss, release, compression)
     recording.size = sum(file.stat().st_size for file in files)
-    if any(file.suffix == _PACKED for file in files):
-        recording.compression = "zstd"
     return recording
 
 

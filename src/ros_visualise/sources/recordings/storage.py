@@ -100,18 +100,20 @@ class Storage(Protocol):
 
     Attributes:
         size: its bytes.
-        compressions: those that it uses: ``none``, ``lz4``, ``zstd``.
         channels: by the file's own numbers.
         counts: messages of each channel.
         starts_ns, ends_ns: (N,) stamps of the first and the last message of each piece.
     """
 
     size: int
-    compressions: Collection[str]
     channels: Mapping[int, Channel]
     counts: Mapping[int, int]
     starts_ns: npt.NDArray[np.int64]
     ends_ns: npt.NDArray[np.int64]
+
+    @property
+    def compressions(self) -> Collection[str]:
+        """Those that it uses: ``none``, ``bz2``, ``lz4``, ``zstd``."""
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
         """The pieces that may hold what is asked for, in the order of the file."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, BinaryIO, NamedTuple
@@ -19,7 +18,7 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _NS = 1_000_000_000
-_KEPT_SIZE = 96 << 20  # chunks that overlap in time are read in turns: so much stays decompressed
+_LOADED_SIZE = 32 << 20  # of what is not compressed, more than that is read bit by bit
 
 
 class Chunk(NamedTuple):
@@ -42,12 +41,17 @@ class Chunk(NamedTuple):
 
 
 class Content(NamedTuple):
-    """Where the records of a chunk stand: a file or memory, and from where to where in it."""
+    """Where the records of a chunk stand: from where to where in a file, or in memory.
+
+    ``data``: all of them, where they are in memory. ``origin``: where in the bag itself they begin;
+    -1 where they were compressed.
+    """
 
     file: BinaryIO
     start: int
     end: int
-    memory: int = 0
+    data: bytes | None
+    origin: int
 
 
 @dataclass(frozen=True)
@@ -72,8 +76,6 @@ class ChunkReader:
     def __init__(self, file: BinaryIO, size: int) -> None:
         self.file = file
         self.size = size
-        self._opened: OrderedDict[int, Content] = OrderedDict()
-        self._kept_size = 0
 
     def header(self, position: int) -> records.Record:
         """The chunk's own record.
@@ -105,10 +107,10 @@ class ChunkReader:
             chunk_end = record.end
             yield connection, found, chunk_end
 
-    def entries(self, chunk: Chunk) -> NDArray[Any]:
+    def entries(self, chunk: Chunk, content: Content | None = None) -> NDArray[Any]:
         """The messages of a chunk, by its index where that is whole, else by walking through it.
 
-        None is before the chunk's own start.
+        None is before the chunk's own start. ``content``: the chunk's, where it is there already.
 
         Raises:
             Damaged: there is no chunk, or its content cannot be read.
@@ -121,7 +123,7 @@ class ChunkReader:
             entries = np.concatenate(indexed) if indexed else np.empty(0, ENTRY)
             if count(entries["connection"]) == chunk.counts and _is_likely(entries, chunk):
                 return entries
-        walked = self.walk(self.content(chunk)).entries
+        walked = self.walk(content or self.content(chunk)).entries
         walked["stamp_ns"] = np.maximum(walked["stamp_ns"], chunk.start_ns)
         return walked
 
@@ -131,24 +133,23 @@ class ChunkReader:
         Raises:
             Damaged: there is none, or it cannot be decompressed.
         """
-        if chunk.position in self._opened:
-            self._opened.move_to_end(chunk.position)
-            return self._opened[chunk.position]
-        content = self._opened[chunk.position] = self._open(chunk)
-        self._kept_size += content.memory
-        while self._kept_size > _KEPT_SIZE and len(self._opened) > 1:
-            self.release(next(iter(self._opened)))
-        return content
-
-    def release(self, position: int) -> None:
-        """Forget the content of the chunk there, if it is kept."""
-        content = self._opened.pop(position, None)
-        if content is not None:
-            self._kept_size -= content.memory
+        if chunk.bare_end:
+            return self._stored(chunk.position, chunk.bare_end)
+        header = self.header(chunk.position)
+        is_cut = header.end > self.size or not header.data_size  # 0: it was never finished
+        end = self.size if is_cut else header.end
+        compression = records.text(header.fields, b"compression")
+        if compression == "none":
+            return self._stored(header.data_position, end)
+        self.file.seek(header.data_position)
+        data = self.file.read(end - header.data_position)
+        size = records.number(header.fields, b"size")
+        found = records.decompress(compression, data, size, is_cut)
+        return Content(io.BytesIO(found), 0, len(found), found, -1)
 
     def walk(self, content: Content) -> Walk:
         """Look at every record of a chunk, up to the first that cannot be one."""
-        file, position, end, _ = content
+        file, position, end = content[:3]
         entries: list[tuple[int, int, int]] = []
         connections: list[tuple[Fields, bytes]] = []
         while position < end:
@@ -169,46 +170,13 @@ class ChunkReader:
             position = record.end
         return Walk(np.array(entries, ENTRY), connections, position)
 
-    def message(self, content: Content, entry: tuple[int, int, int]) -> bytes:
-        """The bytes of one message; its stamp may be another than that of its index.
-
-        Raises:
-            Damaged: there is one of another topic, or none.
-        """
-        _, connection, offset = entry
-        file, start, end, _ = content
-        file.seek(start + offset)
-        header = file.read(records.MESSAGE_HEADER_SIZE)
-        if records.is_message_header(header, connection):  # nearly always, and quick
-            size = int.from_bytes(file.read(4), "little")
-            if start + offset + len(header) + 4 + size > end:
-                raise Damaged("a message that is longer than its chunk")
-            return _exactly(file, size)
-        record = records.read_record(file, start + offset, end)
-        while record.op == Op.CONNECTION:  # some indexes point to the one before the message
-            record = records.read_record(file, record.end, end)
-        if (
-            record.op != Op.MESSAGE
-            or record.end > end
-            or records.number(record.fields, b"conn") != connection
-        ):
-            raise Damaged("another message than the index says")
-        return _exactly(file, record.data_size)
-
-    def _open(self, chunk: Chunk) -> Content:
-        if chunk.bare_end:
-            return Content(self.file, chunk.position, chunk.bare_end)
-        header = self.header(chunk.position)
-        is_cut = header.end > self.size or not header.data_size  # 0: it was never finished
-        end = self.size if is_cut else header.end
-        compression = records.text(header.fields, b"compression")
-        if compression == "none":
-            return Content(self.file, header.data_position, end)
-        self.file.seek(header.data_position)
-        data = self.file.read(end - header.data_position)
-        size = records.number(header.fields, b"size")
-        found = records.decompress(compression, data, size, is_cut)
-        return Content(io.BytesIO(found), 0, len(found), len(found))
+    def _stored(self, start: int, end: int) -> Content:
+        """Records that stand in the bag as they are."""
+        if end - start > _LOADED_SIZE:
+            return Content(self.file, start, end, None, start)
+        self.file.seek(start)
+        data = self.file.read(end - start)
+        return Content(io.BytesIO(data), 0, len(data), data, start)
 
 
 def stamps_ns(indexed: NDArray[Any]) -> NDArray[np.int64]:
@@ -221,13 +189,6 @@ def count(connections: NDArray[Any]) -> dict[int, int]:
     """How often each occurs."""
     found, counts = np.unique(connections, return_counts=True)
     return dict(zip(found.tolist(), counts.tolist(), strict=True))
-
-
-def _exactly(file: BinaryIO, size: int) -> bytes:
-    data = file.read(size)
-    if len(data) != size:
-        raise Damaged("the file has become shorter")
-    return data
 
 
 def _is_likely(entries: NDArray[Any], chunk: Chunk) -> bool:

@@ -21,6 +21,7 @@ class Connection(NamedTuple):
     digest: str
     definition: str
     latched: bool
+    callerid: str
 
 
 @dataclass
@@ -45,5 +46,6 @@ def parse_connection(fields: Fields, data: bytes) -> tuple[int, Connection]:
         digest=records.text(said, b"md5sum"),
         definition=records.text(said, b"message_definition"),
         latched=records.text(said, b"latching") == "1",
+        callerid=records.text(said, b"callerid"),
     )
     return records.number(fields, b"conn"), found

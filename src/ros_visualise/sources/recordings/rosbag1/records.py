@@ -18,11 +18,6 @@ _LONGEST_HEADER = 1 << 20  # longer, it is none: those of real bags have less th
 _UINT32 = struct.Struct("<I")
 _UINT64 = struct.Struct("<Q")
 _TIME = struct.Struct("<II")
-_MESSAGE_HEADERS = (  # of roscpp and of rospy: before and after the connection's number
-    (b"\x26\0\0\0\x09\0\0\0conn=", b"\x04\0\0\0op=\x02\x0d\0\0\0time="),
-    (b"\x26\0\0\0\x04\0\0\0op=\x02\x09\0\0\0conn=", b"\x0d\0\0\0time="),
-)
-MESSAGE_HEADER_SIZE = 42
 _COMPRESSIONS = ("bz2", "lz4")
 
 Fields = dict[bytes, bytes]
@@ -75,15 +70,6 @@ def read_record(file: BinaryIO, position: int, end: int) -> Record:
     if len(op) != 1:
         raise Damaged("a record that does not say what it is")
     return Record(op[0], fields, data_position, _number(file.read(4)))
-
-
-def is_message_header(data: bytes, connection: int) -> bool:
-    """Whether it is a message's header, with its length, as roscpp or rospy write it."""
-    number = _UINT32.pack(connection)
-    return any(
-        data.startswith(before + number + between) and len(data) == MESSAGE_HEADER_SIZE
-        for before, between in _MESSAGE_HEADERS
-    )
 
 
 def read_data(file: BinaryIO, record: Record) -> bytes:

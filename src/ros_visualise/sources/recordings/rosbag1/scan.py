@@ -110,8 +110,8 @@ class Scan:
         if chunk.counts:
             return chunk, end
         if walk.stop < content.end:
-            if content.file is self._file:
-                end = walk.stop  # its own length may be what is wrong: look on from here
+            if content.origin >= 0:  # its own length may be what is wrong: look on from here
+                end = content.origin + walk.stop - content.start
             else:
                 self._layout.loss.bytes += content.end - walk.stop
                 self._damages.append((chunk.position, end, "the rest of a chunk is damaged"))
@@ -120,7 +120,7 @@ class Scan:
     def _end_bare(self, end: int) -> None:
         """Close the piece of messages outside of chunks."""
         if self._bare is not None:
-            walk = self._reader.walk(Content(self._file, self._bare, end))
+            walk = self._reader.walk(Content(self._file, self._bare, end, None, self._bare))
             self._learn(walk.connections)
             if len(walk.entries):
                 self._layout.chunks.append(walk.chunk(self._bare, bare_end=end))

@@ -1,4 +1,4 @@
-"""Reading a chunk of an MCAP file, or a run of messages outside chunks."""
+"""Reading a chunk of a file, or a run of messages outside chunks, message by message."""
 
 from __future__ import annotations
 
@@ -8,11 +8,36 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry
-from ros_visualise.sources.recordings.mcap_records import Place, Records
 from ros_visualise.sources.recordings.shelf import Shelf
 
+Records = bytes | memoryview
+"""The bytes of one record after another."""
 
-class McapPiece:
+Place = tuple[int, int, int, int, int, int]
+"""A message among records: its stamp, its channel, where its bytes start and where they stop, when
+it was sent, and its number."""
+
+
+class FileRange:
+    """A part of a file that is read bit by bit, for it is larger than memory should hold.
+
+    Args:
+        read: gives as many bytes as are asked for from a place in the file on.
+        start, end: of the part, in the file.
+    """
+
+    def __init__(self, read: Callable[[int, int], bytes], start: int, end: int) -> None:
+        self._read, self._start, self._end = read, start, end
+
+    def __len__(self) -> int:
+        return self._end - self._start
+
+    def __getitem__(self, part: slice) -> bytes:
+        start, stop, _ = part.indices(len(self))
+        return self._read(self._start + start, stop - start)
+
+
+class ChunkPiece:
     """A `ros_visualise.sources.recordings.storage.Piece`.
 
     Where many are read in turns, each keeps only its share of messages, those that come next, and
@@ -30,14 +55,14 @@ class McapPiece:
         self,
         places: Sequence[Place],
         channels: Mapping[int, tuple[str, str, Definitions]],
-        records: Records,
-        load: Callable[[], Records | None],
+        records: Records | FileRange,
+        load: Callable[[], Records | FileRange | None],
         shelf: Shelf,
     ) -> None:
         self._places, self._channels = places, channels
         self._load, self._shelf = load, shelf
         self._next = 0
-        self._records: memoryview | None = None
+        self._records: memoryview | FileRange | None = None
         self._ahead: deque[bytes] = deque()
         if places:
             shelf.join()
@@ -79,12 +104,17 @@ class McapPiece:
         if self._records is None:
             return self._ahead.popleft()
         data = self._records[start:stop]
+        if len(data) < stop - start:  # the file has become shorter
+            return None
         is_most = 2 * len(data) > len(self._records)  # then it needs no copy
         return data if is_most else bytes(data)
 
-    def _keep(self, records: Records) -> None:
+    def _keep(self, records: Records | FileRange) -> None:
         """All of the piece if that is no more than its share; else the next messages alone."""
         share = self._shelf.share
+        if isinstance(records, FileRange):
+            self._records = records
+            return
         if len(records) <= share:
             self._records = memoryview(records)
             self._shelf.keep(self, len(records))

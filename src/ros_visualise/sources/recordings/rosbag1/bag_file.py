@@ -1,0 +1,226 @@
+"""One ROS 1 bag of version 2.0, read without ROS, also cut, damaged or never closed."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.recordings import Extra, Loss
+from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, FileRange, Records
+from ros_visualise.sources.recordings.rosbag1 import records
+from ros_visualise.sources.recordings.rosbag1.chunks import ENTRY, Chunk, ChunkReader, Content
+from ros_visualise.sources.recordings.rosbag1.connections import describe
+from ros_visualise.sources.recordings.rosbag1.index import read_layout
+from ros_visualise.sources.recordings.rosbag1.layout import Layout
+from ros_visualise.sources.recordings.rosbag1.places import locate
+from ros_visualise.sources.recordings.rosbag1.records import Damaged
+from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.storage import Channel, Piece, Query, add_note
+
+_LARGE_BYTES = 4096  # of a message: what it takes to read it alone is then nothing to speak of
+
+
+class BagFile:
+    """One ROS 1 bag; a `Storage`, whose pieces are chunks.
+
+    A bag's index tells of every chunk how many messages of which topics it holds, from when to
+    when. That alone is read at first; where the messages lie in a chunk is read when their time
+    comes.
+
+    Args:
+        path: of the file.
+        schemas: of its recording.
+        loss: where to say what cannot be read.
+        label: what begins each note of that, where the recording has more files.
+
+    Raises:
+        OpenError: nothing of it can be read; the message says what to do.
+    """
+
+    def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
+        self._loss, self._label = loss, label
+        self._noted: set[tuple[int, int]] = set()
+        self._lock = threading.Lock()
+        self._file = _open(path)
+        try:
+            self.size = path.stat().st_size
+            layout = _read_layout(path, self._file, self.size)
+        except (OSError, OpenError):
+            self._file.close()
+            raise
+        self.is_indexed = layout.indexed
+        self._reader = ChunkReader(self._file, self.size)
+        self._chunks = [chunk for chunk in layout.chunks if chunk.counts]
+        self.channels: Mapping[int, Channel] = describe(layout.connections, schemas)
+        self.counts: Mapping[int, int] = _count(self._chunks)
+        self.starts_ns = np.array([chunk.start_ns for chunk in self._chunks], np.int64)
+        self.ends_ns = np.array([chunk.end_ns for chunk in self._chunks], np.int64)
+        self._add_loss(layout.loss)
+
+    @cached_property
+    def compressions(self) -> Collection[str]:
+        """As `Storage.compressions`; looks at each chunk."""
+        with self._lock:
+            found = {self._compression(chunk) for chunk in self._chunks if not self._file.closed}
+        return found - {""} or {"none"}
+
+    def select(self, query: Query) -> npt.NDArray[np.intp]:
+        """As `Storage.select`."""
+        wanted = {n for n, channel in self.channels.items() if query.asks_for(channel)}
+        is_asked = np.array([not wanted.isdisjoint(c.counts) for c in self._chunks], bool)
+        if query.start_ns > -(2**63):
+            is_asked &= self.ends_ns >= query.start_ns
+        if query.stop_ns < 2**63:
+            is_asked &= self.starts_ns < query.stop_ns
+        return np.flatnonzero(is_asked)
+
+    def open_piece(self, piece: int, query: Query, shelf: Shelf) -> Piece:
+        """As `Storage.open_piece`."""
+        chunk = self._chunks[piece]
+        wanted = {
+            number: (channel.topic, channel.type_name, channel.definitions)
+            for number in chunk.counts
+            if (channel := self.channels.get(number)) is not None
+            and query.asks_for(channel)
+            and channel.definitions
+        }
+        with self._lock:
+            content = self._content(chunk)
+            if content is None:
+                return ChunkPiece((), wanted, b"", lambda: None, shelf)
+            entries = self._entries(chunk, content)
+            stamps_ns = entries["stamp_ns"]
+            is_asked = np.isin(entries["connection"], list(wanted))
+            is_asked &= (stamps_ns >= query.start_ns) & (stamps_ns < query.stop_ns)
+            entries = entries[is_asked]
+            entries = entries[np.lexsort((entries["offset"], entries["stamp_ns"]))]
+            places = locate(content, entries, partial(self._lose, chunk, 1))
+        load = partial(self._load, chunk)
+        return ChunkPiece(places, wanted, self._records(chunk, content), load, shelf)
+
+    def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+        """As `Storage.stamps_ns`."""
+        for chunk in self._chunks:
+            with self._lock:
+                entries = self._entries(chunk)
+            for number in chunk.counts:
+                yield number, entries["stamp_ns"][entries["connection"] == number]
+
+    def extras(self) -> Iterator[Extra]:
+        """As `Storage.extras`; there is nothing."""
+        return iter(())
+
+    def close(self) -> None:
+        """As `Storage.close`."""
+        with self._lock:
+            self._file.close()
+
+    def _content(self, chunk: Chunk) -> Content | None:
+        """None where it is damaged, or the file is closed."""
+        if self._file.closed:
+            return None
+        try:
+            return self._reader.content(chunk)
+        except (Damaged, OSError) as error:
+            self._lose(chunk, chunk.messages, -1, str(error))
+            return None
+
+    def _entries(self, chunk: Chunk, content: Content | None = None) -> npt.NDArray[Any]:
+        """Where the messages of a chunk lie, as `ENTRY`."""
+        if self._file.closed:
+            return np.empty(0, ENTRY)
+        try:
+            entries = self._reader.entries(chunk, content)
+        except (Damaged, OSError) as error:
+            self._lose(chunk, chunk.messages, -1, str(error))
+            return np.empty(0, ENTRY)
+        if missing := max(0, chunk.messages - len(entries)):
+            self._lose(chunk, missing, -1, "a part of a chunk is damaged")
+        return entries
+
+    def _load(self, chunk: Chunk) -> Records | FileRange | None:
+        with self._lock:
+            content = self._content(chunk)
+        return None if content is None else self._records(chunk, content)
+
+    def _records(self, chunk: Chunk, content: Content) -> Records | FileRange:
+        """What is kept of a chunk: nothing where its messages stand in the file and are large."""
+        is_stored = content.origin >= 0
+        size = content.end - content.start
+        if content.data is None or (is_stored and size > _LARGE_BYTES * chunk.messages):
+            return FileRange(self._read, content.origin, content.origin + size)
+        return content.data
+
+    def _read(self, start: int, size: int) -> bytes:
+        """A part of the file; nothing once it is closed."""
+        with self._lock:
+            if self._file.closed:
+                return b""
+            self._file.seek(start)
+            return self._file.read(size)
+
+    def _compression(self, chunk: Chunk) -> str:
+        """That of a chunk; empty where it is damaged."""
+        try:
+            fields = {} if chunk.bare_end else self._reader.header(chunk.position).fields
+        except (Damaged, OSError):
+            return ""
+        return records.text(fields, b"compression") or "none"
+
+    def _add_loss(self, found: Loss) -> None:
+        """What was found missing when the bag was opened."""
+        nameless = sum(n for number, n in self.counts.items() if number not in self.channels)
+        if nameless:
+            found.notes.append(f"{nameless} messages of topics that the bag does not name")
+        self._loss.messages += found.messages + nameless
+        self._loss.bytes += found.bytes
+        for note in found.notes:
+            add_note(self._loss, f"{self._label}{note}")
+
+    def _lose(self, chunk: Chunk, messages: int, offset: int, why: str) -> None:
+        """Say once what is lost: messages of a chunk, or the one at an offset in it."""
+        if (chunk.position, offset) in self._noted:
+            return
+        self._noted.add((chunk.position, offset))
+        self._loss.messages += messages
+        place = f"{self._label}at {chunk.position / 1e6:.1f} MB"
+        add_note(self._loss, f"{place}: {why}; messages lost: {messages}")
+
+
+def _open(path: Path) -> BinaryIO:
+    try:
+        return path.open("rb")
+    except PermissionError:
+        raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror or error}; check the path") from None
+
+
+def _read_layout(path: Path, file: BinaryIO, size: int) -> Layout:
+    magic = file.read(len(records.MAGIC))
+    if magic != records.MAGIC:
+        if magic.startswith(b"#ROSBAG V") and len(magic) == len(records.MAGIC):
+            raise OpenError(
+                f"{path}: of another version than 2.0; with ROS: rosbag filter {path} NEW.bag True"
+            )
+        raise OpenError(f"{path}: no ROS 1 bag, or cut off; copy or record it again")
+    layout = read_layout(file, size)
+    if layout.encryptor:
+        raise OpenError(f"{path}: encrypted; decrypt it first, with ROS: rosbag decrypt {path}")
+    return layout
+
+
+def _count(chunks: list[Chunk]) -> Counter[int]:
+    counts: Counter[int] = Counter()
+    for chunk in chunks:
+        counts.update(chunk.counts)
+    return counts

@@ -1,0 +1,93 @@
+"""Where in a chunk of a ROS 1 bag the bytes of its messages are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import repeat
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ros_visualise.sources.recordings.chunk_piece import Place
+from ros_visualise.sources.recordings.rosbag1 import records
+from ros_visualise.sources.recordings.rosbag1.chunks import Content
+from ros_visualise.sources.recordings.rosbag1.records import Damaged, Op
+
+_CONN, _TIME, _OP = b"\x09\0\0\0conn=", b"\x0d\0\0\0time=", b"\x04\0\0\0op=\x02"
+_NUMBER, _STAMP = bytes(4), bytes(8)
+_LENGTH = b"\x26\0\0\0"
+_HEADS = (  # of roscpp and of rospy, and where in them the connection's number is
+    (_LENGTH + _CONN + _NUMBER + _OP + _TIME + _STAMP, 13),
+    (_LENGTH + _OP + _CONN + _NUMBER + _TIME + _STAMP, 21),
+)
+_HEAD_BYTES = 42
+_SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
+
+
+def locate(
+    content: Content, entries: NDArray[Any], lose: Callable[[int, str], None]
+) -> list[Place]:
+    """The places of messages, in their order; without those that are not where the index has them.
+
+    Args:
+        entries: (N,) of `ENTRY`.
+        lose: told the offset of each that is not there, and why.
+    """
+    starts, sizes = _common(content, entries)
+    for i in np.flatnonzero(starts < 0):
+        _, connection, offset = entries[i].tolist()
+        try:
+            starts[i], sizes[i] = _any(content, connection, offset)
+        except Damaged as damage:
+            lose(offset, str(damage))
+    there = starts >= 0
+    stamps_ns, starts = entries["stamp_ns"][there].tolist(), starts[there]
+    stops = (starts + sizes[there]).tolist()
+    numbers = entries["connection"][there].tolist()
+    return list(zip(stamps_ns, numbers, starts.tolist(), stops, stamps_ns, repeat(0), strict=False))
+
+
+def _common(content: Content, entries: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Starts and sizes of messages with a header as roscpp or rospy write it; -1 for all others."""
+    starts, sizes = np.full((2, len(entries)), -1, np.int64)
+    if content.data is None:
+        return starts, sizes
+    data = np.frombuffer(content.data, np.uint8)
+    offsets = entries["offset"].astype(np.int64)
+    [inside] = np.nonzero(offsets <= len(data) - len(_SIZED_HEAD))
+    if not len(inside):
+        return starts, sizes
+    heads = data[offsets[inside, None] + _SIZED_HEAD]
+    for head, at in _HEADS:
+        fixed = [i for i in range(_HEAD_BYTES) if not at <= i < at + 4 and i < _HEAD_BYTES - 8]
+        is_one = (heads[:, fixed] == np.frombuffer(head, np.uint8)[fixed]).all(axis=1)
+        is_one &= _numbers(heads, at) == entries["connection"][inside]
+        found_sizes = _numbers(heads, _HEAD_BYTES)
+        found_starts = offsets[inside] + len(_SIZED_HEAD)
+        is_one &= found_starts + found_sizes <= len(data)
+        starts[inside[is_one]] = found_starts[is_one]
+        sizes[inside[is_one]] = found_sizes[is_one]
+    return starts, sizes
+
+
+def _numbers(heads: NDArray[np.uint8], at: int) -> NDArray[np.int64]:
+    found: NDArray[np.uint32] = np.ascontiguousarray(heads[:, at : at + 4]).view("<u4")[:, 0]
+    return found.astype(np.int64)
+
+
+def _any(content: Content, connection: int, offset: int) -> tuple[int, int]:
+    """Start and size of one message, whatever its header is like.
+
+    Raises:
+        Damaged: there is one of another topic, or none.
+    """
+    file, start, end = content[:3]
+    record = records.read_record(file, start + offset, end)
+    while record.op == Op.CONNECTION:  # some indexes point to the one before the message
+        record = records.read_record(file, record.end, end)
+    if record.op != Op.MESSAGE or records.number(record.fields, b"conn") != connection:
+        raise Damaged("another message than the index says")
+    if record.end > end:
+        raise Damaged("a message that is longer than its chunk")
+    return record.data_position - start, record.data_size
