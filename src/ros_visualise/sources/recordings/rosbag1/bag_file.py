@@ -26,8 +26,6 @@ from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import Channel, Piece, Query, add_note
 
-_LARGE_BYTES = 4096  # of a message: what it takes to read it alone is then nothing to speak of
-
 
 class BagFile:
     """One ROS 1 bag; a `Storage`, whose pieces are chunks.
@@ -105,7 +103,7 @@ class BagFile:
             entries = entries[np.lexsort((entries["offset"], entries["stamp_ns"]))]
             places = locate(content, entries, partial(self._lose, chunk, 1))
         load = partial(self._load, chunk)
-        return ChunkPiece(places, wanted, self._records(chunk, content), load, shelf)
+        return ChunkPiece(places, wanted, self._records(content), load, shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`."""
@@ -150,14 +148,11 @@ class BagFile:
     def _load(self, chunk: Chunk) -> Records | FileRange | None:
         with self._lock:
             content = self._content(chunk)
-        return None if content is None else self._records(chunk, content)
+        return None if content is None else self._records(content)
 
-    def _records(self, chunk: Chunk, content: Content) -> Records | FileRange:
-        """What is kept of a chunk: nothing where its messages stand in the file and are large."""
-        is_stored = content.origin >= 0
-        size = content.end - content.start
-        if content.data is None or (is_stored and size > _LARGE_BYTES * chunk.messages):
-            return FileRange(self._read, content.origin, content.origin + size)
+    def _records(self, content: Content) -> Records | FileRange:
+        if content.data is None:
+            return FileRange(self._read, content.start, content.end)
         return content.data
 
     def _read(self, start: int, size: int) -> bytes:

@@ -18,7 +18,8 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _NS = 1_000_000_000
-_LOADED_SIZE = 32 << 20  # of what is not compressed, more than that is read bit by bit
+_LOADED_BYTES = 32 << 20  # of a chunk that is not compressed; a larger one is read bit by bit
+_LARGE_BYTES = 4096  # of a message: what it takes to read it alone is then nothing to speak of
 
 
 class Chunk(NamedTuple):
@@ -134,13 +135,13 @@ class ChunkReader:
             Damaged: there is none, or it cannot be decompressed.
         """
         if chunk.bare_end:
-            return self._stored(chunk.position, chunk.bare_end)
+            return self._stored(chunk, chunk.position, chunk.bare_end)
         header = self.header(chunk.position)
         is_cut = header.end > self.size or not header.data_size  # 0: it was never finished
         end = self.size if is_cut else header.end
         compression = records.text(header.fields, b"compression")
         if compression == "none":
-            return self._stored(header.data_position, end)
+            return self._stored(chunk, header.data_position, end)
         self.file.seek(header.data_position)
         data = self.file.read(end - header.data_position)
         size = records.number(header.fields, b"size")
@@ -170,9 +171,9 @@ class ChunkReader:
             position = record.end
         return Walk(np.array(entries, ENTRY), connections, position)
 
-    def _stored(self, start: int, end: int) -> Content:
-        """Records that stand in the bag as they are."""
-        if end - start > _LOADED_SIZE:
+    def _stored(self, chunk: Chunk, start: int, end: int) -> Content:
+        """Records that stand in the bag as they are; in memory where they are small and many."""
+        if end - start > min(_LOADED_BYTES, _LARGE_BYTES * chunk.messages):
             return Content(self.file, start, end, None, start)
         self.file.seek(start)
         data = self.file.read(end - start)

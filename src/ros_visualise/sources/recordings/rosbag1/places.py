@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,15 @@ from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Content
 from ros_visualise.sources.recordings.rosbag1.records import Damaged, Op
 
-_CONN, _TIME, _OP = b"\x09\0\0\0conn=", b"\x0d\0\0\0time=", b"\x04\0\0\0op=\x02"
-_NUMBER, _STAMP = bytes(4), bytes(8)
 _LENGTH = b"\x26\0\0\0"
-_HEADS = (  # of roscpp and of rospy, and where in them the connection's number is
-    (_LENGTH + _CONN + _NUMBER + _OP + _TIME + _STAMP, 13),
-    (_LENGTH + _OP + _CONN + _NUMBER + _TIME + _STAMP, 21),
-)
+_FIELDS = (b"\x09\0\0\0conn=????", b"\x04\0\0\0op=\x02", b"\x0d\0\0\0time=????????")
+_HEADS = [
+    np.frombuffer(_LENGTH + b"".join(order), np.uint8) for order in itertools.permutations(_FIELDS)
+]
+"""A message's header with its fields in any order; what differs from message to message is ``?``.
+
+Writers put them into the order that their language happens to give.
+"""
 _HEAD_BYTES = 42
 _SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
 
@@ -45,29 +47,30 @@ def locate(
     stamps_ns, starts = entries["stamp_ns"][there].tolist(), starts[there]
     stops = (starts + sizes[there]).tolist()
     numbers = entries["connection"][there].tolist()
-    return list(zip(stamps_ns, numbers, starts.tolist(), stops, stamps_ns, repeat(0), strict=False))
+    return list(
+        zip(
+            stamps_ns, numbers, starts.tolist(), stops, stamps_ns, itertools.repeat(0), strict=False
+        )
+    )
 
 
 def _common(content: Content, entries: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Starts and sizes of messages with a header as roscpp or rospy write it; -1 for all others."""
+    """Starts and sizes of messages whose header has its three fields alone; -1 for all others."""
     starts, sizes = np.full((2, len(entries)), -1, np.int64)
-    if content.data is None:
-        return starts, sizes
-    data = np.frombuffer(content.data, np.uint8)
+    data = np.frombuffer(content.data or b"", np.uint8)
     offsets = entries["offset"].astype(np.int64)
-    [inside] = np.nonzero(offsets <= len(data) - len(_SIZED_HEAD))
-    if not len(inside):
-        return starts, sizes
-    heads = data[offsets[inside, None] + _SIZED_HEAD]
-    for head, at in _HEADS:
-        fixed = [i for i in range(_HEAD_BYTES) if not at <= i < at + 4 and i < _HEAD_BYTES - 8]
-        is_one = (heads[:, fixed] == np.frombuffer(head, np.uint8)[fixed]).all(axis=1)
-        is_one &= _numbers(heads, at) == entries["connection"][inside]
-        found_sizes = _numbers(heads, _HEAD_BYTES)
-        found_starts = offsets[inside] + len(_SIZED_HEAD)
+    for head in _HEADS:
+        [left] = np.nonzero((starts < 0) & (offsets <= len(data) - len(_SIZED_HEAD)))
+        if not len(left):
+            break
+        found = data[offsets[left, None] + _SIZED_HEAD]
+        connection = bytes(head).index(b"conn=") + len(b"conn=")
+        fixed = np.flatnonzero(head != ord("?"))
+        is_one = (found[:, fixed] == head[fixed]).all(axis=1)
+        is_one &= _numbers(found, connection) == entries["connection"][left]
+        found_starts, found_sizes = offsets[left] + len(_SIZED_HEAD), _numbers(found, _HEAD_BYTES)
         is_one &= found_starts + found_sizes <= len(data)
-        starts[inside[is_one]] = found_starts[is_one]
-        sizes[inside[is_one]] = found_sizes[is_one]
+        starts[left[is_one]], sizes[left[is_one]] = found_starts[is_one], found_sizes[is_one]
     return starts, sizes
 
 
