@@ -21,6 +21,7 @@ from ros_visualise.pipelines import (
 )
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
@@ -35,7 +36,18 @@ def graph_of(args: Namespace) -> Graph:
         OpenError: the source, a node's file or the file of parameters cannot be opened.
         UsageError: an option asks for what is not there.
     """
-    graph = _GRAPHS[args.command](args)
+    with ExitStack() as undo:
+        if args.command in _RECORDED:
+            recording = undo.enter_context(closing(open_recording(args.input)))
+            graph = _recording(recording, args)
+        else:
+            graph = _GRAPHS[args.command](args)
+        graph = _with_options(graph, args)
+        undo.pop_all()  # the recording is the graph's now
+        return graph
+
+
+def _with_options(graph: Graph, args: Namespace) -> Graph:
     last = "filters"
     for text in args.node:
         wanted = parse_insertion(text)
@@ -92,27 +104,22 @@ def _camera(args: Namespace) -> Graph:
     return image_pipeline("camera", uri=args.input, **_size(args))
 
 
-def _recording(args: Namespace) -> Graph:
-    with ExitStack() as undo:
-        recording = undo.enter_context(closing(open_recording(args.input)))
-        graph = recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
-        undo.pop_all()  # it is the graph's now
-        return graph
+def _recording(recording: Recording, args: Namespace) -> Graph:
+    return recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
 
 
+_RECORDED = ("bag", "kitti")
 _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
     "demo": _demo,
     "sim": _sim,
     "video": _video,
     "camera": _camera,
-    "bag": _recording,
-    "kitti": _recording,
 }
 
 
 def _configured(graph: Graph, settings: dict[str, dict[str, Any]], args: Namespace) -> Graph:
     is_there = any(node.name == _PATH for node in graph.nodes)
-    if _PATH in settings and not is_there and _GRAPHS[args.command] is _recording:
+    if _PATH in settings and not is_there and args.command in _RECORDED:
         raise UsageError(
             "no node 'path' here: name what it is to follow by --odom TOPIC, or two frames by"
             " --odom /tf:PARENT.CHILD"

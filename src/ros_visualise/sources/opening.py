@@ -111,6 +111,7 @@ def _open_file(path: Path) -> Recording:
 
 def _open_folder(path: Path) -> Recording:
     from ros_visualise.sources.kitti import find_whole, is_kitti, open_kitti
+    from ros_visualise.sources.recordings.rosbag1 import is_split_bag, open_rosbag1
     from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 
     if (path / METADATA).is_file():
@@ -120,6 +121,8 @@ def _open_folder(path: Path) -> Recording:
     found = _recordings_in(path)
     if found and _is_one_split_bag(found):
         return open_rosbag2(path)
+    if len(found) > 1 and is_split_bag(found):
+        return open_rosbag1(path)
     whole = None if found else find_whole(path)
     if whole is not None:
         raise OpenError(f"{path}: a part of a KITTI drive; give the whole: {whole}")

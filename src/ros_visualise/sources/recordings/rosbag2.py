@@ -6,8 +6,8 @@ import re
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import zstandard
 
@@ -19,6 +19,7 @@ from ros_visualise.sources.recordings.mcap_file import McapFile
 from ros_visualise.sources.recordings.merging import MergedRecording
 from ros_visualise.sources.recordings.metadata import METADATA, Metadata, read_metadata
 from ros_visualise.sources.recordings.schemas import Schemas
+from ros_visualise.sources.recordings.split_files import missing_parts, natural, open_storages
 from ros_visualise.sources.recordings.sqlite_file import SqliteFile
 from ros_visualise.sources.recordings.storage import Storage, add_note
 
@@ -45,7 +46,9 @@ def open_rosbag2(path: Path) -> Recording:
     else:
         metadata, files = Metadata(), [path]
     with ExitStack() as stack:
-        storages = _open_files(path, files, loss, stack)
+        storages: Sequence[Storage] = open_storages(
+            path, files, partial(_open_file, stack), loss, stack
+        )
         packed = metadata.compression_mode == "message"
         if packed or metadata.compression_mode is None:
             storages = [CompressedMessages(storage, loss, packed) for storage in storages]
@@ -66,7 +69,7 @@ def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
             add_note(loss, f"{name} is missing")
     if len(found) < len(names) or not names:
         found += _others(folder, found)
-    for name in _left_out(found) if not names else ():
+    for name in missing_parts(found) if not names else ():
         add_note(loss, f"{name} is missing")
     if not found:
         raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
@@ -77,20 +80,7 @@ def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
     kinds = {_kind(file) for file in named} or _FILES.keys()
     there = {item for item in folder.iterdir() if item.is_file() and _kind(item) in kinds}
     packed_twins = {f for f in there if f.suffix == _PACKED and f.with_suffix("") in there}
-    return sorted(there - packed_twins - set(named), key=_natural)
-
-
-def _left_out(files: Sequence[Path]) -> list[str]:
-    """The names between those of a bag that was split: ``bag_1.db3`` of ``bag_0`` and ``bag_2``."""
-    parts = [re.fullmatch(r"(.*_)(\d+)(\..*)", file.name) for file in files]
-    numbers = {(part[1], part[3], int(part[2])) for part in parts if part}
-    if len(numbers) < len(files) or len({number[:2] for number in numbers}) != 1:
-        return []
-    [(stem, suffix, _), *_] = numbers
-    last = max(number for *_, number in numbers)
-    if last >= 2 * len(files):  # these count something else, such as days
-        return []
-    return [f"{stem}{n}{suffix}" for n in range(last) if (stem, suffix, n) not in numbers]
+    return sorted(there - packed_twins - set(named), key=natural)
 
 
 def _kind(file: Path) -> str:
@@ -98,37 +88,12 @@ def _kind(file: Path) -> str:
     return (file.with_suffix("") if file.suffix == _PACKED else file).suffix
 
 
-def _natural(file: Path) -> list[Any]:
-    """Orders ``bag_10`` after ``bag_9``."""
-    return [
-        (int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)
-    ]
-
-
-def _open_files(
-    path: Path, files: Sequence[Path], loss: Loss, stack: ExitStack
-) -> Sequence[Storage]:
-    schemas = Schemas()
-    storages: list[Storage] = []
-    failures: list[str] = []
-    for file in files:
-        label = "" if file == path else f"{file.name}: "
-        unpacked = file
-        try:
-            if file.suffix == _PACKED:
-                unpacked = _unpack(file, loss, stack)
-            storage = _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss, label)
-        except OpenError as error:
-            why = str(error).replace(f"{unpacked}: ", f"{file}: ")
-            failures.append(why)
-            add_note(loss, why.replace(f"{file}: ", f"{file.name}: "))
-            loss.bytes += file.stat().st_size
-        else:
-            stack.callback(storage.close)
-            storages.append(storage)
-    if not storages:
-        raise OpenError(failures[0])
-    return storages
+def _open_file(stack: ExitStack, file: Path, schemas: Schemas, loss: Loss, label: str) -> Storage:
+    unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
+    try:
+        return _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss, label)
+    except OpenError as error:
+        raise OpenError(str(error).replace(f"{unpacked}: ", f"{file}: ")) from None
 
 
 def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
