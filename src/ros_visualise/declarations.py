@@ -37,7 +37,8 @@ class NodeType:
     same message and parameters always give the same answer; ``actions`` are the names of its
     actions, and what each does. ``stepped`` are the inputs whose messages its step is given, and
     ``join`` is how they come together; ``frames`` where it is also given the frames that there are,
-    which come by the inputs of `TRANSFORMS`.
+    which come by the inputs of `TRANSFORMS`. ``calibrated`` where its images are to come with their
+    calibration, also on a graph on which that is a topic of its own.
     """
 
     name: str
@@ -55,6 +56,7 @@ class NodeType:
     stepped: Mapping[str, type[Message]] = field(default_factory=dict)
     join: Join = EACH
     frames: bool = False
+    calibrated: bool = False
 
 
 @dataclass(frozen=True)
@@ -142,6 +144,7 @@ def node(
     timed: bool = False,
     join: Join = EACH,
     frames: bool = False,
+    calibrated: bool = False,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
 
@@ -178,6 +181,7 @@ def node(
             stepped=inputs,
             join=join,
             frames=frames,
+            calibrated=calibrated,
         )
         return target
 

@@ -30,7 +30,9 @@ nearest; ``Latest("image")``, each image with the latest of the others. Without 
 comes alone, so that ``step`` has a default for each of them. Messages that come into no step are
 counted. With ``frames`` the step is also given a `ros_visualise.geometry.frames.FrameTree`, by
 ``/tf`` and ``/tf_static`` as they were known then; a message waits for the transforms of its time,
-half a second at most. A step that ends with NoTransform costs that message.
+half a second at most. A step that ends with NoTransform costs that message. Declared
+``calibrated``, a node gets images with their ``camera_info``, wherever that travels; of an
+uncalibrated camera that is None.
 
 ``step``, ``tick``, ``finish`` and actions answer with the message of its only output, with a dict
 of output name to message, or with None: nothing for this one.

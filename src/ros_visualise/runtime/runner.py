@@ -9,6 +9,7 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from ros_visualise.data import Image
 from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
@@ -43,6 +44,7 @@ class NodeRunner:
         self._state = node.type.make(parameters.current)
         self._epoch: int | None = None  # of the last message
         self._said: set[tuple[type, str, int | None]] = set()
+        self._uncalibrated: set[str] = set()  # inputs of which it was said
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
 
@@ -58,6 +60,8 @@ class NodeRunner:
             return NOTHING
         try:
             messages = {one.port: self._content(one) for one in packets}
+            if self._type.calibrated:
+                self._tell_if_uncalibrated(messages)
             with self._at_state:
                 self._reset_if_time_jumped(packet)
                 outputs = self._by_output(self._ask(packet, messages))
@@ -117,6 +121,15 @@ class NodeRunner:
         except DamagedMessage as error:
             self._say(error, self.node.inputs[packet.port])
             raise
+
+    def _tell_if_uncalibrated(self, messages: Mapping[str, Any]) -> None:
+        """Say once of an input that its images have no calibration; the node goes on without."""
+        for port, message in messages.items():
+            is_new = port not in self._uncalibrated
+            if is_new and isinstance(message, Image) and message.camera_info is None:
+                self._uncalibrated.add(port)
+                what = "%s: the images on %s come without a calibration (said once)"
+                log.warning(what, self.node.name, self.node.inputs[port])
 
     def _ask(self, packet: Packet, messages: Mapping[str, Any]) -> Any:
         given = {**messages, "params": self._parameters.current}

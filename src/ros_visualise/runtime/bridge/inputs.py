@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,6 +21,7 @@ Feed = Callable[[Any], None]
 """Takes the messages of one topic."""
 
 _SAY_AGAIN_S = 10.0
+_INFO_WAIT_S = 1.0  # of the first image for its calibration
 _LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
 
 
@@ -72,6 +74,7 @@ class ImageInput(Input):
         feed: takes them.
         compressed: subscribe to ``<name>/compressed`` instead.
         wait_for_room: returns when there is time for another image.
+        calibrated: they always come with their calibration; the first one waits for it a while.
     """
 
     def __init__(
@@ -82,17 +85,23 @@ class ImageInput(Input):
         feed: Feed,
         compressed: bool,
         wait_for_room: Callable[[], None] = lambda: None,
+        calibrated: bool = False,
     ) -> None:
         self._middleware = middleware
+        self._calibrated = calibrated
+        self._awaits_info = calibrated
+        self._got_info = threading.Event()
         self._wait_for_room = wait_for_room
         self._info_name = info_topic(resolved)
         self._info_subscriber: Handle | None = None
         self._info: CameraInfo | None = None
+        self.want_info(calibrated)
         topic = f"{resolved}/compressed" if compressed else name
         super().__init__(middleware, topic, CompressedImage if compressed else Image, feed)
 
     def want_info(self, wanted: bool) -> None:
-        """Subscribe to the calibration, or no longer."""
+        """Subscribe to the calibration, or no longer, unless it is always wanted."""
+        wanted = wanted or self._calibrated
         if wanted and self._info_subscriber is None:
             self._info_subscriber = self._middleware.subscribe(
                 self._info_name, CameraInfo, self._take_info, self._refuse
@@ -103,8 +112,10 @@ class ImageInput(Input):
 
     def close(self) -> None:
         """End it."""
-        self.want_info(False)
+        self._got_info.set()
         super().close()
+        self._calibrated = False
+        self.want_info(False)
 
     def _take(self, message: Image | CompressedImage) -> None:
         """Feed an image; the next large one is read when there is time for it.
@@ -112,6 +123,9 @@ class ImageInput(Input):
         What has to be left out is then left out where it is published, before it is sent. Small
         ones are read all the same: the sockets would keep many of them, and so grow them old.
         """
+        if self._awaits_info:
+            self._got_info.wait(_INFO_WAIT_S)
+            self._awaits_info = False
         try:
             super()._take(self._with_info(message))
         except ValueError as error:
@@ -128,3 +142,4 @@ class ImageInput(Input):
 
     def _take_info(self, info: CameraInfo) -> None:
         self._info = info if info.K.any() else None  # all zero: not calibrated
+        self._got_info.set()

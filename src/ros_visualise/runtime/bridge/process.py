@@ -151,7 +151,10 @@ class Process:
         declared, feed = self._declared[name], partial(self.runtime.publish, name)
         if kind is Image:
             wait = partial(self._wait_for_room, name)
-            return ImageInput(self._middleware, declared, name, feed, self._compressed, wait)
+            calibrated = any(node.type.calibrated for node in self._graph.nodes)
+            return ImageInput(
+                self._middleware, declared, name, feed, self._compressed, wait, calibrated
+            )
         return Input(self._middleware, declared, kind, feed)
 
     def _wait_for_room(self, name: str) -> None:
