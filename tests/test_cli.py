@@ -12,6 +12,8 @@ import av
 import numpy as np
 import pytest
 
+from ros_visualise.nodes import find
+
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 QUICK = ["--view", "none", "--rate", "0"]
 
@@ -168,9 +170,12 @@ def test_nodes_lists_every_parameter_with_its_range():
     low = nodes["edge_detector"]["params"]["low"]
     assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 200, 0, 800)
     assert nodes["fps_control"]["outputs"] == {"image": "sensor_msgs/msg/Image"}
+    assert nodes["path"]["actions"] == {"clear": find("path").actions["clear"]}
     text = run("nodes")
     assert text.returncode == 0
     assert "int 0 to 800" in text.stdout
+    assert "int 0 to 2147483647" in text.stdout
+    assert f"  actions: clear ({find('path').actions['clear']})" in text.stdout
 
 
 @pytest.mark.parametrize("name", ["", ".ext", " with space.mp4", "ümlaut.mp4", "2021-x.mp4", "a:b"])

@@ -94,32 +94,37 @@ def _add_playing(commands: Any) -> None:
     add_playing_options(playing)
     playing.set_defaults(module="play")
     demo = commands.add_parser(
-        "demo", parents=[playing], help="a quadrotor over a field, with nothing to hand"
+        "demo", parents=[playing], help="play a simulated quadrotor: the quickest way to see it all"
     )
     demo.add_argument(
         "scene",
         nargs="?",
         choices=("quadrotor", "husky", "landscape"),
-        help="a simulated robot, or a drawn landscape, which needs no MuJoCo",
+        help="which robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
     )
-    sim = commands.add_parser("sim", parents=[playing], help="a simulated robot")
-    sim.add_argument("robot", help="husky or quadrotor")
-    sim.add_argument("--world", default="field", help="plane, playpen or field (%(default)s)")
+    sim = commands.add_parser("sim", parents=[playing], help="play a simulated robot")
+    sim.add_argument("robot", metavar="ROBOT", help="husky or quadrotor")
+    sim.add_argument(
+        "--world", default="field", help="plane, playpen or field (default: %(default)s)"
+    )
     sim.add_argument(
         "--mission",
         metavar="SHAPE|FILE",
-        help="square, figure_of_eight, lawn_mower, default, or a YAML file",
+        help="what the robot is to do: square, figure_of_eight, lawn_mower, default or a YAML file"
+        " (default: wait for commands)",
     )
-    sim.add_argument("--seed", type=seed, default=0, help="of all random errors (%(default)s)")
-    video = commands.add_parser("video", parents=[playing], help="a video file")
-    video.add_argument("input", metavar="FILE")
-    camera = commands.add_parser("camera", parents=[playing], help="a camera")
+    sim.add_argument(
+        "--seed", type=seed, default=0, help="seed of all random errors (default: %(default)s)"
+    )
+    video = commands.add_parser("video", parents=[playing], help="play a video file")
+    video.add_argument("input", metavar="FILE", help="any video that FFmpeg can read")
+    camera = commands.add_parser("camera", parents=[playing], help="show a live camera")
     camera.add_argument(
         "input",
         metavar="DEVICE|URL|test",
         nargs="?",
         default="0",
-        help="a device by path or number (default: 0), a stream's URL, or a test pattern",
+        help="path or number of a device (default: 0), URL of a stream, or test for a test pattern",
     )
     for command in (demo, sim, video, camera):
         command.add_argument(
@@ -132,11 +137,15 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
     bag = commands.add_parser(
         "bag",
         parents=[playing],
-        help="a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .SRT)",
+        help="play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .SRT)",
     )
-    bag.add_argument("input", metavar="PATH")
-    kitti = commands.add_parser("kitti", parents=[playing], help="a drive of the KITTI data set")
-    kitti.add_argument("input", metavar="DIR")
+    bag.add_argument("input", metavar="PATH", help="the recording")
+    kitti = commands.add_parser(
+        "kitti", parents=[playing], help="play a drive of the KITTI data set"
+    )
+    kitti.add_argument(
+        "input", metavar="DIR", help="folder of a drive, or of a date with one drive"
+    )
     for command in (bag, kitti):
         command.add_argument(
             "--topics",
@@ -144,83 +153,95 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
             nargs="+",
             default=[],
             metavar="TOPIC",
-            help="play these alone",
+            help="play only these topics",
         )
         command.add_argument(
             "--image",
             metavar="TOPIC|none",
-            help="images for the nodes (default: the first in gray or colours)",
+            help="topic whose images go through the nodes (default: the first in gray or colour)",
         )
         command.add_argument(
             "--odom",
             metavar="TOPIC|none",
-            help="what the path is made of (default: the first); /tf:PARENT.CHILD for two frames",
+            help="topic that the path is drawn from (default: the first odometry), or two frames as"
+            " /tf:PARENT.CHILD",
         )
 
 
 def _add_asking(commands: Any) -> None:
-    info = commands.add_parser("info", help="what a file holds")
+    info = commands.add_parser("info", help="tell what a file holds")
     info.set_defaults(module="info")
-    info.add_argument("input", metavar="FILE")
+    info.add_argument("input", metavar="FILE", help="a recording or a video")
     info.add_argument(
-        "--check", action="store_true", help="read all of it, and tell what of it is lost"
+        "--check", action="store_true", help="read the whole file, and tell what cannot be read"
     )
-    info.add_argument("--json", action="store_true", help="as one JSON object")
+    info.add_argument("--json", action="store_true", help="print it as one JSON object")
     add_memory_option(info)
     _add_convert(commands)
     _add_trajectory(commands)
-    nodes = commands.add_parser("nodes", help="every node, its topics and its parameters")
+    nodes = commands.add_parser(
+        "nodes", help="list all nodes with their topics, actions and parameters"
+    )
     nodes.set_defaults(module="nodes")
-    nodes.add_argument("--json", action="store_true", help="as one JSON object")
+    nodes.add_argument("--json", action="store_true", help="print it as one JSON object")
 
 
 def _add_convert(commands: Any) -> None:
-    convert = commands.add_parser("convert", help="a recording in another format, or a part of it")
+    convert = commands.add_parser("convert", help="write a recording, or a part, in another format")
     convert.set_defaults(module="convert")
-    convert.add_argument("input", metavar="SRC", help="a recording of any kind")
+    convert.add_argument("input", metavar="SRC", help="the recording, of any kind")
     convert.add_argument(
-        "output", metavar="DST", help=".bag, .mcap, or a name without these for a ROS 2 folder"
+        "output", metavar="DST", help="the new file, .bag or .mcap; without either: a ROS 2 folder"
     )
     convert.add_argument(
-        "--topics", action="extend", nargs="+", default=[], metavar="TOPIC", help="these alone"
+        "--topics",
+        action="extend",
+        nargs="+",
+        default=[],
+        metavar="TOPIC",
+        help="only these topics",
     )
     convert.add_argument(
-        "--start", type=not_negative, metavar="S", help="begin at this time, seconds"
+        "--start", type=not_negative, metavar="S", help="begin so many seconds after the start"
     )
-    convert.add_argument("--duration", type=positive, metavar="S", help="so many seconds")
+    convert.add_argument("--duration", type=positive, metavar="S", help="take only so many seconds")
     convert.add_argument(
         "--compression",
         choices=("auto", "none", "lz4", "bz2", "zstd"),
-        help="a .bag: none (default), lz4, bz2; .mcap and ROS 2: auto (default: small messages by"
-        " zstd, images by lz4), none, lz4, zstd",
+        help="of a .bag: none (default), lz4, bz2; of .mcap and ROS 2: auto (default: zstd for"
+        " small messages, lz4 for images), none, lz4, zstd",
     )
     convert.add_argument(
         "--profile",
         choices=("ros1", "ros2"),
-        help="types of an .mcap: of ROS 2 (default), or ROS 1, which keeps a .bag's bytes",
+        help="message types of an .mcap: ros2 (default), or ros1, which keeps a .bag's bytes",
     )
     convert.add_argument("--overwrite", action="store_true", help="replace DST if it exists")
-    convert.add_argument("--json", action="store_true", help="say what it is as one JSON object")
+    convert.add_argument("--json", action="store_true", help="print a report as one JSON object")
     add_memory_option(convert)
 
 
 def _add_trajectory(commands: Any) -> None:
-    way = commands.add_parser(
-        "trajectory", help="the way that something went, as a text file and a picture"
+    trajectory = commands.add_parser(
+        "trajectory", help="write poses as a text file for evo, and draw them"
     )
-    way.set_defaults(module="trajectory")
-    way.add_argument("input", metavar="SRC", help="a recording of any kind")
-    way.add_argument("output", metavar="OUT", type=Path)
-    way.add_argument(
-        "--topic", help="of poses, odometry, fixes or a path; /tf:PARENT.CHILD for two frames"
+    trajectory.set_defaults(module="trajectory")
+    trajectory.add_argument("input", metavar="SRC", help="the recording, of any kind")
+    trajectory.add_argument("output", metavar="OUT", type=Path, help="the text file")
+    trajectory.add_argument(
+        "--topic",
+        help="topic of the poses, odometry, fixes or path, or two frames as /tf:PARENT.CHILD",
     )
-    way.add_argument(
-        "--format", choices=("tum", "kitti"), default="tum", help="of OUT (%(default)s)"
+    trajectory.add_argument(
+        "--format",
+        choices=("tum", "kitti"),
+        default="tum",
+        help="format of OUT (default: %(default)s)",
     )
-    way.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
-    way.add_argument("--overwrite", action="store_true", help="replace files that exist")
-    way.add_argument("--json", action="store_true", help="say what it is as one JSON object")
-    add_memory_option(way)
+    trajectory.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
+    trajectory.add_argument("--overwrite", action="store_true", help="replace existing files")
+    trajectory.add_argument("--json", action="store_true", help="print a report as one JSON object")
+    add_memory_option(trajectory)
 
 
 class _Version(argparse.Action):

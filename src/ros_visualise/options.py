@@ -57,7 +57,7 @@ def add_memory_option(parser: ArgumentParser) -> None:
         type=_memory,
         default=DEFAULT_MEMORY,
         metavar="SIZE",
-        help=f"how much memory a small input may take, as 4G ({DEFAULT_MEMORY >> 30}G)",
+        help=f"memory that one input may take, such as 4G (default: {DEFAULT_MEMORY >> 30}G)",
     )
 
 
@@ -76,16 +76,22 @@ def _add_viewing(parser: ArgumentParser) -> None:
         "--view",
         choices=("web", "windows", "none"),
         default="web",
-        help="the page (default), OpenCV windows, or neither",
+        help="show a web page (default), OpenCV windows, or nothing",
     )
-    group.add_argument("--host", default="127.0.0.1", help="where the page listens (%(default)s)")
-    group.add_argument("--port", type=_port, default=8080, help="of the page (%(default)s)")
+    group.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="address that the page listens on (default: %(default)s)",
+    )
+    group.add_argument(
+        "--port", type=_port, default=8080, help="port of the page (default: %(default)s)"
+    )
     group.add_argument(
         "--allow-origin",
         action="append",
         default=[],
         metavar="SITE",
-        help="a site whose pages may use this one, as https://robot.example.org; repeatable",
+        help="allow this web site to use the page, such as https://robot.example.org; repeatable",
     )
 
 
@@ -94,14 +100,14 @@ def _add_pace(parser: ArgumentParser) -> None:
     group.add_argument(
         "--rate",
         type=_rate,
-        help=f"speed (1), up to {MAX_RATE}; 0: as fast as it goes, lossless",
+        help=f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
     )
-    group.add_argument("--loop", action="store_true", help="start over at the end")
+    group.add_argument("--loop", action="store_true", help="start again at the end")
     group.add_argument(
-        "--start", type=not_negative, metavar="S", help="begin at this time, seconds"
+        "--start", type=not_negative, metavar="S", help="begin so many seconds after the start"
     )
-    group.add_argument("--duration", type=positive, metavar="S", help="end after so many seconds")
-    group.add_argument("--frames", type=_count, metavar="N", help="end after so many frames")
+    group.add_argument("--duration", type=positive, metavar="S", help="stop after so many seconds")
+    group.add_argument("--frames", type=_count, metavar="N", help="stop after so many frames")
 
 
 def _add_nodes(parser: ArgumentParser) -> None:
@@ -111,15 +117,17 @@ def _add_nodes(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NODE.PARAM=VALUE",
-        help="start with this value; see `ros-visualise nodes`; repeatable",
+        help="value of a parameter; `ros-visualise nodes` lists them; repeatable",
     )
-    group.add_argument("--params", type=Path, metavar="FILE.yaml", help="values from a file")
+    group.add_argument(
+        "--params", type=Path, metavar="FILE.yaml", help="values of parameters from a file"
+    )
     group.add_argument(
         "--node",
         action="append",
         default=[],
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
-        help="insert a node, `rectify` or your own as FILE.py:NAME, after `filters` unless it says;"
+        help="insert a node, a built-in one or your own as FILE.py:NAME, by default after filters;"
         " repeatable",
     )
 
@@ -131,21 +139,21 @@ def _add_output(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OUT[@TOPIC,...]",
-        help="record to .mcap, .bag or a ROS 2 folder, or one image topic to .mp4 (default:"
-        " /edges); repeatable",
+        help="record to an .mcap, .bag or ROS 2 folder, or one topic of images to an .mp4"
+        " (default: /edges); repeatable",
     )
     group.add_argument(
         "--record-dir",
         type=_folder,
         default=Path(),
         metavar="DIR",
-        help="where the page records to (default: the current folder)",
+        help="folder that the page records into (default: the current one)",
     )
     group.add_argument(
         "--overwrite",
         action="store_true",
-        help="replace recordings that exist, each when its new one is whole",
+        help="replace existing recordings, each as soon as the new one is complete",
     )
     group.add_argument(
-        "--json", action="store_true", help="print the run report as JSON at the end"
+        "--json", action="store_true", help="print a report of the run as JSON at the end"
     )

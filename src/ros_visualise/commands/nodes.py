@@ -1,4 +1,4 @@
-"""``nodes``: every node, its topics and its parameters."""
+"""``nodes``: every node with its topics, actions and parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ros_visualise.printing import answer
 
 
 def run(args: Namespace) -> int:
-    """Print every node, its topics and its parameters."""
+    """Print every node with its topics, actions and parameters."""
     described = {found.name: _describe(found) for found in registry.find_all()}
     answer([json.dumps(described)] if args.json else _lines(described))
     return 0
@@ -24,9 +24,9 @@ def run(args: Namespace) -> int:
 def _lines(described: dict[str, Any]) -> Iterator[str]:
     for name, node in described.items():
         yield f"{name}: {node['doc']}"
-        for way in ("inputs", "outputs"):
-            if node[way]:
-                yield f"  {way}: " + ", ".join(f"{p} ({t})" for p, t in node[way].items())
+        for side in ("inputs", "outputs", "actions"):
+            if node[side]:
+                yield f"  {side}: " + ", ".join(f"{n} ({what})" for n, what in node[side].items())
         for param, about in node["params"].items():
             yield f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}"
         yield ""
@@ -38,6 +38,7 @@ def _describe(found: NodeType | SourceType) -> dict[str, Any]:
         "source": isinstance(found, SourceType),
         "inputs": {port: type_name(kind) for port, kind in found.inputs.items()},
         "outputs": {port: type_name(kind) for port, kind in found.outputs.items()},
+        "actions": dict(found.actions),
         "params": {spec.name: _describe_param(spec) for spec in specs(found.params)},
     }
 
@@ -57,5 +58,9 @@ def _allowed(about: dict[str, Any]) -> str:
     if about["choices"]:
         return ", ".join(about["choices"])
     if about["min"] is not None and about["max"] is not None:
-        return f"{about['type']} {about['min']:g} to {about['max']:g}"
+        return f"{about['type']} {_told(about['min'])} to {_told(about['max'])}"
     return str(about["type"])
+
+
+def _told(number: float) -> str:
+    return str(number) if isinstance(number, int) else f"{number:g}"

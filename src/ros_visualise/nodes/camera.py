@@ -19,15 +19,25 @@ from ros_visualise.sources.video_pixels import parse_size
 class CameraParams:
     """Which camera, and how."""
 
-    uri: str = param("0", "device (/dev/video0 or 0), URL, test, or lavfi:GRAPH", restart=True)
-    size: str = param("", "WIDTHxHEIGHT; empty leaves it to the camera", restart=True)
-    fps: float = param(0.0, "frame rate to ask a device for; 0 is its own", min=0, restart=True)
-    timeout: float = param(
-        2.0, "seconds without an image until it is reopened", min=0.1, max=60, restart=True
+    uri: str = param(
+        "0", "device (/dev/video0 or 0), URL, test (a test pattern), or lavfi:GRAPH", restart=True
     )
-    frame_id: str = param("camera_optical", "frame of the images", restart=True)
+    size: str = param(
+        "", "size of the images, WIDTHxHEIGHT; empty leaves it to the camera", restart=True
+    )
+    fps: float = param(
+        0.0, "frame rate to ask the camera for; 0 leaves it to the camera", min=0, restart=True
+    )
+    timeout: float = param(
+        2.0,
+        "seconds without an image after which the camera is reopened",
+        min=0.1,
+        max=60,
+        restart=True,
+    )
+    frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
-        "", "the camera's calibration: a YAML file of ROS, by path or file:///PATH", restart=True
+        "", "calibration of the camera, a YAML file of ROS: a path or file:///PATH", restart=True
     )
 
 

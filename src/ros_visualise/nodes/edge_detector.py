@@ -29,32 +29,36 @@ class EdgeParams:
 
     method: Method = param(
         Method.CANNY,
-        "canny: thin lines; the others: edge strength, black at low to white at high",
+        "canny gives thin lines; the others give edge strength, black at low to white at high",
         group="method",
     )
     low: int = param(
         200,
-        "lower (hysteresis) threshold, for 16 bits scaled to 8; swapped if above high",
+        "lower threshold of the hysteresis; of 16-bit images at 8 bits; swapped if above high",
         min=0,
         max=800,
     )
-    high: int = param(300, "upper (hysteresis) threshold", min=0, max=800)
+    high: int = param(300, "upper threshold of the hysteresis", min=0, max=800)
     auto: bool = param(
         False,
-        "find both from the image: low by Otsu's method on its gradient, high twice that",
+        "choose low and high from the image: low by Otsu's method on the gradient, high twice that",
         group="method",
     )
     aperture: Aperture = param(
         Aperture.THREE,
-        "kernel size; canny's gradient, so its thresholds, grow with it",
+        "size of the kernel; with a larger one canny's gradients, so its thresholds too, "
+        "are larger",
         group="method",
     )
     l2_gradient: bool = param(
-        False, "canny: compare the Euclidean norm of the gradient, not |dx| + |dy|", group="method"
+        False,
+        "canny: use the gradient's Euclidean norm, which is more exact, not |dx| + |dy|",
+        group="method",
     )
     sigma: float = param(
         0.0,
-        "Gaussian blur before, in pixels; 0 is off; makes laplacian that of a Gaussian",
+        "Gaussian blur before the edges (standard deviation), pixels; 0 is off; with "
+        "laplacian: LoG",
         min=0,
         max=20,
         slider=(0, 5),
@@ -62,7 +66,7 @@ class EdgeParams:
     )
     min_gradient: int = param(
         0,
-        "an edge stays only where the gradient's Euclidean norm exceeds this; 0 is off",
+        "keep an edge only where the gradient's Euclidean norm is larger than this; 0 is off",
         min=0,
         max=800,
         group="method",
@@ -80,7 +84,7 @@ class EdgeParams:
     on_demand=("edges_overlay",),
 )
 def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
-    """Edges of an image (mono8) and, made when it is read, the image with them drawn over it."""
+    """Detects edges (mono8) and, if somebody wants it, draws them over the image."""
     color.refuse_measurements(image.encoding)
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(

@@ -25,7 +25,7 @@ class FiltersParams:
 
     demosaic: bool = param(
         True,
-        "make colour of Bayer mosaics, which no other filter takes; only they are touched",
+        "turn Bayer mosaics into colour images; other images stay as they are",
         group="size",
     )
     scale: float = param(
@@ -33,7 +33,7 @@ class FiltersParams:
     )
     width: int = param(
         0,
-        "resize to this width in pixels; 0 follows from height or scale",
+        "resize to this width, pixels; 0 takes it from height or scale",
         min=0,
         max=16384,
         slider=(0, 3840),
@@ -41,75 +41,83 @@ class FiltersParams:
     )
     height: int = param(
         0,
-        "resize to this height in pixels; 0 follows from width or scale",
+        "resize to this height, pixels; 0 takes it from width or scale",
         min=0,
         max=16384,
         slider=(0, 2160),
         group="size",
     )
     flip: Flip = param(
-        Flip.OFF, "mirror left-right (horizontal), top-bottom (vertical) or both", group="size"
+        Flip.OFF,
+        "mirror left to right (horizontal), top to bottom (vertical), or both",
+        group="size",
     )
-    gray: bool = param(True, "make gray of colour: 0.299 R + 0.587 G + 0.114 B")
+    gray: bool = param(True, "convert colour to gray: 0.299 R + 0.587 G + 0.114 B")
     blur: Blur = param(
-        Blur.OFF, "smooth; a median above size 5 reduces 16-bit images to 256 levels", group="blur"
+        Blur.OFF,
+        "smooth the image; median above size 5 reduces 16-bit images to 256 levels",
+        group="blur",
     )
     blur_size: int = param(
         5,
-        "width of the blur's window in pixels; even counts as the next odd",
+        "width of the blur's window, pixels; an even number counts as the next odd one",
         min=1,
         max=31,
         group="blur",
     )
     blur_sigma: float = param(
         0.0,
-        "standard deviation in pixels of gaussian and bilateral; 0 takes it from the size",
+        "gaussian and bilateral: standard deviation, pixels; 0 takes it from the size",
         min=0,
         max=20,
         group="blur",
     )
     bilateral_color: float = param(
         50.0,
-        "bilateral: difference of values that still mixes (x 257 at 16 bits)",
+        "bilateral: values that differ by more are hardly mixed (x 257 at 16 bits)",
         min=1,
         max=255,
         group="blur",
     )
     contrast: float = param(
-        1.0, "contrast x value + brightness; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
+        1.0, "multiply each value by this; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
     )
     brightness: int = param(
         0,
-        "contrast x value + brightness (x 257 at 16 bits); 0 is off",
+        "add this to each value (x 257 at 16 bits); 0 is off",
         min=-255,
         max=255,
         group="tone",
     )
     equalize: Equalize = param(
         Equalize.OFF,
-        "spread the histogram: global, or clahe in tiles; of colour the luma",
+        "spread the histogram: global, or clahe (in tiles); of colours only the brightness",
         group="tone",
     )
     clahe_clip: float = param(
-        2.0, "clahe: contrast limit; 0 is none", min=0, max=100, slider=(0, 10), group="tone"
+        2.0, "clahe: contrast limit; 0 is no limit", min=0, max=100, slider=(0, 10), group="tone"
     )
     clahe_tiles: int = param(
-        8, "clahe: tiles along each side", min=1, max=64, slider=(1, 16), group="tone"
+        8, "clahe: number of tiles along each side", min=1, max=64, slider=(1, 16), group="tone"
     )
     sharpen: float = param(
-        0.0, "amount of the unsharp mask; 0 is off", min=0, max=10, group="sharpen"
+        0.0, "strength of the unsharp mask; 0 is off", min=0, max=10, group="sharpen"
     )
     sharpen_sigma: float = param(
-        1.5, "sharpen: standard deviation of its blur in pixels", min=0.1, max=20, group="sharpen"
+        1.5,
+        "sharpen: standard deviation of the mask's blur, pixels",
+        min=0.1,
+        max=20,
+        group="sharpen",
     )
     hsv: HsvMode = param(
         HsvMode.OFF,
-        "choose colours by range: keep them, others black, or a mask; needs gray=false",
+        "select a range of colours: keep them and make others black, or mask; needs gray=false",
         group="hsv",
     )
     hue_min: int = param(
         0,
-        "lowest hue, degrees / 2; above hue_max it reaches through red",
+        "lowest hue, degrees / 2; if above hue_max, the range goes through red",
         min=0,
         max=179,
         group="hsv",
@@ -118,23 +126,23 @@ class FiltersParams:
     saturation_min: int = param(0, "lowest saturation", min=0, max=255, group="hsv")
     saturation_max: int = param(255, "highest saturation", min=0, max=255, group="hsv")
     value_min: int = param(
-        0, "lowest value (brightness); 16 bit is compared at 8", min=0, max=255, group="hsv"
+        0, "lowest value (brightness); of 16-bit images at 8 bits", min=0, max=255, group="hsv"
     )
     value_max: int = param(255, "highest value (brightness)", min=0, max=255, group="hsv")
     threshold_mode: Threshold = param(
         Threshold.TRUNCATE,
-        "what the threshold does; otsu and adaptive make gray of colour",
+        "apply a threshold; otsu and adaptive convert colour to gray",
         group="threshold mode",
     )
     threshold: int = param(
         128,
-        "threshold of each channel (x 257 at 16 bits); otsu and adaptive find their own",
+        "the threshold for each channel (x 257 at 16 bits); otsu and adaptive choose their own",
         min=0,
         max=255,
     )
     adaptive_size: int = param(
         11,
-        "adaptive: width of the window in pixels; even counts as the next odd",
+        "adaptive: width of the window, pixels; an even number counts as the next odd one",
         min=3,
         max=255,
         slider=(3, 51),
@@ -142,7 +150,7 @@ class FiltersParams:
     )
     adaptive_offset: float = param(
         2.0,
-        "adaptive: the threshold is the window's mean less this (x 257 at 16 bits)",
+        "adaptive: subtracted from the window's mean to give the threshold (x 257 at 16 bits)",
         min=-255,
         max=255,
         slider=(-50, 50),
@@ -152,11 +160,11 @@ class FiltersParams:
         Morphology.OFF, "change the shapes of bright areas", group="morphology"
     )
     morphology_shape: Shape = param(
-        Shape.RECT, "morphology: structuring element", group="morphology"
+        Shape.RECT, "morphology: shape of the structuring element", group="morphology"
     )
     morphology_size: int = param(
         3,
-        "morphology: its width in pixels; even counts as the next odd",
+        "morphology: width of the element, pixels; an even number counts as the next odd one",
         min=1,
         max=31,
         group="morphology",

@@ -1,4 +1,4 @@
-"""Rate control: lets the messages of a stream pass at a requested rate."""
+"""Rate control: lets the images of a stream pass at a requested rate."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class FpsParams:
     """Parameters of `FpsControl`."""
 
     fps: int = param(
-        30, "frames per second to let pass; 0 counts as 1", min=0, max=240, slider=(0, 30)
+        30, "frames per second that pass; 0 counts as 1", min=0, max=240, slider=(0, 30)
     )
-    enabled: bool = param(True, "control the rate; off lets every frame pass")
+    enabled: bool = param(True, "limit the rate; off lets every frame pass")
 
 
 @node(
@@ -30,9 +30,9 @@ class FpsParams:
     timed=True,
 )
 class FpsControl:
-    """Lets frames pass at a requested rate, going by their stamps; repeats and delays none.
+    """Limits images to a requested rate, by their stamps; it never repeats or delays one.
 
-    Where stamps are zero it goes by the times at which frames come.
+    Where stamps are zero, the times of arrival count.
     """
 
     def __init__(self, params: FpsParams) -> None:
@@ -41,7 +41,7 @@ class FpsControl:
         self._requested_hz: float | None = None
 
     def step(self, image: Image, params: FpsParams, arrival_ns: int) -> Image | None:
-        """The image itself, or None where the rate leaves it out."""
+        """The image itself, or None to leave it out."""
         self._requested_hz = max(params.fps, 1) if params.enabled else None
         if self._requested_hz is None:
             self._pacer.reset()
@@ -59,5 +59,5 @@ class FpsControl:
         return arrival_ns - self._first_arrival_ns
 
     def report(self) -> dict[str, Any]:
-        """What was asked for; None while everything passes."""
+        """The requested rate; None while every image passes."""
         return {"requested_hz": self._requested_hz}

@@ -12,7 +12,7 @@ from ros_visualise.sources.playback import Playback
 
 @dataclass(frozen=True)
 class HuskyNodeParams(ScenarioParams, HuskyParams):
-    """Where it is, what it is to do, and its sensors."""
+    """Its world and mission, and its sensors."""
 
 
 @source(

@@ -1,4 +1,4 @@
-"""The node that plays the program's own landscape."""
+"""The node that flies over a drawn landscape."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ros_visualise.sources.video_pixels import parse_size
 class LandscapeParams:
     """How the flight is shown."""
 
-    size: str = param("640x480", "size of the images, WIDTHxHEIGHT", restart=True)
-    frame_id: str = param("camera_optical", "frame of the images", restart=True)
+    size: str = param("640x480", "size of the images as WIDTHxHEIGHT, pixels", restart=True)
+    frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
 
 
 @source("landscape", params=LandscapeParams, outputs={"image": Image}, seamless=True)
 class Landscape:
-    """Fly over a landscape made by the program."""
+    """Fly over a drawn landscape; nothing else is needed."""
 
     def __init__(self, params: LandscapeParams, playback: Playback) -> None:
         self._params, self._playback = params, playback

@@ -1,4 +1,4 @@
-"""The path that a robot has gone."""
+"""The path of a robot."""
 
 from __future__ import annotations
 
@@ -34,23 +34,29 @@ class PathParams:
     """Parameters of `PathNode`."""
 
     min_distance: float = param(
-        0.05, "metres to the last pose from which on a pose is kept", min=0, max=100, slider=(0, 2)
+        0.05, "keep a pose this far from the last one, metres", min=0, max=100, slider=(0, 2)
     )
     min_angle: float = param(
-        5.0, "or degrees turned since then; 0 keeps every pose", min=0, max=180, slider=(0, 45)
+        5.0,
+        "keep a pose turned by so much since the last one, degrees; 0 keeps every pose",
+        min=0,
+        max=180,
+        slider=(0, 45),
     )
     max_poses: int = param(
         10_000,
-        "poses in the path; beyond it the oldest half is thinned, its shape kept",
+        "most poses in the path; beyond it the older half is thinned out, its shape kept",
         min=10,
         max=100_000,
         slider=(10, 20_000),
     )
     rate: float = param(
-        5.0, "paths per second at most, by the stamps; 0 is one for each pose", min=0, max=100
+        5.0, "paths per second at most, by the stamps; 0: one for each pose", min=0, max=100
     )
-    tf_parent: str = param("", "follow tf_child in this frame by tf, and no other input")
-    tf_child: str = param("", "the frame to follow by tf; none: follow the other inputs")
+    tf_parent: str = param(
+        "", "follow tf_child in this frame, by tf; leave both empty to follow the other inputs"
+    )
+    tf_child: str = param("", "frame to follow by tf; leave it empty to follow the other inputs")
 
 
 @node(
@@ -69,7 +75,7 @@ class PathParams:
     timed=True,
 )
 class PathNode:
-    """The path that a robot has gone, begun anew when time jumps or the frame changes.
+    """The path of a robot; it begins anew when time jumps or the frame changes.
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.

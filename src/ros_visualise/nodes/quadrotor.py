@@ -13,7 +13,7 @@ from ros_visualise.sources.playback import Playback
 
 @dataclass(frozen=True)
 class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
-    """Where it is, what it is to do, and its sensors."""
+    """Its world and mission, and its sensors."""
 
 
 @source(
@@ -26,7 +26,7 @@ class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
     velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),
 )
 class Quadrotor(SimulatedRobot):
-    """A simulated quadrotor that looks down."""
+    """A simulated quadrotor with a camera that looks down."""
 
     def __init__(self, params: QuadrotorNodeParams, playback: Playback) -> None:
         super().__init__("quadrotor", params, params, playback)

@@ -20,11 +20,11 @@ from ros_visualise.sources.video_pixels import parse_size
 class StreamerParams:
     """Which video, and how."""
 
-    path: str = param("", "the video file", restart=True)
-    size: str = param("", "scale to WIDTHxHEIGHT while decoding; empty keeps it", restart=True)
-    frame_id: str = param("camera_optical", "frame of the images", restart=True)
+    path: str = param("", "path of the video file", restart=True)
+    size: str = param("", "scale the images to WIDTHxHEIGHT; empty keeps their size", restart=True)
+    frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
-        "", "the camera's calibration: a YAML file of ROS, by path or file:///PATH", restart=True
+        "", "calibration of the camera, a YAML file of ROS: a path or file:///PATH", restart=True
     )
 
 

@@ -1,21 +1,31 @@
-"""What can be set on a simulated robot: its sensors' rates, noise and layout.
+"""Parameters of a simulated robot: its sensors' rates, noise and layout.
 
-Noise is given as its standard deviation. ``..._density`` is that of white noise by the root of its
-bandwidth, as data sheets have it: a sample at rate f has density * sqrt(f). A bias is drawn once
-per run, its walk goes on from there; of slow errors the deviation and the time constant are given.
+Noise is given by its standard deviation, or as data sheets do by its density: a sample at rate f
+has the standard deviation density * sqrt(f). A bias is drawn once per run, and changes by its
+random walk. A slow error has a standard deviation and a time constant.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from ros_visualise.params import param
 
 
 def setting(default: Any, help: str, **limits: Any) -> Any:
-    """A parameter that sets the robot down anew when it changes; as `param`."""
+    """A parameter, as `param`; a change starts the simulation anew."""
     return param(default, help, restart=True, **limits)
+
+
+_camera = partial(setting, group="camera")
+_imu = partial(setting, group="imu")
+_gps = partial(setting, group="gps")
+_odometry = partial(setting, group="odometry")
+_lidar = partial(setting, group="lidar")
+_magnetometer = partial(setting, group="magnetometer")
+_barometer = partial(setting, group="barometer")
 
 
 @dataclass(frozen=True)
@@ -23,101 +33,149 @@ class RobotParams:
     """What both robots have."""
 
     command_timeout: float = setting(
-        0.5, "seconds after which a velocity command is forgotten", min=0.05, max=60
+        0.5, "seconds after which a velocity command ends, if no other follows", min=0.05, max=60
     )
     mission_timeout: float = setting(
-        30.0, "seconds without progress after which a mission is given up", min=1, max=3600
+        30.0, "seconds without progress after which a mission has failed", min=1, max=3600
     )
-    truth_rate: float = setting(50.0, "ground truth, messages a second", min=0.1, max=200)
-
-    camera: bool = setting(True, "the camera is on", group="camera")
-    camera_rate: float = setting(10.0, "images a second", min=0.1, max=60, group="camera")
-    camera_width: int = setting(640, "pixels", min=16, max=4096, group="camera")
-    camera_height: int = setting(480, "pixels", min=16, max=4096, group="camera")
-    camera_fov: float = setting(80.0, "horizontal, degrees", min=10, max=150, group="camera")
-    camera_pitch: float = setting(0.0, "down from ahead, degrees", min=-90, max=90, group="camera")
-    camera_noise: float = setting(2.0, "of a pixel, of 255", min=0, max=50, group="camera")
-
-    imu_rate: float = setting(100.0, "measurements a second", min=1, max=200, group="imu")
-    gyro_density: float = setting(3e-4, "rad/s/sqrt(Hz)", min=0, max=0.1, group="imu")
-    gyro_bias: float = setting(5e-3, "rad/s", min=0, max=0.5, group="imu")
-    gyro_walk: float = setting(2e-5, "of the bias, rad/s^2/sqrt(Hz)", min=0, max=0.01, group="imu")
-    accel_density: float = setting(2e-3, "m/s^2/sqrt(Hz)", min=0, max=1, group="imu")
-    accel_bias: float = setting(0.05, "m/s^2", min=0, max=5, group="imu")
-    accel_walk: float = setting(2e-4, "of the bias, m/s^3/sqrt(Hz)", min=0, max=0.1, group="imu")
-    imu_attitude: float = setting(
-        0.01, "slow error of each angle, rad", min=0, max=0.5, group="imu"
+    truth_rate: float = setting(
+        50.0, "messages per second of the true pose (ground truth)", min=0.1, max=200
     )
-    imu_attitude_time: float = setting(30.0, "its time, seconds", min=0.1, max=1e4, group="imu")
 
-    gps: bool = setting(True, "the GPS receiver is on", group="gps")
-    gps_rate: float = setting(5.0, "fixes a second", min=0.1, max=50, group="gps")
-    gps_noise: float = setting(0.15, "white, east and north, m", min=0, max=100, group="gps")
-    gps_drift: float = setting(0.8, "slow error, east and north, m", min=0, max=100, group="gps")
-    gps_drift_time: float = setting(60.0, "its time, seconds", min=0.1, max=1e5, group="gps")
-    gps_vertical: float = setting(2.0, "up is so many times worse", min=0, max=10, group="gps")
-    gps_latitude: float = setting(
-        49.0, "of the world's origin, degrees", min=-89, max=89, group="gps"
+    camera: bool = _camera(True, "switch the camera on")
+    camera_rate: float = _camera(10.0, "images per second", min=0.1, max=60)
+    camera_width: int = _camera(640, "width of the images, pixels", min=16, max=4096)
+    camera_height: int = _camera(480, "height of the images, pixels", min=16, max=4096)
+    camera_fov: float = _camera(80.0, "horizontal field of view, degrees", min=10, max=150)
+    camera_pitch: float = _camera(
+        0.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
-    gps_longitude: float = setting(8.4, "of it, degrees", min=-180, max=180, group="gps")
-    gps_altitude: float = setting(116.0, "of it, m", min=-500, max=9000, group="gps")
+    camera_noise: float = _camera(
+        2.0, "noise of each pixel (standard deviation), of 255", min=0, max=50
+    )
 
-    odom_rate: float = setting(50.0, "messages a second", min=1, max=200, group="odometry")
-    odom_scale: float = setting(0.01, "error of the scale, of 1", min=0, max=0.5, group="odometry")
-    odom_noise: float = setting(0.01, "growing, m/sqrt(m)", min=0, max=1, group="odometry")
+    imu_rate: float = _imu(100.0, "measurements per second", min=1, max=200)
+    gyro_density: float = _imu(
+        3e-4, "noise density of the gyroscope, rad/s/sqrt(Hz)", min=0, max=0.1
+    )
+    gyro_bias: float = _imu(
+        5e-3, "bias of the gyroscope (standard deviation), rad/s", min=0, max=0.5
+    )
+    gyro_walk: float = _imu(
+        2e-5, "random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)", min=0, max=0.01
+    )
+    accel_density: float = _imu(
+        2e-3, "noise density of the accelerometer, m/s^2/sqrt(Hz)", min=0, max=1
+    )
+    accel_bias: float = _imu(
+        0.05, "bias of the accelerometer (standard deviation), m/s^2", min=0, max=5
+    )
+    accel_walk: float = _imu(
+        2e-4, "random walk of the accelerometer's bias, m/s^3/sqrt(Hz)", min=0, max=0.1
+    )
+    imu_attitude: float = _imu(
+        0.01, "slow error of the attitude about each axis (standard deviation), rad", min=0, max=0.5
+    )
+    imu_attitude_time: float = _imu(
+        30.0, "time constant of the attitude's slow error, seconds", min=0.1, max=1e4
+    )
 
-    lidar: bool = setting(True, "the lidar is on", group="lidar")
-    lidar_rate: float = setting(10.0, "scans a second", min=0.1, max=50, group="lidar")
-    lidar_rings: int = setting(16, "rows of rays", min=1, max=128, group="lidar")
-    lidar_columns: int = setting(900, "rays in a row", min=1, max=4096, group="lidar")
-    lidar_low: float = setting(-15.0, "lowest row, degrees", min=-89, max=89, group="lidar")
-    lidar_high: float = setting(15.0, "highest row, degrees", min=-89, max=89, group="lidar")
-    lidar_near: float = setting(0.5, "shortest range, m", min=0, max=10, group="lidar")
-    lidar_far: float = setting(100.0, "longest range, m", min=1, max=1000, group="lidar")
-    lidar_noise: float = setting(0.02, "of a range, m", min=0, max=1, group="lidar")
+    gps: bool = _gps(True, "switch the GPS receiver on")
+    gps_rate: float = _gps(5.0, "fixes per second", min=0.1, max=50)
+    gps_noise: float = _gps(
+        0.15, "white noise east and north (standard deviation), m", min=0, max=100
+    )
+    gps_drift: float = _gps(
+        0.8, "slow error east and north (standard deviation), m", min=0, max=100
+    )
+    gps_drift_time: float = _gps(60.0, "time constant of the slow error, seconds", min=0.1, max=1e5)
+    gps_vertical: float = _gps(2.0, "how many times larger the errors are in height", min=0, max=10)
+    gps_latitude: float = _gps(49.0, "latitude of the world's origin, degrees", min=-89, max=89)
+    gps_longitude: float = _gps(8.4, "longitude of the world's origin, degrees", min=-180, max=180)
+    gps_altitude: float = _gps(116.0, "altitude of the world's origin, m", min=-500, max=9000)
+
+    odom_rate: float = _odometry(50.0, "messages per second", min=1, max=200)
+    odom_scale: float = _odometry(
+        0.01,
+        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=0.5,
+    )
+    odom_noise: float = _odometry(
+        0.01, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+    )
+
+    lidar: bool = _lidar(True, "switch the lidar on")
+    lidar_rate: float = _lidar(10.0, "scans per second", min=0.1, max=50)
+    lidar_rings: int = _lidar(16, "rows of rays, one above another", min=1, max=128)
+    lidar_columns: int = _lidar(900, "rays in a row, all around", min=1, max=4096)
+    lidar_low: float = _lidar(-15.0, "elevation of the lowest row, degrees", min=-89, max=89)
+    lidar_high: float = _lidar(15.0, "elevation of the highest row, degrees", min=-89, max=89)
+    lidar_near: float = _lidar(0.5, "shortest range that is measured, m", min=0, max=10)
+    lidar_far: float = _lidar(100.0, "longest range that is measured, m", min=1, max=1000)
+    lidar_noise: float = _lidar(0.02, "noise of each range (standard deviation), m", min=0, max=1)
 
 
 @dataclass(frozen=True)
 class HuskyParams(RobotParams):
     """The rover."""
 
-    odom_turn_scale: float = setting(
-        0.02, "error of the scale of turns, of 1", min=0, max=0.5, group="odometry"
+    odom_turn_scale: float = _odometry(
+        0.02, "error of all turns (standard deviation), as a fraction: 0.01 is 1%", min=0, max=0.5
     )
-    odom_turn_noise: float = setting(0.01, "growing, rad/sqrt(rad)", min=0, max=1, group="odometry")
+    odom_turn_noise: float = _odometry(
+        0.01, "error of the heading that grows with the turns, rad/sqrt(rad)", min=0, max=1
+    )
 
 
 @dataclass(frozen=True)
 class QuadrotorParams(RobotParams):
     """The quadrotor."""
 
-    camera_pitch: float = setting(90.0, "down from ahead, degrees", min=-90, max=90, group="camera")
-    camera_gimbal: bool = setting(
-        True, "the camera keeps level while the body rolls and pitches", group="camera"
+    camera_pitch: float = _camera(
+        90.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
-    odom_scale: float = setting(0.005, "error of the scale, of 1", min=0, max=0.5, group="odometry")
-    odom_noise: float = setting(0.02, "growing, m/sqrt(m)", min=0, max=1, group="odometry")
-    odom_yaw_noise: float = setting(0.003, "growing, rad/sqrt(m)", min=0, max=1, group="odometry")
-    lidar: bool = setting(False, "the lidar is on", group="lidar")
+    camera_gimbal: bool = _camera(
+        True, "a gimbal keeps the camera level while the body rolls and pitches"
+    )
+    odom_scale: float = _odometry(
+        0.005,
+        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=0.5,
+    )
+    odom_noise: float = _odometry(
+        0.02, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+    )
+    odom_yaw_noise: float = _odometry(
+        0.003, "error of the heading that grows with the distance, rad/sqrt(m)", min=0, max=1
+    )
+    lidar: bool = _lidar(False, "switch the lidar on")
 
-    mag_rate: float = setting(50.0, "measurements a second", min=1, max=200, group="magnetometer")
-    mag_noise: float = setting(0.3, "white, microtesla", min=0, max=100, group="magnetometer")
-    mag_bias: float = setting(1.0, "of each axis, microtesla", min=0, max=100, group="magnetometer")
-    mag_strength: float = setting(
-        48.6, "of the Earth's field, microtesla", min=1, max=100, group="magnetometer"
+    mag_rate: float = _magnetometer(50.0, "measurements per second", min=1, max=200)
+    mag_noise: float = _magnetometer(
+        0.3, "noise of each axis (standard deviation), microtesla", min=0, max=100
     )
-    mag_inclination: float = setting(
-        64.8, "down from level, degrees", min=-90, max=90, group="magnetometer"
+    mag_bias: float = _magnetometer(
+        1.0, "bias of each axis (standard deviation), microtesla", min=0, max=100
     )
-    mag_declination: float = setting(
-        2.9, "east of north, degrees", min=-180, max=180, group="magnetometer"
+    mag_strength: float = _magnetometer(
+        48.6, "strength of the Earth's field, microtesla", min=1, max=100
+    )
+    mag_inclination: float = _magnetometer(
+        64.8, "how far the Earth's field points down from level, degrees", min=-90, max=90
+    )
+    mag_declination: float = _magnetometer(
+        2.9, "how far magnetic north is east of true north, degrees", min=-180, max=180
     )
 
-    baro_rate: float = setting(25.0, "measurements a second", min=1, max=200, group="barometer")
-    baro_noise: float = setting(1.5, "white, Pa", min=0, max=1000, group="barometer")
-    baro_drift: float = setting(8.0, "slow error, Pa", min=0, max=1000, group="barometer")
-    baro_drift_time: float = setting(
-        300.0, "its time, seconds", min=0.1, max=1e5, group="barometer"
+    baro_rate: float = _barometer(25.0, "measurements per second", min=1, max=200)
+    baro_noise: float = _barometer(1.5, "noise (standard deviation), Pa", min=0, max=1000)
+    baro_drift: float = _barometer(
+        8.0, "slow error, as of the weather (standard deviation), Pa", min=0, max=1000
+    )
+    baro_drift_time: float = _barometer(
+        300.0, "time constant of the slow error, seconds", min=0.1, max=1e5
     )
 
 
@@ -125,9 +183,12 @@ class QuadrotorParams(RobotParams):
 class ScenarioParams:
     """Where a robot is, and what it is to do."""
 
-    world: str = setting("field", "plane, playpen or field")
+    world: str = setting("field", "the world to be in: plane, playpen or field")
     mission: str = setting(
-        "none", "square, figure_of_eight, lawn_mower, default, a YAML file, or none"
+        "none",
+        "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",
     )
-    seed: int = setting(0, "of all random errors", min=0, max=2**31 - 1)
-    tf_prefix: str = setting("", "of its frames, but map: uav1 for uav1/base_link")
+    seed: int = setting(
+        0, "seed of all random errors; the same seed gives the same data", min=0, max=2**31 - 1
+    )
+    tf_prefix: str = setting("", "prefix of its frames except map, such as uav1 for uav1/base_link")
