@@ -6,26 +6,14 @@ import os
 import socket
 import subprocess
 import sys
-import time
 import xmlrpc.client
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
+from waiting import PATIENCE_S as PATIENCE_S
+from waiting import wait_for as wait_for
 
 NODES = Path(__file__).parents[2] / "nodes"
-PATIENCE_S = 60.0
-
-
-def wait_for(condition: Callable[[], Any], what: str, patience_s: float = PATIENCE_S) -> Any:
-    """What the condition gives as soon as it gives something."""
-    end_s = time.monotonic() + patience_s
-    while time.monotonic() < end_s:
-        if found := condition():
-            return found
-        time.sleep(0.02)
-    return pytest.fail(f"waited {patience_s:g} s for {what}")
 
 
 def free_port() -> int:

@@ -1,4 +1,9 @@
-"""What every runtime has in common: the same suite over the local one and over a ROS graph."""
+"""What every runtime has in common; whoever imports this gives a fixture ``playing``.
+
+    from contract import *
+
+It is a `Running` for each runtime: the image pipeline that plays ``video`` over and over.
+"""
 
 from __future__ import annotations
 
@@ -13,17 +18,12 @@ import numpy as np
 import pytest
 from made_videos import numbered, write_video
 from mcap.reader import make_reader
-from ros_graph import Master, Nodes, wait_for
+from waiting import wait_for
 
 from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.nodes import find
-from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.middleware import Ros1
-from ros_visualise.sources.playback import Playback
 
 TOPICS = {"/image_raw", "/controlled_stream", "/processed_image", "/edges"}
 NODES = {"streamer", "fps_control", "filters", "edge_detector"}
@@ -55,33 +55,10 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_video(tmp_path_factory.mktemp("video") / "v.mkv", numbered(FRAMES, 160, 120))
 
 
-@pytest.fixture(scope="module", params=["local", "nodes", "pipeline"])
-def playing(request: pytest.FixtureRequest, video: Path, ros_master: Master) -> Iterator[Running]:
-    """The image pipeline: in this process, as four ROS nodes, and as one."""
-    images = numbered(FRAMES, 160, 120)
-    if request.param == "local":
-        runtime = LocalRuntime(image_pipeline("streamer", path=str(video)), Playback(loop=True))
-        runtime.start()
-        yield Running(runtime, images)
-        runtime.stop()
-        return
-    nodes = Nodes(ros_master)
-    prefix = "" if request.param == "nodes" else "pipeline/"
-    if request.param == "nodes":
-        for name in sorted(NODES - {"streamer"}):
-            nodes.start(name, wait=False)
-        nodes.start("streamer", f"_path:={video}", "_loop:=true")
-    else:
-        own = [f"_streamer/path:={video}", "_streamer/loop:=true"]
-        nodes.start("pipeline", "_source:=streamer", *own)
-    remote = RemoteRuntime(Ros1())
-    try:
-        wait_for(lambda: set(remote.graph.topics) >= TOPICS, "all topics")
-        wait_for(lambda: all(known(remote, prefix + node) for node in NODES), "all nodes")
-        yield Running(remote, images, prefix)
-    finally:
-        remote.close()
-        nodes.stop()
+def wait_for_pipeline(runtime: Runtime, prefix: str = "") -> None:
+    """Wait until all of the image pipeline can be seen."""
+    wait_for(lambda: set(runtime.graph.topics) >= TOPICS, "all topics")
+    wait_for(lambda: all(known(runtime, prefix + node) for node in NODES), "all nodes")
 
 
 def known(runtime: Runtime, node: str) -> bool:
