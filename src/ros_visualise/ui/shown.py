@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ros_visualise.data import Image
+from ros_visualise.data import Detections, Image
 from ros_visualise.graph import Graph, Member
 
 
@@ -16,3 +16,20 @@ def first_shown(graph: Graph, node: Member) -> str | None:
     taken = {topic for other in graph.members for topic in other.inputs.values()}
     images = images_of(node)
     return next((topic for topic in images if topic in taken), next(iter(images), None))
+
+
+def detections_of(graph: Graph, image: str) -> list[str]:
+    """The topics with detections in the images of a topic.
+
+    They come from a node that takes these images, or from one that takes none, as a recording.
+    """
+    found = [topic for topic, kind in graph.inputs.items() if kind is Detections]
+    for member in graph.members:
+        taken = [topic for port, topic in member.inputs.items() if _takes_images(member, port)]
+        if not taken or image in taken:
+            found += [name for name, topic in member.topics.items() if topic.type is Detections]
+    return found
+
+
+def _takes_images(member: Member, port: str) -> bool:
+    return member.type.inputs[port] is Image

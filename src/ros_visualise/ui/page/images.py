@@ -11,6 +11,7 @@ import viser
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.boxes import Boxes
 from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.preview import rgb_preview
@@ -29,17 +30,24 @@ class Picture:
 
     Args:
         rows: how many elements stand above it in its window.
-        overlay: what is drawn over it.
+        overlay: points that are drawn over it.
+        boxes: what was found in the images.
     """
 
     def __init__(
-        self, gui: viser.GuiApi, runtime: Runtime, topic: str, rows: int, overlay: Overlay
+        self,
+        gui: viser.GuiApi,
+        runtime: Runtime,
+        topic: str,
+        rows: int,
+        overlay: Overlay,
+        boxes: Boxes,
     ) -> None:
         self.topic = topic
         """What it shows; may be changed from any thread."""
         self.visible = True
         """Whether it is on the page at all; may be changed from any thread."""
-        self._rows, self._overlay = rows, overlay
+        self._rows, self._overlay, self._boxes = rows, overlay, boxes
         self._feed = Feed(runtime)
         self._image: Image | None = None
         self._size = 0
@@ -58,8 +66,9 @@ class Picture:
             self.rest()
             return
         self._feed.follow(self.topic)
-        image = self._feed.take()
-        is_other = self._overlay.refresh() or size != self._size
+        is_more = self._boxes.refresh(self.topic)
+        image = self._boxes.choose(self._feed.take())
+        is_other = self._overlay.refresh() or is_more or size != self._size
         shown = image or self._image
         if shown is not None and (image is not None or is_other):
             self._image, self._size = shown, size
@@ -69,6 +78,7 @@ class Picture:
         """Ask for nothing until the next `refresh`."""
         self._feed.follow(None)
         self._overlay.rest()
+        self._boxes.rest()
 
     def _show(self, image: Image, previews: dict[int, Pixels]) -> None:
         self._caption.content = self._describe()
@@ -76,7 +86,8 @@ class Picture:
             return
         if id(image) not in previews:
             previews[id(image)] = rgb_preview(image, self._size)
-        self._element.image = self._overlay.draw(image, self.topic, previews[id(image)])
+        shown = self._overlay.draw(image, self.topic, previews[id(image)])
+        self._element.image = self._boxes.draw(image, shown)
 
     def _describe(self) -> str:
         image = self._image

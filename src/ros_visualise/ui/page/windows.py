@@ -12,12 +12,13 @@ from ros_visualise.data import PointCloud
 from ros_visualise.graph import Member
 from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.boxes import Boxes
 from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
-from ros_visualise.ui.shown import first_shown, images_of
+from ros_visualise.ui.shown import detections_of, first_shown, images_of
 
 _NO_OVERLAY = "none"
 
@@ -37,8 +38,9 @@ class Window:
         self.name = node.name
         self.picture: Picture | None = None
         self._clouds = _clouds_of(runtime)
-        self._looks = _looks_of(node), self._clouds
+        self._looks = _looks_of(node), _overlays_of(runtime, node)
         self._overlay = Overlay(runtime, scene)
+        self._boxes = Boxes(runtime, lambda topic: detections_of(runtime.graph, topic))
         self._gui, self._worker = gui, worker
         self._controls = Controls(gui, node.name, runtime.parameters[node.name], worker)
         self._panel = gui.add_panel()
@@ -71,7 +73,7 @@ class Window:
 
     def shows(self, node: Member, runtime: Runtime) -> bool:
         """Whether a window made for this node would be just like it."""
-        return self._looks == (_looks_of(node), _clouds_of(runtime))
+        return self._looks == (_looks_of(node), _overlays_of(runtime, node))
 
     def close(self) -> None:
         """Let go of the node's parameters."""
@@ -86,10 +88,13 @@ class Window:
         chosen = None
         if len(topics) > 1:
             chosen = self._gui.add_dropdown("show", topics, initial_value=first)
-        rows += (chosen is not None) + bool(self._clouds)
+        has_boxes = any(detections_of(runtime.graph, topic) for topic in topics)
+        rows += (chosen is not None) + bool(self._clouds) + has_boxes
         if self._clouds:
             self._add_overlay()
-        self.picture = Picture(self._gui, runtime, first, rows, self._overlay)
+        if has_boxes:
+            self._add_boxes()
+        self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes)
         if chosen is not None:
             chosen.on_update(self._worker.listener((self.name, "show"), self._choose))
 
@@ -105,6 +110,13 @@ class Window:
 
     def _lay_over(self, topic: str) -> None:
         self._overlay.topic = None if topic == _NO_OVERLAY else topic
+
+    def _add_boxes(self) -> None:
+        shown = self._gui.add_checkbox("detections", True, hint="what was found in the images")
+        shown.on_update(self._worker.listener((self.name, "detections"), self._show_boxes))
+
+    def _show_boxes(self, visible: bool) -> None:
+        self._boxes.visible = visible
 
     def _add_actions(self, node: Member, act: Callable[[str, str], None]) -> None:
         for name, help in node.type.actions.items():
@@ -128,6 +140,11 @@ def has_window(node: Member) -> bool:
 def _clouds_of(runtime: Runtime) -> list[str]:
     """The topics whose points can be drawn over images."""
     return [name for name, topic in runtime.graph.topics.items() if topic.type is PointCloud]
+
+
+def _overlays_of(runtime: Runtime, node: Member) -> object:
+    found = [detections_of(runtime.graph, topic) for topic in images_of(node)]
+    return _clouds_of(runtime), found
 
 
 def _looks_of(node: Member) -> object:

@@ -1,0 +1,151 @@
+"""Detections over the images that they were made of, matched by stamp."""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections import deque
+from collections.abc import Callable, Sequence
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Detection, Detections, Image, Pixels
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.feed import Feed
+from ros_visualise.ui.scene.drawing import PALETTE, Color
+
+_KEPT = 64
+_WAITING_BYTES = 128 << 20  # of images whose detections may come yet
+_PATIENCE_S = 1.0
+_LINE_PX, _TEXT = 2, 0.45
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_BLACK = (0, 0, 0)
+
+
+class Boxes:
+    """What was found in the images of a topic.
+
+    As long as detections come, an image waits for its own: no box lies over another image.
+
+    Args:
+        runtime: what runs.
+        topics_of: topic of images -> those of the detections in them.
+        clock: seconds.
+
+    Attributes:
+        visible: whether a person wants them; may be changed from any thread.
+    """
+
+    def __init__(
+        self,
+        runtime: Runtime,
+        topics_of: Callable[[str], Sequence[str]],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.visible = True
+        self._runtime, self._topics_of, self._clock = runtime, topics_of, clock
+        self._feeds: dict[str, Feed] = {}
+        self._found: deque[Detections] = deque(maxlen=_KEPT)
+        self._images: deque[Image] = deque()
+        self._last: Image | None = None  # whose detections were there
+        self._matched_s = float("-inf")
+
+    def refresh(self, topic: str) -> bool:
+        """Take what was found in the images of a topic; whether more was in the one shown."""
+        wanted = self._topics_of(topic) if self.visible else ()
+        if list(self._feeds) != list(wanted):
+            self.rest()
+            self._feeds = {name: Feed(self._runtime, _KEPT) for name in wanted}
+        is_more = False
+        for name, feed in self._feeds.items():
+            feed.follow(name)
+            while (found := feed.take()) is not None:
+                self._found.append(found)
+                is_more |= self._last is not None and is_of(found, self._last)
+        return is_more
+
+    def rest(self) -> None:
+        """Ask for nothing until the next `refresh`."""
+        for feed in self._feeds.values():
+            feed.follow(None)
+        self._feeds = {}
+        self._found.clear()
+        self._images.clear()
+        self._last = None
+        self._matched_s = float("-inf")
+
+    def choose(self, image: Image | None) -> Image | None:
+        """The image to show next: the newest whose detections are there; None for that before.
+
+        Args:
+            image: the newest that came, if one came.
+        """
+        if not self._feeds:
+            return image
+        if image is not None:
+            self._images.append(image)
+            while len(self._images) > 1 and self._waiting_bytes() > _WAITING_BYTES:
+                self._images.popleft()
+        for place in reversed(range(len(self._images))):
+            found = self._images[place]
+            if self._of(found):
+                for _ in range(place + 1):
+                    self._images.popleft()
+                self._last, self._matched_s = found, self._clock()
+                return found
+        return None if self._clock() - self._matched_s < _PATIENCE_S else image
+
+    def draw(self, image: Image, shown: Pixels) -> Pixels:
+        """A picture of an image, RGB of 8 bits and of any size, with what was found in it."""
+        several = [one for found in self._of(image) for one in found.detections]
+        return paint(shown, several, (image.width, image.height)) if several else shown
+
+    def _of(self, image: Image) -> list[Detections]:
+        return [found for found in self._found if is_of(found, image)]
+
+    def _waiting_bytes(self) -> int:
+        return sum(image.nbytes for image in self._images)
+
+
+def is_of(found: Detections, image: Image) -> bool:
+    """Whether detections were made of an image: they have its stamp, and its frame if they say."""
+    one, other = found.header, image.header
+    is_same_frame = one.frame_id == other.frame_id or not (one.frame_id and other.frame_id)
+    return one.stamp_ns == other.stamp_ns and is_same_frame
+
+
+def paint(shown: Pixels, several: Sequence[Detection], size: tuple[int, int]) -> Pixels:
+    """A picture of an image of that width and height, with outlines, classes and scores."""
+    picture: Pixels = np.ascontiguousarray(shown).copy()
+    height, width = picture.shape[:2]
+    scale = np.array([width / size[0], height / size[1]])
+    for one in several:
+        corners = (one.outline_uv + 0.5) * scale - 0.5
+        if len(corners) and np.isfinite(corners).all():
+            corners = np.clip(np.round(corners), -(2**15), 2**15).astype(np.int32)
+            color = color_of(one.class_id)
+            cv2.polylines(picture, [corners], True, color, _LINE_PX, cv2.LINE_AA)
+            _write(picture, _label(one), corners.min(axis=0), color)
+    return picture
+
+
+def color_of(class_id: str) -> Color:
+    """The same for the same class, wherever and whenever."""
+    return PALETTE[zlib.crc32(class_id.encode()) % len(PALETTE)]
+
+
+def _label(one: Detection) -> str:
+    score = f"{one.score:.2f}" if one.hypotheses else ""
+    return " ".join(part for part in (one.class_id, score, one.id and f"#{one.id}") if part)
+
+
+def _write(picture: Pixels, text: str, corner: Pixels, color: Color) -> None:
+    """A text above a corner, inside the picture."""
+    if not text:
+        return
+    (width, height), below = cv2.getTextSize(text, _FONT, _TEXT, 1)
+    x = int(np.clip(corner[0], 0, max(picture.shape[1] - width, 0)))
+    y = int(np.clip(corner[1], height + below, picture.shape[0]))
+    cv2.rectangle(picture, (x, y - height - below), (x + width, y), color, cv2.FILLED)
+    cv2.putText(picture, text, (x, y - below), _FONT, _TEXT, _BLACK, 1, cv2.LINE_AA)
