@@ -178,3 +178,14 @@ def test_an_action_is_a_service(start, hear, ros_master):
     assert answer.success
     wait_for(lambda: not paths.messages[-1].poses, "an empty path")
     publisher.unregister()
+
+
+def test_a_truncated_recording_is_played_as_far_as_it_goes_and_the_player_ends_with_1(
+    tmp_path, bag, start
+):
+    part = tmp_path / "part.bag"
+    part.write_bytes(bag.read_bytes()[: bag.stat().st_size * 2 // 3])
+    player = start("player", f"_path:={part}", "_rate:=20", wait=False)
+    said = player.communicate(timeout=60)[0]
+    assert "[WARN]" in said
+    assert player.returncode == 1

@@ -15,6 +15,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.stats import has_lost
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
@@ -24,7 +25,7 @@ _SPIN_S = 0.05
 
 
 def run(args: Namespace) -> int:
-    """Play a source until it ends or a person ends it; 1 if something was lost, see `_lost`."""
+    """Play a source until it ends or a person ends it; 1 if something was lost, see `has_lost`."""
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
@@ -55,7 +56,7 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         _say_summary(report)
         if args.json:
             answer([json.dumps(report, default=str)])
-    return STOPPED if stopped else int(runtime.failed or _lost(report))
+    return STOPPED if stopped else int(runtime.failed or has_lost(report))
 
 
 def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> bool:
@@ -88,17 +89,6 @@ def _start_recordings(
             runtime.stop_recording(recording)
         raise
     return recordings
-
-
-def _lost(report: dict[str, Any]) -> bool:
-    """Whether messages could not be read, played, processed or recorded, as they should have been.
-
-    What a node leaves out as it was asked to, or for want of time, is not lost.
-    """
-    nodes, recordings = report["nodes"].values(), report["recordings"].values()
-    return any(
-        node.get("lost") or node.get("unplayed") or node["dropped"].get("damaged") for node in nodes
-    ) or any(recording["dropped"] for recording in recordings)
 
 
 def _say_summary(report: dict[str, Any]) -> None:

@@ -98,3 +98,14 @@ def _hz(steps: int, span_ns: int) -> float | None:
 
 def _percentile(values_ms: Any, percent: float) -> float | None:
     return round(float(np.percentile(values_ms, percent)), 3) if len(values_ms) else None
+
+
+def has_lost(report: dict[str, Any]) -> bool:
+    """Whether messages could not be read, played, processed or recorded, as they should have been.
+
+    What a node leaves out as it was asked to, or for want of time, is not lost.
+    """
+    nodes, recordings = report["nodes"].values(), report["recordings"].values()
+    return any(
+        node.get("lost") or node.get("unplayed") or node["dropped"].get("damaged") for node in nodes
+    ) or any(recording["dropped"] for recording in recordings)
