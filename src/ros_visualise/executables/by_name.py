@@ -15,7 +15,7 @@ from ros_visualise.executables.options import (
 )
 from ros_visualise.executables.player import run_player
 from ros_visualise.executables.running import run_graph
-from ros_visualise.nodes import NodeType, SourceType, choose_node, find
+from ros_visualise.nodes import NodeType, SourceType, choose, choose_node, find
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -58,10 +58,10 @@ def _alone(declared: NodeType | SourceType) -> Work:
     return lambda middleware: run_graph(middleware, alone(declared), {declared.name: ""}, OPTIONS)
 
 
-def _own(given: Sequence[str]) -> NodeType:
+def _own(given: Sequence[str]) -> NodeType | SourceType:
     if len(given) != 1:
         raise UsageError("give a node of your own as FILE.py:NAME")
-    return choose_node(given[0])
+    return choose(given[0])
 
 
 def _run_pipeline(middleware: Middleware) -> int:

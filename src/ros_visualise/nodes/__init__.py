@@ -73,6 +73,7 @@ __all__ = [
     "Source",
     "SourceType",
     "action",
+    "choose",
     "choose_node",
     "find",
     "find_all",
@@ -127,36 +128,42 @@ def find_all() -> list[NodeType | SourceType]:
     return [find(name) for name in names]
 
 
-def choose_node(text: str) -> NodeType:
-    """The built-in node of that name, or one's own as ``FILE.py:NAME``; as `load` and `find_node`.
+def choose(text: str) -> NodeType | SourceType:
+    """The built-in node or source of that name, or one's own as ``FILE.py:NAME``.
 
     Raises:
+        OpenError: there is no such file, or it does not run.
         UsageError: it is neither.
     """
     path, _, name = text.rpartition(":")
     if name and Path(path).suffix == ".py":
         return load(path, name)
     try:
-        return find_node(text)
+        return find(text)
     except UsageError as error:
         raise UsageError(f"{error}; one of your own is FILE.py:NAME") from None
 
 
-def load(path: str, name: str) -> NodeType:
-    """A node of one's own, from ``path``; ``name`` is the function's, the class's or the node's.
+def choose_node(text: str) -> NodeType:
+    """As `choose`, of nodes alone."""
+    found = choose(text)
+    if not isinstance(found, NodeType):
+        raise UsageError(f"{text} is a source, not a node")
+    return found
+
+
+def load(path: str, name: str) -> NodeType | SourceType:
+    """A node or source of one's own; ``name`` is the function's, the class's or what it declares.
 
     Raises:
         OpenError: there is no such file, or it does not run.
-        UsageError: it declares no such node; those that it does are listed.
+        UsageError: it declares nothing of that name; what it does is listed.
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:
         there = ", ".join(sorted(declared)) or "none: decorate a function with @node"
         raise UsageError(f"{path} declares no node {name!r}; there is {there}")
-    found = declared[name]
-    if not isinstance(found, NodeType):
-        raise UsageError(f"{path}: {name} is a source, not a node")
-    return found
+    return declared[name]
 
 
 def _run_file(path: str) -> ModuleType:

@@ -1,0 +1,115 @@
+"""The examples that draw and that make images: what they say can be done with them is done."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Odometry, PointCloud
+from ros_visualise.data.header import Header
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.nodes import choose
+from ros_visualise.pipelines import alone
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+NEAREST = f"{EXAMPLES / '04_nearest_obstacle.py'}:nearest"
+BALL = f"{EXAMPLES / '05_own_source.py'}:Ball"
+
+
+def test_every_scan_is_joined_with_odometry_and_drawn():
+    pytest.importorskip("mujoco")
+    ros_visualise = Path(sys.executable).parent / "ros-visualise"
+    options = ["--view", "none", "--rate", "0", "--duration", "2", "--json", "--node", NEAREST]
+    command = [ros_visualise, "sim", "husky", "--world", "playpen", *options]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode in (0, 130), done.stderr
+    report = json.loads(done.stdout)
+    assert report["topics"]["/nearest"]["messages"] == report["topics"]["/points"]["messages"] > 10
+    assert report["nodes"]["nearest"]["dropped"] == {}
+
+
+@pytest.mark.parametrize(("speed_mps", "green"), [(0.0, 1), (-2.0, 1), (2.0, 0)])
+def test_the_nearest_obstacle_is_red_where_the_robot_will_soon_be(speed_mps, green):
+    rows = np.array(
+        [(9, 0, 1), (4, 0, 1), (1, 0, 0), (np.nan, 0, 0)],
+        [(axis, "f4") for axis in "xyz"],
+    )
+    declared = choose(NEAREST)
+    header = Header(5, "base_link")
+    odom = Odometry(
+        np.zeros(3),
+        np.array([0, 0, 0, 1.0]),
+        np.array([speed_mps, 0, 0]),
+        child_frame_id="base_link",
+    )
+    markers = declared.make(None).step(
+        points=PointCloud(rows, header=header),
+        odom=odom,
+        params=declared.params(),
+        frames=FrameTree(),
+    )
+    sphere, line = markers.markers
+    np.testing.assert_array_equal(sphere.position_xyz, [4, 0, 1])
+    np.testing.assert_array_equal(line.points_xyz, [[0, 0, 0], [4, 0, 1]])
+    assert sphere.header == header
+    assert sphere.color_rgba.tolist() == [1, green, 0, 1]
+
+
+def test_the_ball_comes_to_rest_and_rises_when_it_is_kicked():
+    runtime = LocalRuntime(alone(choose(BALL)), Playback(rate=100))
+    images = runtime.subscribe("/image_raw")
+    runtime.start()
+    assert until(lambda: height(images.take(1)) == 0, 30)
+    time_at_rest = [height(images.take(1)) for _ in range(20)]
+    runtime.act("ball", "kick")
+    assert until(lambda: height(images.take(1)) > 50, 30)
+    runtime.stop()
+    assert len(time_at_rest) == 20
+    assert not runtime.failed
+
+
+def height(image):
+    """Pixels between the ball and the ground."""
+    rows = np.flatnonzero(image.pixels.any(axis=1))
+    return round(0.9 * 320) - round((rows[0] + rows[-1]) / 2)
+
+
+def until(condition, timeout_s):
+    end = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end:
+            return False
+    return True
+
+
+def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    command = [sys.executable, EXAMPLES / "05_own_source.py", str(port)]
+    shown = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    try:
+        assert until(lambda: answers(port), 60)
+        shown.send_signal(signal.SIGINT)
+        said = shown.communicate(timeout=60)[1]
+    finally:
+        shown.kill()
+    assert (shown.returncode, "Traceback" in said) == (0, False), said
+
+
+def answers(port):
+    try:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5) as page:
+            return page.status == 200
+    except OSError:
+        time.sleep(0.1)
+        return False
