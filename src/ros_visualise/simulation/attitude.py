@@ -1,8 +1,8 @@
-"""Rotations as few numbers, for what is computed hundreds of times a second.
+"""Rotations as plain numbers, for code that runs hundreds of times a second.
 
 A quaternion is (w, x, y, z), as MuJoCo has it. `ros_visualise.geometry.rotations` does the same for
-arrays of any shape, at thirty times the cost for a single one and more: a step of the quadrotor
-takes five of them, and would take several times as long.
+arrays of any shape, and takes thirty times as long for a single rotation or more: with it, a step
+of the quadrotor, which needs five, would take several times as long.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Quat = tuple[float, float, float, float]
 
 
 def multiply(a: Quat, b: Quat) -> Quat:
-    """First ``b``, then ``a``."""
+    """The rotation by ``b`` and then by ``a``."""
     aw, ax, ay, az = a
     bw, bx, by, bz = b
     return (
@@ -30,17 +30,17 @@ def multiply(a: Quat, b: Quat) -> Quat:
 
 
 def conjugate(q: Quat) -> Quat:
-    """The rotation back."""
+    """The inverse rotation."""
     return q[0], -q[1], -q[2], -q[3]
 
 
 def from_yaw(yaw: float) -> Quat:
-    """A turn about z, radians."""
+    """A rotation about z, radians."""
     return math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
 
 
 def from_rotation_vector(x: float, y: float, z: float) -> Quat:
-    """A turn about an axis by the length of the vector, radians."""
+    """A rotation about the vector by its length, radians."""
     angle = math.sqrt(x * x + y * y + z * z)
     if angle < 1e-12:
         return 1.0, 0.0, 0.0, 0.0
@@ -70,5 +70,5 @@ def rows(q: Quat) -> tuple[Vector, Vector, Vector]:
 
 
 def xyzw(q: Quat) -> Floats:
-    """The order of ROS's messages, (4,)."""
+    """The quaternion in the order of ROS's messages, (4,)."""
     return np.array((q[1], q[2], q[3], q[0]))

@@ -1,4 +1,4 @@
-"""A robot's description for rviz and others, made of its model: URDF."""
+"""The URDF of a robot, made from its model, for rviz and others."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _PLANE, _SPHERE, _CAPSULE, _CYLINDER, _BOX = 0, 2, 3, 5, 6  # mjtGeom
 
 
 def describe(model: Any, fixed: Transforms) -> Text:
-    """The URDF: links with masses and shapes, joined as the fixed transforms have it.
+    """The URDF: links with masses and shapes, joined by the fixed transforms.
 
-    A gimbal's camera hangs on a floating joint; wheels are fixed, as their turning is not told.
+    A camera on a gimbal has a floating joint. Wheels are fixed, as no joint states are published.
     """
     name = str(model.names[: model.names.index(b"\0")].decode()) or "robot"
     robot = Xml.Element("robot", name=name)

@@ -1,4 +1,4 @@
-"""MuJoCo, brought in when a simulation starts: nothing else needs it."""
+"""Importing MuJoCo, only when a simulation starts: nothing else needs it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def load_mujoco() -> Any:
     """The module ``mujoco``.
 
     Raises:
-        OpenError: it is not installed, or too old, or not to be had with what MUJOCO_GL says.
+        OpenError: it is not installed or too old, or MUJOCO_GL names what does not work here.
     """
     advice = advise_opengl()
     try:
@@ -29,7 +29,7 @@ def load_mujoco() -> Any:
 
 
 def advise_opengl() -> str:
-    """What to do where there is no OpenGL."""
+    """What to install where there is no OpenGL."""
     unset = "unset MUJOCO_GL, or " if os.environ.get("MUJOCO_GL") else ""
     return f"{unset}apt install libegl1 libgl1 libgl1-mesa-dri, or libosmesa6"
 

@@ -24,10 +24,10 @@ class Airframe:
     """What the controller knows of the quadrotor; SI units.
 
     Attributes:
-        mass: in all.
+        mass: of the whole robot.
         inertia: about the body's axes.
-        arm: how far along x and along y each motor is from the middle.
-        drag: turning moment about z of a motor by its thrust, in metres.
+        arm: distance of each motor from the middle, along x as along y.
+        drag: yaw torque of a motor divided by its thrust, metres.
         max_thrust: of one motor.
     """
 
@@ -39,7 +39,7 @@ class Airframe:
 
 
 class State(NamedTuple):
-    """Where the body is and how it moves: velocity in the world's axes, turn rates in its own."""
+    """The body's pose and motion: velocity in the world's axes, turn rates in its own."""
 
     position: Vector
     attitude: Quat
@@ -48,7 +48,7 @@ class State(NamedTuple):
 
 
 class SetPoint(NamedTuple):
-    """Where it shall be, with the velocity (m/s) and acceleration (m/s^2) of that moving point."""
+    """The position and heading to reach, and how they move: m/s, m/s^2 and rad/s."""
 
     position: Vector
     velocity: Vector
@@ -58,7 +58,7 @@ class SetPoint(NamedTuple):
 
 
 class FlightController:
-    """Thrusts of the four motors, from the state and where it shall be; called at each step."""
+    """Computes the four motors' thrusts from the state and the set point, at each step."""
 
     POSITION = 1.6  # 1/s
     VELOCITY = 3.2  # 1/s
@@ -72,12 +72,12 @@ class FlightController:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was learned in flight."""
+        """Set the integrators to zero."""
         self._integral = [0.0, 0.0, 0.0]
 
     def control(self, state: State, target: SetPoint, dt_s: float) -> tuple[float, ...]:
         """The thrust of each motor, N."""
-        force = self._mass_times(self._accelerate(state, target, dt_s))
+        force = self._to_force(self._accelerate(state, target, dt_s))
         body_z = rows(state.attitude)
         up = (body_z[0][2], body_z[1][2], body_z[2][2])
         thrust = max(0.0, force[0] * up[0] + force[1] * up[1] + force[2] * up[2])
@@ -85,7 +85,7 @@ class FlightController:
         return self._mix(thrust, self._torque(state.rates, rates))
 
     def _accelerate(self, state: State, target: SetPoint, dt_s: float) -> list[float]:
-        """The acceleration that takes it to the moving point, without gravity."""
+        """The acceleration towards the set point, without gravity."""
         wanted = []
         for i in range(3):
             off = target.position[i] - state.position[i]
@@ -96,8 +96,8 @@ class FlightController:
             wanted.append(target.acceleration[i] + self.VELOCITY * error + self._integral[i])
         return wanted
 
-    def _mass_times(self, acceleration: list[float]) -> Vector:
-        """The thrust's vector in the world, no more tilted than is safe."""
+    def _to_force(self, acceleration: list[float]) -> Vector:
+        """The force of the motors in the world, within the largest tilt."""
         ax, ay, az = acceleration
         up = max(az + GRAVITY, 0.3 * GRAVITY)
         aside = math.hypot(ax, ay)
@@ -106,7 +106,7 @@ class FlightController:
         return mass * ax * share, mass * ay * share, mass * up
 
     def _turn(self, attitude: Quat, wanted: Quat, yaw_rate: float) -> Vector:
-        """Turn rates in the body's axes that take it to an attitude."""
+        """Turn rates in the body's axes towards the wanted attitude."""
         w, x, y, z = multiply(conjugate(attitude), wanted)
         gain = 2 * self.ATTITUDE * (1 if w >= 0 else -1)
         up = rows(attitude)[2]
@@ -127,7 +127,7 @@ class FlightController:
         )
 
     def _mix(self, thrust: float, torque: Vector) -> tuple[float, ...]:
-        """Motors' thrusts; where one would pass its limits, turning about z gives way first."""
+        """The motors' thrusts; at their limits, yaw is given up first."""
         top = self._frame.max_thrust
         tilt_x = torque[0] / (4 * self._frame.arm)
         tilt_y = torque[1] / (4 * self._frame.arm)
@@ -142,9 +142,9 @@ class FlightController:
 
 
 def _attitude(force: Vector, yaw: float) -> Quat:
-    """The attitude whose z axis is along the force and whose x axis heads to ``yaw``.
+    """The attitude whose z axis is along the force and whose x axis points to ``yaw``.
 
-    First the turn about z, then about the new y axis, then about the new x axis.
+    Yaw about z, then pitch about the new y axis, then roll about the new x axis.
     """
     c, s = math.cos(yaw), math.sin(yaw)
     ahead, left = c * force[0] + s * force[1], c * force[1] - s * force[0]

@@ -1,8 +1,8 @@
 """The frames of a simulated robot (REP 105), as transforms.
 
-``map`` is the world. ``odom`` in it is where the robot was set down: that much is known to whoever
-sets it down, and nothing corrects it later. ``base_link`` in ``odom`` is what odometry says, so it
-drifts; where the robot really is stands on the topic of the truth alone.
+``map`` is the world. ``odom`` is where the robot starts in it, and never moves: nothing corrects
+the odometry. ``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is
+only on the topic of the ground truth.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ _SITES = ("imu_link", "gps_link", "lidar_link")
 
 
 class CameraMount:
-    """How the camera is held.
+    """How the camera is mounted.
 
     Args:
-        params: the pitch that it looks down with.
-        gimbal: it keeps level while the body rolls and pitches.
+        params: how far it looks down.
+        gimbal: the camera stays level while the body rolls and pitches.
     """
 
     def __init__(self, model: Any, params: RobotParams, gimbal: bool) -> None:
@@ -50,12 +50,12 @@ class CameraMount:
         self._R_level_camera = np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
 
     def optical_in_map(self, position: Floats, R_map_body: Floats) -> tuple[Floats, Floats]:
-        """Where the camera is in ``map``, (3,), and R_map_optical."""
+        """Position of the camera in ``map``, (3,), and R_map_optical."""
         level = self._level(R_map_body) if self.gimbal else R_map_body
         return position + R_map_body @ self._position, level @ self._R_level_camera @ _OPTICAL
 
     def camera_in_body(self, stamp_ns: int, attitude: Quat) -> TransformStamped:
-        """``camera_link`` in ``base_link`` of that attitude in ``map``."""
+        """``camera_link`` in ``base_link``, for an attitude of the body in ``map``."""
         turn = self._pitch
         if self.gimbal:
             turn = multiply(conjugate(attitude), multiply(from_yaw(yaw_of(attitude)), turn))
@@ -68,10 +68,10 @@ class CameraMount:
 
 
 def fixed_frames(model: Any, mount: CameraMount, start: tuple[Vector, Quat]) -> Transforms:
-    """All that do not move: for ``tf_static``.
+    """All transforms that do not change, for ``tf_static``.
 
     Args:
-        start: pose of ``base_link`` in ``map`` as the robot was set down.
+        start: pose of ``base_link`` in ``map`` at the start.
     """
     place, attitude = start
     heading = from_yaw(yaw_of(attitude))
@@ -90,7 +90,7 @@ def fixed_frames(model: Any, mount: CameraMount, start: tuple[Vector, Quat]) -> 
 
 
 def _wheel_frames(model: Any) -> list[TransformStamped]:
-    """Frames of the bodies that hang on the base; their own turning is not told."""
+    """Frames of the wheels; they do not turn, as no joint states are published."""
     frames = []
     for number in range(2, model.nbody):
         body = model.body(number)

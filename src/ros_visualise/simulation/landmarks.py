@@ -1,4 +1,4 @@
-"""StaticGeoms of known places in a simulated world, for what looks for them."""
+"""Landmarks of a simulated world, whose true poses are known."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ CELLS = 8
 
 @dataclass(frozen=True)
 class Landmark:
-    """A thing and where it is in the frame ``map``.
+    """A landmark and its pose in the frame ``map``.
 
-    ``kind`` is ``tag`` (AprilTag 36h11), ``helipad`` or ``post``. A tag's axes are x right and y up
-    as one looks at it, z towards the one who looks; ``size`` is the side of its black square in
-    metres. Of a helipad it is the side of its plate, of a post the height.
+    ``kind`` is ``tag`` (AprilTag 36h11), ``helipad`` or ``post``. Seen from the front, a tag's axes
+    are x right, y up, and z towards the viewer. ``size`` in metres is the side of a tag's black
+    square, the side of a helipad's plate, or the height of a post.
     """
 
     name: str
@@ -40,13 +40,13 @@ class Landmark:
 
 
 def facing(yaw: float) -> Floats:
-    """Axes of an upright board that looks to where ``yaw`` (rad) points: R_map_landmark."""
+    """R_map_landmark of an upright board that faces towards ``yaw`` (rad)."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[-s, 0.0, c], [c, 0.0, s], [0.0, 1.0, 0.0]])
 
 
 def lying(yaw: float) -> Floats:
-    """Axes of a board on the ground whose upper edge is towards ``yaw`` (rad): R_map_landmark."""
+    """R_map_landmark of a board on the ground whose upper edge is towards ``yaw`` (rad)."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[s, c, 0.0], [-c, s, 0.0], [0.0, 0.0, 1.0]])
 

@@ -1,4 +1,4 @@
-"""What a robot is sent to do: a shape or way points, from a short YAML file."""
+"""Missions: a shape or waypoints to follow, also from a short YAML file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _LIMITS = {
     "speed": (0.01, 100, "m/s"),
     "laps": (0, 1_000_000, "(0: without an end)"),
 }
-_POINT = "a way point is [x, y, z] or [x, y, z, yaw] in metres and degrees"
+_POINT = "a waypoint is [x, y, z] or [x, y, z, yaw] in metres and degrees"
 _FORMS = {
     "shape": f"one of {', '.join(SHAPES)}",
     "size": "a number or two, in metres",
@@ -36,22 +36,26 @@ _FORMS = {
     "closed": "true or false",
     "land": "true or false",
 }
-"""What a file has to say; of the others it is a number."""
+"""Key -> what its value has to be; the others are numbers."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """A way and how to go it.
+    """What to follow, and how.
 
-    ``shape`` is one of `SHAPES` or empty, ``size`` its extent along x and y in metres around
-    ``center``; ``spacing`` lies between a lawn mower's rows. ``waypoints`` are [x, y, z, yaw?]
-    in ``map``, yaw in degrees; ``closed`` leads back to the first. ``height`` (m) is that of shapes
-    and of way points on the ground, for fliers; ``speed`` in m/s, as far as the robot can; ``laps``
-    0 goes on for ever. A flier takes off before and lands after it where it took off, unless
-    ``land`` is false.
+    Attributes:
+        shape: one of `SHAPES`, or empty where there are waypoints.
+        size, center: of the shape along x and y, metres.
+        spacing: between the rows of a lawn mower, metres.
+        height: of a shape, and of waypoints on the ground, for robots that fly; metres.
+        speed: m/s, as far as the robot can.
+        laps: how often to go around a closed route; 0: without end.
+        waypoints: [x, y, z] or [x, y, z, yaw] in ``map``, metres and degrees.
+        closed: the last waypoint leads back to the first.
+        land: a robot that flies returns to where it took off, and lands there.
 
     Raises:
-        OpenError: there is no such shape, no way, or a value makes no sense.
+        OpenError: there is no such shape, nothing to follow, or a value makes no sense.
     """
 
     shape: str = ""
@@ -69,7 +73,7 @@ class Mission:
         if self.shape and self.waypoints:
             raise OpenError("a mission has a shape or waypoints, not both: leave one out")
         if not (self.shape or self.waypoints):
-            raise OpenError(f"no way to go: give a shape ({', '.join(SHAPES)}) or waypoints")
+            raise OpenError(f"nothing to follow: give a shape ({', '.join(SHAPES)}) or waypoints")
         if self.shape and self.shape not in SHAPES:
             raise OpenError(f"no shape {self.shape!r}: choose one of {', '.join(SHAPES)}")
         for name, (low, high, unit) in _LIMITS.items():
@@ -81,10 +85,10 @@ class Mission:
                 raise OpenError(f"{_POINT}, not {reprlib.repr(list(point))}")
             if not (max(map(abs, point)) <= _FAR_M and point[2] >= 0):
                 where = f"within {_FAR_M} m and not below the ground"
-                raise OpenError(f"the way point {list(point)} has to be {where}")
+                raise OpenError(f"the waypoint {list(point)} has to be {where}")
 
     def route(self) -> Route:
-        """Its way in ``map``."""
+        """The route in ``map``."""
         if self.waypoints:
             points = [(p[0], p[1], p[2] or self.height) for p in self.waypoints]
             yaws = [math.radians(p[3]) if len(p) == 4 else None for p in self.waypoints]
@@ -122,11 +126,11 @@ def read_mission(path: str | Path, clear_areas: Mapping[str, ClearArea] | None =
         clear_areas: shape -> its centre and size where the file leaves them out.
 
     Raises:
-        OpenError: there is no such file, or no mission in it.
+        OpenError: there is no such file, or it holds no mission.
     """
     content = _load(path)
     if not isinstance(content, dict):
-        raise OpenError(f"{path}: a mission is keys and values, such as shape: square")
+        raise OpenError(f"{path}: give a mission as keys and values, such as shape: square")
     known = [field.name for field in fields(Mission)]
     for name in content:
         if name not in known:
@@ -148,11 +152,11 @@ def _load(path: str | Path) -> Any:
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}: give a YAML file") from None
     except BadYaml as error:
-        raise OpenError(f"{path}: is no YAML: {error}") from None
+        raise OpenError(f"{path}: not YAML: {error}") from None
 
 
 def _read(name: str, value: Any) -> Any:
-    """A value of the file in the type of its field."""
+    """A value from the file, in the type of its field."""
     try:
         if name == "waypoints":
             return tuple(_numbers(point) for point in value)
@@ -189,6 +193,6 @@ def _numbers(values: Any) -> tuple[float, ...]:
 
 
 def follow_path(path_xy: Sequence[tuple[float, float]], speed: float) -> Mission:
-    """Around and around a closed way on the ground."""
+    """Going around a closed path on the ground, without end."""
     points: list[Vector] = [(x, y, 0.0) for x, y in path_xy]
     return Mission(waypoints=tuple(points), closed=True, speed=speed, laps=0, height=1.0)

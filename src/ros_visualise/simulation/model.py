@@ -18,7 +18,7 @@ BASE = "base_link"
 
 
 def compile_model(robot: str, world: World, params: RobotParams) -> Any:
-    """The ``mjModel``."""
+    """The ``mjModel`` of a robot in a world."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"
     assets = {**world.assets, name: (files(__package__) / "models" / name).read_bytes()}
@@ -36,7 +36,7 @@ def site_position(model: Any, name: str) -> Floats:
 
 
 def standing_height(model: Any) -> float:
-    """Of ``base_link`` over the ground, metres."""
+    """Height of ``base_link`` over the ground, metres."""
     return float(model.body(BASE).pos[2])
 
 

@@ -1,4 +1,4 @@
-"""OpenGL without a screen, by whatever this machine has for it."""
+"""Rendering with OpenGL without a screen, by what this machine has for it."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _PROBE_TIMEOUT_S = 60.0
 def choose_backend() -> str:
     """``egl``, ``glfw`` (a window system's) or ``osmesa``: the first that works here.
 
-    Where ``MUJOCO_GL`` is set it is that one. Each is tried in a process of its own: PyOpenGL keeps
-    to the first platform that it meets, and a broken driver takes its process along.
+    Where ``MUJOCO_GL`` is set, only that is tried. Each is tried in a process of its own: PyOpenGL
+    cannot change its platform later, and a broken driver may end its process.
 
     Raises:
         OpenError: none works; the message names what to install.
@@ -93,7 +93,7 @@ class Renderer:
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._target)
 
     def render(self, data: Any, position_xyz: Floats, R_map_camera: Floats) -> Pixels:
-        """What a camera there sees, (height, width, 3) RGB.
+        """The image of a camera at a pose, (height, width, 3) RGB.
 
         Args:
             data: an ``mjData`` whose positions are up to date.
@@ -112,7 +112,7 @@ class Renderer:
         return pixels
 
     def close(self) -> None:
-        """Free what the driver holds; at the end of the process it has let go already."""
+        """Free the driver's memory; at the end of the process it is free already."""
         if sys.is_finalizing():
             return
         self._gl.make_current()
@@ -121,7 +121,7 @@ class Renderer:
 
 
 def _open_context(mujoco: Any, model: Any, size: tuple[int, int]) -> tuple[Any, Any]:
-    """An OpenGL context, current, and what MuJoCo draws with in it."""
+    """A current OpenGL context, and MuJoCo's context in it."""
     name = choose_backend()
     make = importlib.import_module(f"mujoco.{name}").GLContext
     for rest_s in _RESTS_S:

@@ -1,4 +1,4 @@
-"""When which sensor measures."""
+"""The schedule of all sensors: which measures at which step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Make = Callable[[int, int], Iterable[tuple[str, Any]]]
 
 
 class Stream:
-    """Something that happens at a rate: at the first step at or after each due time."""
+    """Measurements at a rate: each at the first step at or after its due time."""
 
     def __init__(self, rate_hz: float, make: Make, output: str, always: bool) -> None:
         self._rate_hz, self.make, self.output, self.always = rate_hz, make, output, always
@@ -18,7 +18,7 @@ class Stream:
         self.due_ns = 0
 
     def pass_on(self) -> int:
-        """Go on to the next due time; returns the number of the measurement that is due now."""
+        """Set the next due time; returns the number of the measurement that is due now."""
         index = self.index
         self.index += 1
         self.due_ns = round(self.index * 1e9 / self._rate_hz)
@@ -34,11 +34,11 @@ class Output(NamedTuple):
 
 
 class Schedule:
-    """The streams, asked at each step.
+    """Says at each step what is measured.
 
     Args:
-        wants: whether anybody wants that output. Streams that add up (odometry) or wander (biases)
-            measure all the same, so that what is wanted changes no data.
+        wants: whether anybody wants that output. Sensors with a state, as odometry and biases,
+            measure all the same, so that no data depends on who listens.
     """
 
     def __init__(self, streams: list[Stream], wants: Callable[[str], bool]) -> None:
@@ -46,7 +46,7 @@ class Schedule:
         self.due_ns = 0
 
     def take(self, stamp_ns: int) -> Iterator[Output]:
-        """What is measured at that time."""
+        """The messages of all measurements due at that time."""
         for stream in self._streams:
             if stream.due_ns > stamp_ns:
                 continue

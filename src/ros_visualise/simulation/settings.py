@@ -30,7 +30,7 @@ _barometer = partial(setting, group="barometer")
 
 @dataclass(frozen=True)
 class RobotParams:
-    """What both robots have."""
+    """Parameters that all robots have."""
 
     command_timeout: float = setting(
         0.5, "seconds after which a velocity command ends, if no other follows", min=0.05, max=60
@@ -118,7 +118,7 @@ class RobotParams:
 
 @dataclass(frozen=True)
 class HuskyParams(RobotParams):
-    """The rover."""
+    """Parameters of the rover."""
 
     odom_turn_scale: float = _odometry(
         0.02, "error of all turns (standard deviation), as a fraction: 0.01 is 1%", min=0, max=0.5
@@ -130,7 +130,7 @@ class HuskyParams(RobotParams):
 
 @dataclass(frozen=True)
 class QuadrotorParams(RobotParams):
-    """The quadrotor."""
+    """Parameters of the quadrotor."""
 
     camera_pitch: float = _camera(
         90.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
@@ -181,7 +181,7 @@ class QuadrotorParams(RobotParams):
 
 @dataclass(frozen=True)
 class ScenarioParams:
-    """Where a robot is, and what it is to do."""
+    """The world, the mission and the seed of a simulation."""
 
     world: str = setting("field", "the world to be in: plane, playpen or field")
     mission: str = setting(

@@ -1,4 +1,4 @@
-"""A robot in a world, simulated: its sensors' messages in order of time."""
+"""The simulation of a robot in a world: its sensors' messages in order of time."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ _SETTLING_S = 1.0  # before the start, so that the first measurements are of a r
 
 
 class Simulation:
-    """One robot in one world. `run` steps the physics as far as its messages are taken.
+    """One robot in one world. The physics goes on while somebody iterates over `run`.
 
     ``command``, ``goto``, ``add_mission`` and ``act`` may be called from any thread.
 
     Args:
         robot: one of `PARAMS`.
         world: one of `ros_visualise.simulation.worlds.WORLDS`.
-        seed: of all random errors; the same one gives the same data.
-        mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None: it stands
-            and waits.
+        seed: of all random errors; the same seed gives the same data.
+        mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None:
+            the robot stands and waits.
         settings: of the robot's class; None: the defaults.
-        wants: whether anybody wants that output; asked before each message that is dear to make.
+        wants: whether anybody wants that output; asked before each message that is costly.
 
     Raises:
         OpenError: no such robot, world or mission, or MuJoCo is not there.
@@ -91,7 +91,7 @@ class Simulation:
 
     @property
     def failure(self) -> str:
-        """What ended the mission, or all that the robot does, too early, in one line; or empty."""
+        """One line that says why the mission or the robot failed, or empty."""
         return self._robot.mission.failure
 
     @property
@@ -105,10 +105,10 @@ class Simulation:
         return ("robot_description", "tf_static", *self._suite.outputs)
 
     def run(self) -> Generator[Output, None, None]:
-        """The messages as (stamp_ns, name, message), without an end; from one thread.
+        """The messages as (stamp_ns, name, message), without end; call it from one thread.
 
-        The first are ``robot_description`` and ``tf_static``, once. Going on after it was closed
-        goes on in time.
+        ``robot_description`` and ``tf_static`` come first, once. Called again after it was closed,
+        it goes on from that time.
         """
         if not self._steps:
             yield Output(0, "robot_description", self._description)
@@ -129,7 +129,7 @@ class Simulation:
             self._suite.close()
 
     def command(self, twist: Twist) -> None:
-        """Go with that velocity until ``command_timeout`` has passed; it gives up a mission.
+        """Follow a velocity until ``command_timeout`` has passed; this ends a mission.
 
         Raises:
             UsageError: it is not finite.
@@ -138,24 +138,24 @@ class Simulation:
         self._orders.append(lambda: self._robot.command(twist, self.time_ns / 1e9))
 
     def goto(self, goal: PoseStamped) -> None:
-        """Go to a pose in ``map``; it gives up a mission.
+        """Go to a pose in ``map``; this ends a mission.
 
-        To one on the ground plane, as rviz's tool sends it, a quadrotor flies as high as it is.
+        A quadrotor flies to a pose on the ground plane, as rviz's tool sends it, at its height.
 
         Raises:
             UsageError: the pose is in another frame, or not finite, or the robot has tipped over.
         """
         self._check_upright()
-        _check_finite("a way point", goal.position_xyz, goal.quat_xyzw)
+        _check_finite("a goal", goal.position_xyz, goal.quat_xyzw)
         if goal.header.frame_id not in ("", frames.MAP):
-            raise UsageError(f"a way point is in the frame map, not {goal.header.frame_id}")
+            raise UsageError(f"a goal has to be in the frame map, not {goal.header.frame_id}")
         self._orders.append(lambda: self._robot.go_to(goal))
 
     def add_mission(self, mission: Mission | str | Path) -> None:
         """Begin another mission now.
 
         Raises:
-            OpenError: there is none of that name.
+            OpenError: there is no such mission.
             UsageError: the robot has tipped over.
         """
         self._check_upright()
@@ -167,8 +167,7 @@ class Simulation:
         """Do one of `actions`.
 
         Raises:
-            UsageError: there is none of that name, there is no mission to start, or the robot has
-                tipped over.
+            UsageError: there is no such action, no mission to start, or the robot has tipped over.
         """
         self._check_upright()
         mission = self._mission
@@ -182,7 +181,7 @@ class Simulation:
             self._orders.append(lambda: self._robot.start(mission))
 
     def close(self) -> None:
-        """Free what the renderer holds; by the thread that ran `run`."""
+        """Free the renderer; call it from the thread that ran `run`."""
         self._suite.close()
 
     def _obey(self, order: Callable[[], None]) -> None:
@@ -194,7 +193,7 @@ class Simulation:
             raise UsageError(f"the {self._name} has tipped over: reset it")
 
     def _set_down(self) -> tuple[Vector, Quat]:
-        """Put the robot at its start, motors at rest, and let its weight come to rest there."""
+        """Put the robot at its start and let it come to rest there, its motors off."""
         mujoco = load_mujoco()
         x, y, yaw = self.world.starts[self._name]
         position, attitude = (x, y, standing_height(self._model)), from_yaw(yaw)
@@ -223,7 +222,7 @@ class Simulation:
         return read_mission(mission, clear_areas)
 
     def _default_mission(self) -> Mission:
-        """The world's way for the rover, a survey of the middle for the quadrotor."""
+        """The world's path for the rover, a survey of the middle for the quadrotor."""
         if self._name == "quadrotor":
             return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
         if self.world.path_xy:
@@ -233,4 +232,4 @@ class Simulation:
 
 def _check_finite(what: str, *arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise UsageError(f"{what} is of finite numbers")
+        raise UsageError(f"{what} has to be of finite numbers")

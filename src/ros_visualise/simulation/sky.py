@@ -19,9 +19,9 @@ def draw_sky(side: int = 384) -> Canvas:
 
 
 def _directions(face: str, side: int) -> Array:
-    """Where the pixels of a face look to in the world, (side, side, 3): z is up.
+    """The directions of a face's pixels in the world, (side, side, 3), z up.
 
-    MuJoCo's cube is that of OpenGL, y up, turned so that its front looks along y.
+    MuJoCo's cube is OpenGL's, which has y up, turned so that its front is towards y.
     """
     a = (np.arange(side, dtype=np.float32) + 0.5) / side * 2 - 1
     right, down = np.meshgrid(a, a)
@@ -66,7 +66,7 @@ def _ridge(azimuth: Array, waves: int) -> Array:
 
 
 def _clouds(direction: Array) -> Array:
-    """How much of a cloud is there: noise on a flat layer, thinner towards the horizon."""
+    """The density of clouds: noise on a flat layer, thinner towards the horizon."""
     layer = np.random.default_rng(2).uniform(0, 1, (64, 64)).astype(np.float32)
     height = np.maximum(direction[..., 2], 0.03)
     x, y = direction[..., 0] / height, direction[..., 1] / height

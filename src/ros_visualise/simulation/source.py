@@ -1,4 +1,4 @@
-"""A simulated robot as a source of messages: played, paused and sought like a recording."""
+"""A simulated robot as a source of messages, which can be paused and sought like a recording."""
 
 from __future__ import annotations
 
@@ -54,14 +54,13 @@ Batch = tuple[Output, ...]
 class SimulatedRobot:
     """Steps a simulation as its messages become due.
 
-    Where playing goes back all is simulated anew up to there; what was asked of the robot meanwhile
-    is forgotten.
+    To go back in time, all is simulated anew from the start; commands of that time are forgotten.
 
     Args:
         robot: ``husky`` or ``quadrotor``.
-        place: the mission ``none`` is none.
+        scenario: its world, mission and seed.
         settings: of the robot's class.
-        playback: how it is played; while nobody looks on, it ends with the mission.
+        playback: how it is played; where nobody watches, it ends with the mission.
 
     Raises:
         OpenError: no such world or mission, or MuJoCo is not there.
@@ -72,13 +71,13 @@ class SimulatedRobot:
     def __init__(
         self,
         robot: str,
-        place: ScenarioParams,
+        scenario: ScenarioParams,
         settings: RobotParams,
         playback: Playback,
     ) -> None:
-        mission = None if place.mission == _NO_MISSION else place.mission
-        self._arguments = robot, place.world, place.seed, mission, settings
-        self._tf_prefix = place.tf_prefix
+        mission = None if scenario.mission == _NO_MISSION else scenario.mission
+        self._arguments = robot, scenario.world, scenario.seed, mission, settings
+        self._tf_prefix = scenario.tf_prefix
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
@@ -101,12 +100,12 @@ class SimulatedRobot:
                 yield output.name, prefixed(message, self._tf_prefix)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
-        """(Time since the start, messages), from those shown at that time on.
+        """(Time since the start, messages), from a time on.
 
-        The first batch holds the last message of each output until then, the image at its end.
+        The first batch holds the last message of each output until then, the image last.
 
         Raises:
-            RosVisualiseError: a mission that it was to end with has failed.
+            RosVisualiseError: the mission has failed, and nobody watches.
         """
         start_ns -= self._origin_ns
         simulation = self._begin(start_ns)
@@ -125,18 +124,18 @@ class SimulatedRobot:
             raise RosVisualiseError(simulation.failure)
 
     def _is_over(self) -> bool:
-        """Nobody looks on, and the mission is over."""
+        """The mission is over, and nobody watches."""
         return self._simulation.finished and not self._playback.holds
 
     def _tell(self, failure: str) -> None:
-        """Say once what failed; the end of everything says it by itself."""
+        """Log a failure once; where it ends the run, the error says it."""
         if failure != self._failure and not self._is_over():
             self._failure = failure
             if failure:
                 log.warning("%s", failure)
 
     def _show(self, shown: dict[str, Output]) -> Iterator[tuple[int, Batch]]:
-        """Let go of what is held."""
+        """Yield the messages that were held back."""
         batch = sorted(shown.values(), key=lambda output: (output.name == _FRAME, output.stamp_ns))
         shown.clear()
         if batch:
@@ -149,7 +148,8 @@ class SimulatedRobot:
     def receive(self, port: str, message: Any) -> None:
         """Take a velocity (``cmd_vel``) or a goal.
 
-        A velocity that an action or a goal has ended counts anew when it changes or has paused.
+        An action or a goal overrides the present velocity. The same velocity, if it goes on to
+        come in, is ignored from then on until it changes or pauses.
         """
         if port != "cmd_vel":
             self._ended = self._told
@@ -158,7 +158,7 @@ class SimulatedRobot:
             self._simulation.command(message)
 
     def close(self) -> None:
-        """Nothing is open: the renderer goes with the messages."""
+        """Nothing is open: the renderer is freed with the messages."""
 
     def act(self, name: str) -> None:
         """Do an action that `Simulation.act` knows."""
@@ -188,7 +188,7 @@ class SimulatedRobot:
         return self._ended is not None
 
     def _begin(self, start_ns: int) -> Simulation:
-        """The simulation at a time: the present one, unless its time has passed."""
+        """The simulation to read from a time on: the present one, unless it is past that time."""
         self._sought_ns = start_ns
         if self._simulation.time_ns > max(start_ns, 0):
             self._simulation = self._make()
@@ -198,7 +198,7 @@ class SimulatedRobot:
         return Simulation(*self._arguments, self._is_wanted)
 
     def _is_wanted(self, output: str) -> bool:
-        """What is dear is not made on the way to a time, but for what is to be seen there."""
+        """Whether to make a costly message: while seeking, only those next to the time sought."""
         on_the_way = self._simulation.time_ns <= self._sought_ns - self._look_back_ns
         return not on_the_way and self._is_awaited(output)
 
@@ -207,7 +207,7 @@ class SimulatedRobot:
 
 
 def restamped(message: Any, shift_ns: int) -> Any:
-    """A message with its stamps moved."""
+    """A message with its stamps shifted."""
     if isinstance(message, Transforms):
         return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
     header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)

@@ -1,4 +1,4 @@
-"""Pictures on the things of a simulated world, drawn by the program: RGB, (height, width, 3)."""
+"""Textures of a simulated world, drawn by the program: RGB, (height, width, 3)."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def draw_field(
 
     Args:
         side: pixels along an edge.
-        metres: the same in metres; the middle is (0, 0).
-        path_xy: (N, 2) metres; the path's closed middle line.
-        shadows: of what stands on it.
+        metres: length of an edge; the middle is (0, 0).
+        path_xy: (N, 2) metres; the closed middle line of the path.
+        shadows: of everything that stands on it.
     """
     random = np.random.default_rng(11)
     scale = side / metres

@@ -1,4 +1,4 @@
-"""The rover: four wheels on two sides, steered by their difference."""
+"""The rover: four wheels, steered by the difference of speed between its sides."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _INTEGRAL_LIMIT = 6.0  # rad/s
 
 @dataclass(frozen=True)
 class Wheels:
-    """How large the wheels are and how far apart along y and along x, metres."""
+    """Radius of the wheels, and their distances along y and along x, metres."""
 
     radius: float
     track: float
@@ -38,18 +38,18 @@ class Wheels:
 
     @property
     def effective_track(self) -> float:
-        """How far apart wheels that do not slip would have to be to turn as these do.
+        """The track of a robot that turns as this one without slipping.
 
-        Turning, every wheel slides sideways as fast as it is away from the middle along x. Friction
-        works against the slip's direction, and its moments about the middle cancel only where the
-        slip along the wheel is to that across it as half the wheelbase is to half the track: a
-        factor of 1.80; husky_control has 1.875.
+        In a turn every wheel slides sideways, the faster the farther it is from the middle along x.
+        Friction acts against the slip, and its torques about the middle cancel only if the slip
+        along the wheel is to the slip across it as half the wheelbase is to half the track. This
+        gives a factor of 1.80; husky_control has 1.875.
         """
         return self.track * (1 + (self.base / self.track) ** 2)
 
 
 class Husky:
-    """Wheel speeds from a velocity, that from a command or from a way to go."""
+    """Turns commands, goals and missions into a velocity, and that into wheel speeds."""
 
     def __init__(self, model: Any, data: Any, params: HuskyParams, seed: int) -> None:
         self.body = Body(model, data)
@@ -72,18 +72,18 @@ class Husky:
         self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
 
     def stop(self) -> None:
-        """Stand still, and give up what it was doing."""
+        """Stand still, and give up a goal or mission."""
         self._carrot, self._wanted = None, (0.0, 0.0)
         self.mission.cancel()
 
     def command(self, twist: Twist, time_s: float) -> None:
-        """Go with linear x and angular z."""
+        """Follow linear x and angular z."""
         self.stop()
         self._wanted = float(twist.linear_xyz[0]), float(twist.angular_xyz[2])
         self._commanded_s = time_s
 
     def go_to(self, goal: PoseStamped) -> None:
-        """Go there straight and turn to its heading."""
+        """Go straight to a goal and turn to its heading."""
         x, y, z, w = goal.quat_xyzw.tolist()
         place = (float(goal.position_xyz[0]), float(goal.position_xyz[1]), 0.0)
         self._follow(Route([self._place(), place]), 1, MAX_SPEED)
@@ -91,14 +91,14 @@ class Husky:
         self.mission.cancel()
 
     def start(self, mission: Mission) -> None:
-        """Go to the mission's way and along it."""
+        """Go to the mission's route and along it."""
         route = mission.route()
         self._follow(route, mission.laps, min(mission.speed, MAX_SPEED))
         self._final_yaw = None if route.closed else route.yaws[-1]
         self.mission.begin()
 
     def control(self, time_s: float) -> None:
-        """Wheel speeds for the next step."""
+        """Set the wheels' speeds for the next step."""
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s)
         self._steps += 1
@@ -110,7 +110,7 @@ class Husky:
         self._spin((left, left, right, right))
 
     def _navigate(self, time_s: float) -> None:
-        """Choose speed and turn rate, and see whether it gets on."""
+        """Choose speed and turn rate, and check whether the robot moves."""
         self._give_up_if_stuck()
         if self._carrot is not None:
             self._wanted = self._pursue(self._carrot)
@@ -119,7 +119,7 @@ class Husky:
         self._watch()
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
-        """From how far the wheels of each side have turned."""
+        """Odometry from how far the wheels of each side have turned."""
         fl, rl, fr, rr = self._data.sensordata[6:10].tolist()
         turns = (fl + rl) / 2, (fr + rr) / 2
         left, right = (
@@ -133,7 +133,7 @@ class Husky:
     def _spin(self, wanted: tuple[float, float, float, float]) -> None:
         """A PI controller for each wheel: the actuator's servo is the P, its set point has the I.
 
-        A servo alone would turn the wheels slower the harder they are to turn.
+        With the servo alone, wheels under load would turn too slowly.
         """
         speeds = self._data.qvel[6:10].tolist()  # front left, front right, rear left, rear right
         actual = speeds[0], speeds[2], speeds[1], speeds[3]
@@ -143,7 +143,7 @@ class Husky:
         self._data.ctrl[:] = [w + t for w, t in zip(wanted, self._trim, strict=True)]
 
     def _watch(self) -> None:
-        """Compare what is asked for with its true motion; turns count as the track's wheels go."""
+        """Compare its true motion with what it is told; turns count as speeds of the wheels."""
         yaw, (x, y, _) = self._yaw(), self._place()
         vx, vy, _, _, _, turn = self._data.qvel[:6].tolist()
         ahead = vx * math.cos(yaw) + vy * math.sin(yaw)
@@ -152,7 +152,7 @@ class Husky:
         self._stall_detector.watch(wanted, actual, (x, y), self._dt_s * _NAVIGATION_STEPS)
 
     def _give_up_if_stuck(self) -> None:
-        """Stop where it lies on its side, or its mission makes no progress."""
+        """Stop if it lies on its side, or its mission makes no progress."""
         dt_s, place = self._dt_s * _NAVIGATION_STEPS, self._place()
         if self.tip_over.watch(self._attitude(), dt_s):
             self.mission.end(f"husky lies on its side at {tell_place(place)}")

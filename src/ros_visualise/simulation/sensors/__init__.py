@@ -1,4 +1,4 @@
-"""Sensors: from what is true to what is measured. None of them knows MuJoCo but the lidar.
+"""Sensors: they turn the true state into measurements. Only the lidar and camera know MuJoCo.
 
-Each has a stream of random numbers of its own, so that one more sensor changes no other's data.
+Each has its own random numbers, so that adding a sensor changes no other's data.
 """

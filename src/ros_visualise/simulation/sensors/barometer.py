@@ -22,7 +22,7 @@ def pressure_at(altitude_m: float) -> float:
 
 
 class Barometer:
-    """The pressure of the air, the weather's slow change of it, white noise."""
+    """Air pressure with a slow error, as from the weather, and white noise."""
 
     frame_id = "base_link"
 

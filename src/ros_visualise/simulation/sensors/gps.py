@@ -13,7 +13,7 @@ _DIAGONAL_KNOWN = 2  # COVARIANCE_TYPE_DIAGONAL_KNOWN
 
 
 class GpsSensor:
-    """A slow error of the satellites and the air, and white noise of the receiver."""
+    """Positions with a slow error, as from satellites and air, and the receiver's white noise."""
 
     frame_id = "gps_link"
 
@@ -31,7 +31,7 @@ class GpsSensor:
         self._plane = LocalPlane(*origin)
 
     def measure(self, stamp_ns: int, position_xyz: Floats) -> NavSatFix:
-        """The fix of an antenna there: metres east, north and up of the world's origin."""
+        """The fix of an antenna at a position: metres east, north and up of the world's origin."""
         noise = self._white * self._random.standard_normal(3)
         drift = self._drift.step(self._interval.until(stamp_ns))
         place = position_xyz + noise + drift

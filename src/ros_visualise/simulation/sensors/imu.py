@@ -14,7 +14,7 @@ from ros_visualise.simulation.settings import RobotParams
 
 
 class ImuSensor:
-    """White noise and a wandering bias on rates and accelerations, a slow error on the attitude.
+    """Rates and accelerations with white noise and a bias that walks, and a slowly wrong attitude.
 
     Source: Woodman, An introduction to inertial navigation, 2007, chapters 3 and 4.
     """

@@ -14,7 +14,7 @@ _TESLA = 1e-6
 
 
 class Magnetometer:
-    """The Earth's field in the body's axes, the body's own magnetism (a bias), white noise."""
+    """The Earth's field in the body's axes, with a bias (the body's magnetism) and white noise."""
 
     frame_id = "imu_link"
 
@@ -29,7 +29,7 @@ class Magnetometer:
         self._covariance = np.eye(3) * self._white**2
 
     def measure(self, stamp_ns: int, R_map_body: Floats) -> MagneticField:
-        """The field that a body of that attitude sees."""
+        """The field measured at an attitude."""
         noise = self._white * self._random.standard_normal(3)
         measured = self._field_enu @ R_map_body + self._bias + noise
         return MagneticField(measured, self._covariance, Header(stamp_ns, self.frame_id))

@@ -1,4 +1,4 @@
-"""Random errors, as they are of sensors."""
+"""Random errors of sensors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Worlds that robots are simulated in: what stands where, written as MJCF by the program.
+"""Simulated worlds, written as MJCF by the program.
 
 The frame is ``map``: x east, y north, z up; the ground is the plane z = 0.
 """
@@ -11,7 +11,7 @@ from functools import cache
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.landmarks import Landmark
 from ros_visualise.simulation.worlds.field import build_field
-from ros_visualise.simulation.worlds.mjcf import Scene
+from ros_visualise.simulation.worlds.mjcf import WorldBuilder
 from ros_visualise.simulation.worlds.plane import build_plane
 from ros_visualise.simulation.worlds.playpen import build_playpen
 
@@ -21,7 +21,7 @@ Pose2 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class World:
-    """One world; ``starts`` says where each robot is set down, ``path_xy`` is a closed way."""
+    """One world; ``starts`` has the start of each robot, ``path_xy`` is a closed path."""
 
     name: str
     mjcf: str
@@ -41,14 +41,14 @@ WORLDS = tuple(_BUILDERS)
 
 @cache
 def build_world(name: str, pictures: bool = True) -> World:
-    """The world of that name; without pictures all of it is gray, and ready much sooner.
+    """The world of that name; without pictures it is gray, and ready much sooner.
 
     Raises:
-        OpenError: there is none.
+        OpenError: there is no such world.
     """
     if name not in _BUILDERS:
         raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
-    scene = Scene(pictures)
+    scene = WorldBuilder(pictures)
     _BUILDERS[name](scene)
     return World(
         name,

@@ -1,4 +1,4 @@
-"""An outdoor field: a meadow with a gravel path, trees, and landmarks to be found."""
+"""An outdoor field: a meadow with a gravel path, trees and landmarks."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ros_visualise.simulation.textures import (
     draw_leaves,
     draw_wood,
 )
-from ros_visualise.simulation.worlds.mjcf import SHOWN, SUN_SLOPE, Scene
+from ros_visualise.simulation.worlds.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
 
 _SIDE_M = 48.0
 _PICTURE_PX = 2048
@@ -36,8 +36,8 @@ _POSTS = (
 )
 
 
-def build_field(scene: Scene) -> None:
-    """The ground, what grows and stands on it, and where robots start."""
+def build_field(scene: WorldBuilder) -> None:
+    """Add the ground, everything on it, and the robots' starts."""
     scene.path_xy += [_path(angle) for angle in np.linspace(0, 2 * math.pi, 90, endpoint=False)]
     scene.add_sky(draw_sky, FACES)
     shadows = _plant_trees(scene) + _set_landmarks(scene) + _furnish(scene)
@@ -48,14 +48,14 @@ def build_field(scene: Scene) -> None:
 
 
 def _path(angle: float, aside: float = 0.0) -> tuple[float, float]:
-    """The path's middle at an angle around the field, or ``aside`` metres outside of it."""
+    """The middle of the path at an angle around the field, or ``aside`` metres outside of it."""
     swing = 1 + 0.10 * math.sin(3 * angle + 0.4) + 0.05 * math.sin(5 * angle)
     x, y = -12.5 * math.cos(angle) * swing, -9.0 * math.sin(angle) * swing
     out = math.hypot(x, y)
     return x * (1 + aside / out), y * (1 + aside / out)
 
 
-def _lay_ground(scene: Scene, shadows: list[Shadow]) -> None:
+def _lay_ground(scene: WorldBuilder, shadows: list[Shadow]) -> None:
     path = np.array(scene.path_xy)
     half = _SIDE_M / 2
     scene.add_ground(
@@ -69,7 +69,7 @@ def _lay_ground(scene: Scene, shadows: list[Shadow]) -> None:
         scene.add("plane", (reach, half, 1), (sign * middle, 0, 0), grass, SHOWN)
 
 
-def _plant_trees(scene: Scene) -> list[Shadow]:
+def _plant_trees(scene: WorldBuilder) -> list[Shadow]:
     random = np.random.default_rng(21)
     shadows = []
     leaves = scene.add_material("leaves", draw_leaves, kind="cube")
@@ -96,7 +96,7 @@ def _plant_trees(scene: Scene) -> list[Shadow]:
     return shadows
 
 
-def _set_landmarks(scene: Scene) -> list[Shadow]:
+def _set_landmarks(scene: WorldBuilder) -> list[Shadow]:
     shadows = []
     for number in range(_ROADSIDE_TAGS):
         angle = 2 * math.pi * (number + 0.6) / _ROADSIDE_TAGS
@@ -120,7 +120,7 @@ def _set_landmarks(scene: Scene) -> list[Shadow]:
     return shadows
 
 
-def _lay_helipad(scene: Scene) -> None:
+def _lay_helipad(scene: WorldBuilder) -> None:
     half, axes = _HELIPAD_M / 2, lying(math.pi / 2)
     material = scene.add_material("helipad", draw_helipad)
     scene.add("box", (half, half, 0.0025), (*HELIPAD_XY, 0.0025), material, SHOWN, axes)
@@ -128,7 +128,7 @@ def _lay_helipad(scene: Scene) -> None:
     scene.landmarks.append(Landmark("helipad", "helipad", place, axes, _HELIPAD_M))
 
 
-def _furnish(scene: Scene) -> list[Shadow]:
+def _furnish(scene: WorldBuilder) -> list[Shadow]:
     """A shed, a crate, bales and rocks, so that the lidar has more to see than trees."""
     shadows = [_cast(-17.0, 8.5, 1.15, 1.15, 1.5)]
     wood = scene.add_material("wood", draw_wood, kind="cube")
@@ -150,7 +150,7 @@ def _furnish(scene: Scene) -> list[Shadow]:
 
 
 def _cast(x: float, y: float, middle: float, up: float, aside: float) -> Shadow:
-    """The shadow of a thing whose middle is that high, reaching ``up`` and ``aside`` from there."""
+    """The shadow of an object with its middle that high, ``up`` and ``aside`` its half extents."""
     turn, away = math.radians(SUN_DEGREES), SUN_SLOPE * middle
     along = math.hypot(aside, SUN_SLOPE * up)
     return x + away * math.cos(turn), y + away * math.sin(turn), along, aside

@@ -1,4 +1,4 @@
-"""MJCF, written thing by thing."""
+"""Writing a world as MJCF, geom by geom."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ Draw = Callable[[], Canvas]
 
 GROUND = 'contype="1" conaffinity="0"'
 SOLID = 'contype="2" conaffinity="0"'
-SHOWN = 'contype="0" conaffinity="0"'  # nothing bumps into it
+SHOWN = 'contype="0" conaffinity="0"'  # without contacts
 _BOARD_THICKNESS = 0.024
 _PRINT_THICKNESS = 0.002  # of the tag in front of its board
 
 
-class Scene:
-    """What a world is made of, as it is written.
+class WorldBuilder:
+    """Builds a world.
 
     Args:
-        pictures: draw what things look like; without, all is gray, and ready much sooner.
+        pictures: draw the textures; without, all is gray, and ready much sooner.
 
     Attributes:
-        assets: pictures by the names that the MJCF calls them.
-        landmarks: those set up so far.
-        starts: robot -> where it is set down.
-        path_xy: a closed way through the world.
+        assets: file names in the MJCF -> pictures.
+        landmarks: those added so far.
+        starts: robot -> where it starts.
+        path_xy: a closed path through the world.
     """
 
     def __init__(self, pictures: bool) -> None:
@@ -67,7 +67,7 @@ class Scene:
         repeat: float | None = None,
         kind: str = "2d",
     ) -> str:
-        """A material that shows what is drawn: once over its thing, or ``repeat`` times a metre."""
+        """A material with a drawn texture: once over a geom, or ``repeat`` times a metre."""
         self._store(name, draw, np.full((2, 2, 3), 128, np.uint8))
         tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
         self._definitions.append(
@@ -87,7 +87,7 @@ class Scene:
         yaw: float = 0.0,
         name: str = "",
     ) -> None:
-        """Put a geom there. ``look`` is a material's name, or red, green and blue in 0 to 1."""
+        """Add a geom. ``look`` is a material's name, or red, green and blue in 0 to 1."""
         axes = _turn(yaw) if R is None else R
         xyaxes = _numbers([*axes[:, 0], *axes[:, 1]])
         paint = f'rgba="{look} 1"' if " " in look else f'material="{look}"'
@@ -98,17 +98,17 @@ class Scene:
         )
 
     def add_ground(self, half: float, look: str) -> None:
-        """The plane that all stand on; it is drawn to ``half`` metres each way."""
+        """Add the ground plane; it is drawn to ``half`` metres each way."""
         self.add("plane", (half, half, 1), (0, 0, 0), look, GROUND, name="ground")
 
     def add_board(
         self, tag_id: int, position: tuple[float, float, float], R: Floats, size: float
     ) -> None:
-        """A wooden board with an AprilTag whose black square is ``size`` metres wide.
+        """Add a wooden board with an AprilTag whose black square is ``size`` metres wide.
 
         Args:
             position: middle of the tag.
-            R: R_map_landmark, as `Landmark` has it.
+            R: R_map_landmark, see `Landmark`.
         """
         name = f"tag_{tag_id}"
         if f"{name}.png" not in self.assets:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from ros_visualise.simulation.sky import FACES, draw_sky
 from ros_visualise.simulation.textures import draw_grid
-from ros_visualise.simulation.worlds.mjcf import Scene
+from ros_visualise.simulation.worlds.mjcf import WorldBuilder
 
 _HALF_M = 150.0
 
 
-def build_plane(scene: Scene) -> None:
-    """Ground in squares of a metre, and nothing on it."""
+def build_plane(scene: WorldBuilder) -> None:
+    """Add a ground in squares of a metre, and nothing on it."""
     scene.add_sky(lambda: draw_sky(256), FACES)
     scene.add_ground(_HALF_M, scene.add_material("grid", draw_grid, repeat=0.5))
     scene.starts |= {"husky": (0.0, 0.0, 0.0), "quadrotor": (0.0, 0.0, 0.0)}

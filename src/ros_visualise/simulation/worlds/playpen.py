@@ -1,4 +1,4 @@
-"""A fenced yard with obstacles, after the playpen that the Husky is simulated in with Gazebo."""
+"""A fenced yard with obstacles, after the playpen of the Husky's simulation in Gazebo."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from ros_visualise.simulation.landmarks import facing
 from ros_visualise.simulation.sky import FACES, draw_sky
 from ros_visualise.simulation.textures import draw_concrete, draw_wood
-from ros_visualise.simulation.worlds.mjcf import Scene
+from ros_visualise.simulation.worlds.mjcf import WorldBuilder
 
 _HALF_M = 10.0
 _BARRIER_M = 2.5
@@ -23,8 +23,8 @@ _PILLARS = ((-7.0, 7.0), (0.0, -4.0), (8.3, 3.2))
 _EIGHT = tuple(math.pi / 2 - 2 * math.pi * i / 60 for i in range(60))
 
 
-def build_playpen(scene: Scene) -> None:
-    """Barriers around 20 x 20 m; crates, barrels, cones, pillars and boards with tags in it."""
+def build_playpen(scene: WorldBuilder) -> None:
+    """Add barriers around 20 x 20 m, and crates, barrels, cones, pillars and boards with tags."""
     scene.add_sky(lambda: draw_sky(256), FACES)
     scene.add_ground(60.0, scene.add_material("concrete", draw_concrete, repeat=0.5))
     wood = scene.add_material("wood", draw_wood, kind="cube")
@@ -45,7 +45,7 @@ def build_playpen(scene: Scene) -> None:
     scene.path_xy += [(7 * math.cos(a), 2.2 * math.sin(2 * a)) for a in _EIGHT]
 
 
-def _fence(scene: Scene) -> None:
+def _fence(scene: WorldBuilder) -> None:
     """Concrete barriers, side by side, each second one darker."""
     count = round(2 * _HALF_M / _BARRIER_M)
     for i in range(count):
@@ -56,7 +56,7 @@ def _fence(scene: Scene) -> None:
             scene.add("box", (0.12, _BARRIER_M / 2 - 0.01, 0.5), (side, along, 0.5), look)
 
 
-def _cone(scene: Scene, x: float, y: float) -> None:
+def _cone(scene: WorldBuilder, x: float, y: float) -> None:
     orange, white = "0.95 0.38 0.08", "0.95 0.95 0.95"
     scene.add("box", (0.17, 0.17, 0.015), (x, y, 0.015), orange)
     for bottom, top, radius, look in (
