@@ -11,6 +11,7 @@ import zlib
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ from ros_visualise.sources.recordings import Extra
 _COMPRESS: dict[str, Callable[[bytes], bytes]] = {
     "none": bytes,
     "lz4": lz4.frame.compress,
-    "zstd": zstandard.compress,
+    "zstd": partial(zstandard.compress, level=1),  # small messages: faster, and not larger than 3
 }
 _LARGE_BYTES = 32 * 1024  # of a message, as of images and scans
 _PROFILES = {"ros1": ("ros1", "ros1msg", "ros1"), "cdr": ("ros2", "ros2msg", "cdr")}
