@@ -2,9 +2,9 @@
 
 python benchmarks/convert.py [--messages 100000] [--images 300] [--kitti DRIVE]
 
-Wall and CPU seconds of whole processes, the peak of their resident set, and the ratio of our rate
-to theirs. DRIVE is a folder as 2011_09_26 of KITTI's raw data; the bound reads its files, decodes
-the images and writes as many bytes as the bag has.
+Wall and CPU seconds of whole processes, the peak of their resident set, the ratio of our rate to
+theirs, and that of our file's size to theirs. DRIVE is a folder as 2011_09_26 of KITTI's raw data;
+the bound reads its files, decodes the images and writes as many bytes as the bag has.
 """
 
 import argparse
@@ -30,18 +30,20 @@ TOPICS = {
 
 MCAP_ALONE = """
 import sys
-from mcap.writer import CompressionType, Writer
-from rosbags.rosbag1 import Reader
+from pathlib import Path
+from mcap.writer import Writer
+from rosbags.highlevel import AnyReader
 
-with Reader(sys.argv[1]) as reader, open(sys.argv[2], "wb") as file:
-    writer = Writer(file, compression=CompressionType.LZ4)
-    writer.start("ros1")
+source, target, profile, language, encoding = sys.argv[1], sys.argv[-1], *sys.argv[2:5]
+with AnyReader([Path(source)]) as reader, open(target, "wb") as file:
+    writer = Writer(file)
+    writer.start(profile)
     channels = {}
     for c in reader.connections:
-        schema = writer.register_schema(c.msgtype, "ros1msg", c.msgdef.data.encode())
-        channels[c.id] = writer.register_channel(c.topic, "ros1", schema)
+        schema = writer.register_schema(c.msgtype, language, c.msgdef.data.encode())
+        channels[c.id, c.topic] = writer.register_channel(c.topic, encoding, schema)
     for c, stamp, data in reader.messages():
-        writer.add_message(channels[c.id], stamp, data, stamp)
+        writer.add_message(channels[c.id, c.topic], stamp, data, stamp)
     writer.finish()
 """
 
@@ -63,6 +65,7 @@ class Cost(NamedTuple):
     wall_s: float
     cpu_s: float
     peak_mib: float
+    size: int
 
 
 def run(command: Sequence[str]) -> Cost:
@@ -87,7 +90,8 @@ def _run_once(command: Sequence[str]) -> Cost:
     )  # fmt: skip
     wall_s = time.perf_counter() - start
     cpu_s, peak_mib = map(float, done.stdout.split())
-    return Cost(wall_s, cpu_s, peak_mib)
+    files = target.iterdir() if target.is_dir() else [target]
+    return Cost(wall_s, cpu_s, peak_mib, sum(file.stat().st_size for file in files))
 
 
 def make_bag(path: Path, messages: int, images: int) -> Path:
@@ -126,9 +130,25 @@ def compare(title: str, ours: Sequence[str], theirs: Sequence[str], name: str) -
     print(
         f"| {title} | {mine.wall_s:.2f} | {mine.cpu_s:.2f} | {mine.peak_mib:.0f} | {name}"
         f" | {other.wall_s:.2f} | {other.cpu_s:.2f} | {other.peak_mib:.0f}"
-        f" | {other.wall_s / mine.wall_s:.2f} | {other.cpu_s / mine.cpu_s:.2f} |",
+        f" | {other.wall_s / mine.wall_s:.2f} | {other.cpu_s / mine.cpu_s:.2f}"
+        f" | {mine.size / other.size:.2f} |",
         flush=True,
     )
+
+
+def compare_copies(title: str, bag: Path, folder: Path) -> None:
+    """Print two rows: a bag and an .mcap whose messages keep their bytes."""
+    ours, theirs = str(folder / "ours.mcap"), str(folder / "theirs")
+    convert, alone = [sys.executable, "-m", "ros_visualise", "convert"], [sys.executable, "-c"]
+    same = [*convert, str(bag), "--profile", "ros1", ours]
+    loop = [*alone, MCAP_ALONE, str(bag), "ros1", "ros1msg", "ros1", theirs]
+    compare(f"{title} as they are, a bag", same, loop, "rosbags, mcap")
+    mcap = folder / "source.mcap"
+    subprocess.run(
+        [*convert, "--overwrite", str(bag), str(mcap)], check=True, stderr=subprocess.DEVNULL
+    )
+    loop = [*alone, MCAP_ALONE, str(mcap), "ros2", "ros2msg", "cdr", theirs]
+    compare(f"{title} as they are, an .mcap", [*convert, str(mcap), ours], loop, "rosbags, mcap")
 
 
 def main() -> None:
@@ -138,8 +158,8 @@ def main() -> None:
     parser.add_argument("--kitti", type=Path, metavar="DRIVE")
     args = parser.parse_args()
     convert = [sys.executable, "-m", "ros_visualise", "convert"]
-    print("| | s | CPU s | MiB | beside | s | CPU s | MiB | rate | by CPU |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| | s | CPU s | MiB | beside | s | CPU s | MiB | rate | by CPU | size |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bags = {
@@ -153,9 +173,7 @@ def main() -> None:
             compare(
                 f"{title} to ROS 2", [*convert, str(bag), *plain], [*rosbags, theirs], "rosbags"
             )
-            alone = [sys.executable, "-c", MCAP_ALONE, str(bag), theirs]
-            same = [*convert, str(bag), "--profile", "ros1", ours]
-            compare(f"{title} as they are", same, alone, "mcap")
+            compare_copies(title, bag, folder)
         if args.kitti:
             drive = folder / "drive"
             drive.mkdir()
