@@ -14,9 +14,6 @@ from ros_visualise.messages.recorded import content
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording
 
-_LARGE_BYTES = 4096
-"""Of a message in the mean: to decode, compress and write such ones takes longer than Python."""
-
 
 @dataclass(frozen=True)
 class Part:
@@ -89,10 +86,14 @@ class Conversion:
             self.reasons.setdefault(entry.topic, str(error))
 
     def _entries(self) -> ReadAhead | Generator[Entry, None, None]:
-        """Read on a thread of its own, unless messages are small: Python runs one at a time."""
-        count = sum(info.messages for info in self.recording.topics.values())
-        is_large = self.recording.size >= _LARGE_BYTES * count
-        return ReadAhead(self._read()) if is_large else self._read()
+        """Read on a thread of its own where images are decoded.
+
+        What is copied as bytes would only wait for the other thread: Python runs one at a time, and
+        memory that another core has touched is slow.
+        """
+        kinds = [self.recording.topics[topic].type for topic in self.part.topics]
+        is_decoded = any(kind.definitions is None for kind in kinds)
+        return ReadAhead(self._read()) if is_decoded else self._read()
 
     def _read(self) -> Generator[Entry, None, None]:
         part = self.part
