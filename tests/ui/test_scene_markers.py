@@ -104,6 +104,17 @@ def test_points_texts_and_triangles_are_drawn(scene, look):
     assert look("topics/shapes/3/shape")["glb_data"][:4] == b"glTF"
 
 
+def test_a_marker_that_only_moves_is_not_made_anew(scene, look):
+    text = marker(MarkerType.TEXT_VIEW_FACING, text="dock")
+    draw(scene, shapes=MarkerArray((text,)))
+    look("topics/shapes/1/shape")
+    draw(scene, shapes=MarkerArray((marker(MarkerType.TEXT_VIEW_FACING, [1, 0, 0], text="dock"),)))
+    look("topics/shapes/1", is_at([1, 0, 0]))
+    draw(scene, shapes=MarkerArray((marker(MarkerType.TEXT_VIEW_FACING, text="quay"),)))
+    assert look("topics/shapes/2/shape")["text"] == "quay"
+    assert "/world/topics/shapes/1" not in look.client.nodes
+
+
 def test_a_marker_is_replaced_and_deleted_by_its_name(scene, look):
     draw(scene, shapes=MarkerArray((marker(ns="a"), marker(xyz=[5, 0, 0], ns="b"))))
     look("topics/shapes/cube", positions([[0, 0, 0], [5, 0, 0]]))

@@ -21,15 +21,20 @@ def first_shown(graph: Graph, node: Member) -> str | None:
 def detections_of(graph: Graph, image: str) -> list[str]:
     """The topics with detections in the images of a topic.
 
-    They come from a node that takes these images, or from one that takes none, as a recording.
+    They come from a node that takes these images. Those of a node that takes none, as a recording,
+    may be of any images that were not made of others.
     """
-    found = [topic for topic, kind in graph.inputs.items() if kind is Detections]
+    is_original = all(
+        image not in one.outputs.values() or not _taken_by(one) for one in graph.members
+    )
+    found = [topic for topic, kind in graph.inputs.items() if kind is Detections and is_original]
     for member in graph.members:
-        taken = [topic for port, topic in member.inputs.items() if _takes_images(member, port)]
-        if not taken or image in taken:
+        taken = _taken_by(member)
+        if image in taken or (is_original and not taken):
             found += [name for name, topic in member.topics.items() if topic.type is Detections]
     return found
 
 
-def _takes_images(member: Member, port: str) -> bool:
-    return member.type.inputs[port] is Image
+def _taken_by(member: Member) -> list[str]:
+    """The topics of images that a node takes."""
+    return [topic for port, topic in member.inputs.items() if member.type.inputs[port] is Image]

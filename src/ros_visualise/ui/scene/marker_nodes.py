@@ -12,6 +12,7 @@ import viser
 from ros_visualise.data import Floats, Marker, MarkerType, Pixels
 from ros_visualise.ui.scene.solids import colors_of
 
+_LOOKS = ("type", "scale_xyz", "color_rgba", "points_xyz", "colors_rgba", "text", "mesh_resource")
 _HAIR_PX = 1.0  # of a line whose width is 0
 
 
@@ -26,6 +27,11 @@ def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
     draw = _DRAWN.get(MarkerType(marker.type))
     if draw is not None:
         draw(scene, name, marker)
+
+
+def looks_like(one: Marker, other: Marker) -> bool:
+    """Whether two markers differ in their places at most."""
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _LOOKS)
 
 
 def segments_of(marker: Marker) -> tuple[Floats, Pixels]:

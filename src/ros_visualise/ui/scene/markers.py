@@ -15,7 +15,7 @@ from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move
 from ros_visualise.ui.scene.frames import Frames
-from ros_visualise.ui.scene.marker_nodes import add_node
+from ros_visualise.ui.scene.marker_nodes import add_node, looks_like
 from ros_visualise.ui.scene.solid_batch import Placed, SolidBatch
 from ros_visualise.ui.scene.solids import mesh_of, solids_of
 
@@ -66,10 +66,10 @@ class Markers(Drawing):
             if marker.action == MarkerAction.DELETEALL:
                 self._clear(marker.ns)
                 continue
-            self._remove((marker.ns, marker.id))
             if marker.action == MarkerAction.ADD:
-                until_ns = now_ns + marker.lifetime_ns if marker.lifetime_ns > 0 else math.inf
-                self._kept[marker.ns, marker.id] = _Kept(marker, until_ns)
+                self._add(marker, now_ns)
+            else:
+                self._remove((marker.ns, marker.id))
         while len(self._kept) > _MOST:
             self._remove(next(iter(self._kept)))
 
@@ -148,6 +148,16 @@ class Markers(Drawing):
                 raise
             one.node = node
         move(one.node, T_fixed_marker)
+
+    def _add(self, marker: Marker, now_ns: int) -> None:
+        """Take a marker in; of one that only moves, what is drawn of it moves."""
+        key = marker.ns, marker.id
+        until_ns = now_ns + marker.lifetime_ns if marker.lifetime_ns > 0 else math.inf
+        added, before = _Kept(marker, until_ns), self._kept.get(key)
+        if before is not None and looks_like(before.marker, marker):
+            added.node, before.node = before.node, None
+        self._remove(key)
+        self._kept[key] = added
 
     def _remove(self, key: tuple[str, int]) -> None:
         one = self._kept.pop(key, None)
