@@ -1,0 +1,182 @@
+"""A process on a middleware: what it publishes, takes and offers; no ROS is needed for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hub import Hub, HubMiddleware
+from made_videos import numbered, write_video
+from waiting import wait_for
+
+from ros_visualise.data import (
+    CameraInfo,
+    DiagnosticArray,
+    Header,
+    Image,
+    Odometry,
+    Transforms,
+    TransformStamped,
+    Twist,
+)
+from ros_visualise.data import (
+    Path as PathMessage,
+)
+from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.executables.by_name import run
+from ros_visualise.messages import type_name
+from ros_visualise.messages.qos import LATCHED
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))
+
+
+class Peer:
+    """Another node of the graph."""
+
+    def __init__(self, hub: Hub) -> None:
+        self.middleware = HubMiddleware(hub, name="peer")
+        self.refused: list[str] = []
+
+    def hear(self, topic: str, kind: type) -> list[Any]:
+        """What comes on a topic, from now on."""
+        heard: list[Any] = []
+        self.middleware.subscribe(topic, kind, heard.append, self.refused.append)
+        return heard
+
+    def advertise(self, topic: str, kind: type) -> Any:
+        return self.middleware.advertise(topic, TopicType(type_name(kind)))
+
+
+@pytest.fixture
+def hub() -> Hub:
+    return Hub()
+
+
+@pytest.fixture
+def peer(hub: Hub) -> Iterator[Peer]:
+    made = Peer(hub)
+    yield made
+    made.middleware.end("the test is over")
+
+
+def test_nothing_is_sent_that_nobody_asked_for(hub: Hub, peer: Peer) -> None:
+    with hub.running("filters"):
+        images = peer.advertise("/controlled_stream", Image)
+        wait_for(lambda: images.connections, "the node")
+        assert peer.middleware.look().types["/processed_image/compressed"]
+        heard = peer.hear("/processed_image", Image)
+        images.publish(IMAGE)
+        wait_for(lambda: heard, "the image")
+    assert heard[0].header == IMAGE.header
+
+
+def test_an_image_brings_its_calibration_to_whoever_wants_it(hub: Hub, peer: Peer) -> None:
+    info = CameraInfo(4, 6, np.diag([7.0, 7, 1]), header=IMAGE.header)
+    with hub.running("filters"):
+        calibrations = peer.advertise("/controlled_stream/camera_info", CameraInfo)
+        images = peer.advertise("/controlled_stream", Image)
+        heard = peer.hear("/processed_image/camera_info", CameraInfo)
+        wait_for(lambda: calibrations.connections, "the node to ask for the calibration")
+
+        def comes() -> bool:
+            calibrations.publish(info)
+            images.publish(IMAGE)
+            return bool(heard)
+
+        wait_for(comes, "the calibration")
+    assert heard[0].K[0, 0] == 7
+    assert heard[0].header == IMAGE.header
+
+
+def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer) -> None:
+    with hub.running("path", min_distance=0.0):
+        odometry = peer.advertise("/odom", Odometry)
+        paths = peer.hear("/path", PathMessage)
+        wait_for(lambda: odometry.connections, "the node")
+        pose = Odometry(np.ones(3), np.array([0.0, 0, 0, 1]), header=Header(10**9, "odom"))
+        odometry.publish(pose)
+        wait_for(lambda: paths and len(paths[-1].stamps_ns) == 1, "a pose on the path")
+        wait_for(lambda: "/path/clear" in hub.services, "the service")
+        peer.middleware.call("/path/clear")
+        wait_for(lambda: len(paths[-1].stamps_ns) == 0, "an empty path")
+        _, parameters = hub.parameters["/path"]
+        assert parameters.current.min_distance == 0
+    with pytest.raises(RosVisualiseError, match="/path/nothing"):
+        peer.middleware.call("/path/nothing")
+
+
+def test_what_nodes_do_is_reported_as_diagnostics(hub: Hub, peer: Peer) -> None:
+    with hub.running("fps_control"):
+        diagnostics = peer.hear("/diagnostics", DiagnosticArray)
+        wait_for(lambda: diagnostics, "a report")
+    [status] = diagnostics[0].statuses
+    assert status.name == "/fps_control"
+    assert status.values["received"] == "0"
+
+
+def test_a_message_that_cannot_be_sent_is_counted_and_the_node_goes_on(
+    hub: Hub, peer: Peer, caplog: pytest.LogCaptureFixture
+) -> None:
+    with hub.running("filters"):
+        images = peer.advertise("/controlled_stream", Image)
+        heard = peer.hear("/processed_image", Image)
+        wait_for(lambda: images.connections, "the node")
+        hub.topics["/controlled_stream"].subscribers[0]._take(  # past what CDR can hold
+            Image(IMAGE.data, "mono8", Header(-(10**9), "camera_optical"))
+        )
+        wait_for(lambda: "left out" in caplog.text, "a word about it")
+        images.publish(IMAGE)
+        wait_for(lambda: heard, "the next image")
+
+
+def test_static_transforms_of_a_recording_add_up(hub: Hub, peer: Peer, tmp_path: Path) -> None:
+    path = tmp_path / "static.mcap"
+    topic = TopicType(type_name(Transforms), qos=LATCHED)
+    zero, unturned = np.zeros(3), np.array([0.0, 0, 0, 1])
+    with closing(open_recorder(str(path), {"/tf_static": topic})) as recorder:
+        for number, child in enumerate(("camera", "lidar")):
+            header = Header(10**9 * (number + 1), "base_link")
+            transform = TransformStamped(child, zero, unturned, header)
+            recorder.write("/tf_static", Transforms((transform,)), header.stamp_ns)
+    with hub.running("player", path=str(path), rate=0.0, wait_for="tf_static"):
+        wait_for(lambda: hub.topics.get("/tf_static"), "the topic")
+        heard = peer.hear("/tf_static", Transforms)
+        wait_for(lambda: heard and len(heard[-1].transforms) == 2, "both transforms")
+    assert [one.child_frame_id for one in heard[-1].transforms] == ["camera", "lidar"]
+
+
+def test_velocities_drive_a_robot(hub: Hub, peer: Peer) -> None:
+    with hub.running("husky", camera=False):
+        velocities = peer.advertise("/cmd_vel", Twist)
+        odometry = peer.hear("/odom", Odometry)
+        wait_for(lambda: velocities.connections, "the robot")
+
+        def drives() -> bool:
+            velocities.publish(Twist(np.array([1.0, 0, 0]), np.zeros(3)))
+            return bool(odometry) and odometry[-1].position_xyz[0] > 0.1
+
+        wait_for(drives, "the robot to drive")
+
+
+def test_wrong_usage_is_told_by_the_executables_status(hub: Hub, tmp_path: Path) -> None:
+    middleware = HubMiddleware(hub, {"path": str(tmp_path / "nothing.bag")})
+    with pytest.raises(SystemExit) as ended:
+        run("player", middleware)
+    assert ended.value.code == 2
+    assert middleware.is_over()
+    with pytest.raises(OpenError):
+        middleware.find_file("package://nothing/x")
+
+
+def test_a_video_is_played_for_whoever_subscribes(hub: Hub, peer: Peer, tmp_path: Path) -> None:
+    video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
+    with hub.running("streamer", path=str(video), loop=True):
+        heard = peer.hear("/image_raw", Image)
+        wait_for(lambda: len(heard) > 5, "images")
+    assert {(image.height, image.width, image.encoding) for image in heard} == {(48, 64, "bgr8")}
