@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from ros_visualise.data import CameraInfo
 from ros_visualise.errors import DamagedMessage, OpenError, ParameterError, RosVisualiseError
 from ros_visualise.executables.by_name import run
 from ros_visualise.messages import from_message, type_name
@@ -141,6 +142,9 @@ class HubMiddleware:
 
     def offer(self, service: str, act: Callable[[], None]) -> Offered:
         return Offered(self._hub.services, self.resolve(service), act)
+
+    def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Offered:
+        return Offered(self._hub.services, self.resolve(service), take)
 
     def call(self, service: str) -> None:
         act = self._hub.services.get(service)

@@ -29,17 +29,18 @@ FISHEYE = replace(INFO, D=np.array([0.1, 0.2, 0.3, 0.4]), distortion_model="equi
 @pytest.mark.parametrize(
     ("url", "expected"),
     [
-        ("", "file:///home/me/.ros/camera_info/front.yaml"),
-        ("file://${ROS_HOME}/${NAME}_5mm.yaml", "file:///home/me/.ros/front_5mm.yaml"),
-        ("package://mine/${NAME}.yaml", "found package://mine/front.yaml"),
-        ("/data/ost.yaml", "found /data/ost.yaml"),
+        ("", "file:///home/me/.ros/camera_info/uav1_front.yaml"),
+        ("file://${ROS_HOME}/${NAME}_5mm.yaml", "file:///home/me/.ros/uav1_front_5mm.yaml"),
+        ("package://mine/${NAME}.yaml", "package://mine/uav1_front.yaml"),
+        ("/data/ost.yaml", "/data/ost.yaml"),
     ],
 )
-def test_an_address_is_that_of_camera_info_manager(url, expected):
-    def find(text):
-        return text if text.startswith("file://") else f"found {text}"
-
-    assert locate(url, "front", "/home/me/.ros", find) == expected
+def test_an_address_is_that_of_camera_info_manager(url, expected, monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "/home/me/.ros")
+    assert locate(url, "/uav1/front/") == expected
+    monkeypatch.delenv("ROS_HOME")
+    monkeypatch.setenv("HOME", "/home/me")
+    assert locate(url, "/uav1/front") == expected
 
 
 @pytest.mark.parametrize("info", [INFO, FISHEYE, replace(INFO, P=None)])

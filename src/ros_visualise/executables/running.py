@@ -17,6 +17,7 @@ from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
 from ros_visualise.runtime.stats import has_lost
+from ros_visualise.sources.calibration_store import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
 
@@ -95,6 +96,9 @@ def _configured(
     def configured(member: M) -> M:
         kind = playing_params(source.type) if member is source else type(member.params)
         values = middleware.starting_values(kind, namespaces[member.name], options)
+        if hasattr(kind, "camera_info_url"):
+            url = str(values.get("camera_info_url", ""))
+            values["camera_info_url"] = locate(url, middleware.resolve("~"))
         for name, value in values.items():
             if isinstance(value, str):
                 values[name] = middleware.find_file(value)

@@ -27,16 +27,21 @@ class RectifyParams:
     )
 
 
-@node("rectify", params=RectifyParams, inputs={"image": Image}, outputs={"image_rect": Image})
-def rectify(image: Image, params: RectifyParams) -> Image:
+@node(
+    "rectify",
+    params=RectifyParams,
+    inputs={"image": Image},
+    outputs={"image_rect": Image},
+    drops="uncalibrated",
+    calibrated=True,
+)
+def rectify(image: Image, params: RectifyParams) -> Image | None:
     """Images as a camera without distortion takes them, with the calibration of that camera."""
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(f"{image.encoding}: set filters.demosaic=true, and rectify after it")
     info = image.camera_info
     if info is None:
-        raise UnsupportedImage(
-            "images without a calibration are left out: give their source camera_info_url"
-        )
+        return None
     if (info.width, info.height) != (image.width, image.height):
         raise UnsupportedImage(
             f"images of {image.width}x{image.height} with a calibration for"

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import Parameters
@@ -179,6 +180,9 @@ class Middleware(Protocol):
 
     def offer(self, service: str, act: Callable[[], None]) -> Handle:
         """Offer a std_srvs/Trigger; an error of this package that is raised becomes its answer."""
+
+    def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
+        """Offer a sensor_msgs/SetCameraInfo, as `offer`; ``take`` gets what is to be set."""
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +15,22 @@ from ros_visualise.vision.reshape import Size
 _DEFAULT = "file://${ROS_HOME}/camera_info/${NAME}.yaml"
 
 
-def locate(url: str, name: str, ros_home: str, find_file: Callable[[str], str]) -> str:
-    """The file that a camera_info_url means.
+def camera_name(node: str) -> str:
+    """What the camera of a node is called: as the node, in one word."""
+    return node.strip("/").replace("/", "_")
+
+
+def locate(url: str, node: str) -> str:
+    """Where the calibration of a node's camera is on a graph.
 
     Args:
-        url: with ``${NAME}`` and ``${ROS_HOME}``; empty: ROS_HOME/camera_info/NAME.yaml.
-        name: of the camera.
-        ros_home: where ROS keeps its files.
-        find_file: makes a path of ``package://PACKAGE/FILE``.
-
-    Returns:
-        A path or ``file:///path``.
+        url: with ``${NAME}``, that of the camera, and ``${ROS_HOME}``; empty: the default of
+            camera_info_manager, ROS_HOME/camera_info/NAME.yaml.
+        node: its full name.
     """
+    home = os.environ.get("ROS_HOME") or str(Path.home() / ".ros")
     text = url or _DEFAULT
-    return find_file(text.replace("${NAME}", name).replace("${ROS_HOME}", ros_home))
+    return text.replace("${NAME}", camera_name(node)).replace("${ROS_HOME}", home)
 
 
 def check(info: CameraInfo, size: Size) -> None:

@@ -14,6 +14,7 @@ from ros_visualise.graph import Graph, M
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.calibrating import offer_calibration
 from ros_visualise.runtime.bridge.diagnostics import Diagnostics
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
 from ros_visualise.runtime.bridge.outputs import ImageOutput, Output, StaticTransformsOutput
@@ -81,6 +82,7 @@ class Process:
             for name, parameters in self.runtime.parameters.items()
         ]
         self._offered += offer_actions(self._middleware, self.runtime, self._namespaces)
+        self._offered += offer_calibration(self._middleware, self.runtime)
 
     def follow(self) -> None:
         """Do what has to be done now and then: some ten times a second."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from ros_visualise.data import CameraInfo
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.params import Parameters
@@ -15,6 +16,7 @@ from ros_visualise.runtime.ros1.clock import ClockPublisher
 from ros_visualise.runtime.ros1.parameters_client import ReconfigureClient
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 from ros_visualise.runtime.ros1.services import TriggerService
+from ros_visualise.runtime.ros1.set_camera_info import SetCameraInfoService
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
 from ros_visualise.runtime.ros1.types import message_class
 
@@ -78,6 +80,12 @@ class Ros1:
     def offer(self, service: str, act: Callable[[], None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""
         return TriggerService(service, act)
+
+    def offer_calibration(
+        self, service: str, take: Callable[[CameraInfo], None]
+    ) -> SetCameraInfoService:
+        """Offer a sensor_msgs/SetCameraInfo."""
+        return SetCameraInfoService(service, take)
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger."""

@@ -1,0 +1,69 @@
+"""The service ``set_camera_info`` of our own cameras, as camera_info_manager has it."""
+
+from __future__ import annotations
+
+import logging
+
+from ros_visualise.data import CameraInfo, Image
+from ros_visualise.errors import UsageError
+from ros_visualise.messages.calibrations import info_topic
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.sources.calibration import path_of
+from ros_visualise.sources.calibration_store import camera_name, check, save
+
+log = logging.getLogger(__name__)
+
+_PATIENCE_S = 2.0  # with a camera whose first image has not come
+
+
+def offer_calibration(middleware: Middleware, runtime: LocalRuntime) -> list[Handle]:
+    """The service beside the images of a source that has a ``camera_info_url``, if there is one."""
+    source = runtime.graph.source
+    if source is None or not hasattr(source.params, "camera_info_url"):
+        return []
+    topic = next(name for name, made in source.topics.items() if made.type is Image)
+    service = f"{info_topic(topic).rpartition('/')[0]}/set_camera_info"
+    return [middleware.offer_calibration(service, Calibrator(middleware, runtime, topic).set)]
+
+
+class Calibrator:
+    """Takes calibrations for the images of a topic, and keeps them where the source looks.
+
+    Args:
+        middleware: what they come by.
+        runtime: runs the source.
+        topic: of the source's images.
+    """
+
+    def __init__(self, middleware: Middleware, runtime: LocalRuntime, topic: str) -> None:
+        self._name = camera_name(middleware.resolve("~"))
+        self._runtime = runtime
+        self._topic = topic
+
+    def set(self, info: CameraInfo) -> None:
+        """Keep a calibration; the source's next image has it.
+
+        Raises:
+            UsageError: it is none of these images, or there is no place for it.
+            RecordingError: it cannot be written.
+        """
+        check(info, self._size())
+        source = self._runtime.graph.source
+        assert source is not None
+        url = self._runtime.parameters[source.name].current.camera_info_url
+        if not url:
+            raise UsageError("there is no place for it: set camera_info_url to file:///PATH")
+        save(info, path_of(url), self._name)
+        log.info("%s: the calibration was written", url)
+
+    def _size(self) -> tuple[int, int]:
+        """Width and height of the images."""
+        subscription = self._runtime.subscribe(self._topic)
+        try:
+            image = subscription.take(_PATIENCE_S)
+        finally:
+            subscription.close()
+        if image is None:
+            raise UsageError("no image has come yet, so nobody knows their size: try again")
+        return image.width, image.height
