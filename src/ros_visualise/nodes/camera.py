@@ -36,6 +36,11 @@ class CameraParams:
         restart=True,
     )
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
+    controls: str = param(
+        "",
+        "what to set of the device, as `v4l2-ctl -l` names it: brightness=128,auto_exposure=1",
+        restart=True,
+    )
     camera_info_url: str = param(
         "", "calibration of the camera, a YAML file of ROS: a path or file:///PATH", restart=True
     )
@@ -49,7 +54,7 @@ class CameraSource:
         self._params, self._playback = params, playback
         self._calibration = Calibration(params.camera_info_url)
         size = parse_size(params.size)
-        self._camera = Camera(params.uri, size, params.fps, params.timeout)
+        self._camera = Camera(params.uri, size, params.fps, params.timeout, params.controls)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images as they come."""

@@ -14,6 +14,7 @@ from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
 from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
+from ros_visualise.sources.v4l2_controls import apply_controls, parse_controls
 from ros_visualise.sources.video_pixels import FrameConverter, Size
 
 log = logging.getLogger(__name__)
@@ -33,6 +34,7 @@ class Camera:
         size: (width, height) to scale to; a device is asked for it.
         fps: frame rate to ask a device for; 0 leaves it to the device.
         timeout_s: after that long without an image it has failed.
+        controls: of a device, set whenever it is opened; see `v4l2_controls`.
         clock: what tells the time.
 
     Raises:
@@ -45,9 +47,15 @@ class Camera:
         size: Size | None = None,
         fps: float = 0,
         timeout_s: float = 2.0,
+        controls: str = "",
         clock: Clock | None = None,
     ) -> None:
         self._address = parse_address(uri, size, fps)
+        self._controls = parse_controls(controls)
+        if self._controls and not self._address.is_device:
+            raise OpenError(
+                f"camera {self._address.name}: only a device, /dev/video0, has controls"
+            )
         self._timeout_s = timeout_s
         self._clock = clock or WallClock()
         self._converter = FrameConverter(size)
@@ -114,6 +122,7 @@ class Camera:
         """Read until it fails; returns why."""
         try:
             with closing(open_live(self._address, self._timeout_s)) as container:
+                apply_controls(self._address.file, self._controls)
                 self._note(opened=True)
                 stamps, start_ns = Stamps(self._address), self._clock.monotonic_ns()
                 for frame in container.decode(video=0):
