@@ -262,6 +262,13 @@ class TestDamagedChunk:
         assert contents(recording) == written
         assert not recording.loss
 
+    def test_a_count_in_its_index_with_more_behind_it(self, made, reopen):
+        """An index does not count where the bag goes on behind it."""
+        data, written = made
+        recording = reopen(data[:-4] + struct.pack("<I", 9) * 30)
+        assert sum(topic.messages for topic in recording.topics.values()) == len(written)
+        assert contents(recording) == written
+
     @pytest.mark.parametrize("content", [b"\xff" * 12, bytes(12), struct.pack("<III", 1, 2, 3)])
     @pytest.mark.parametrize("is_closed", [True, False])
     def test_an_entry_of_its_index(self, made, reopen, content, is_closed):

@@ -48,6 +48,8 @@ def _read_index(file: BinaryIO, size: int, header: Fields) -> Layout:
         record = _expect(Op.CHUNK_INFO, file, position, size)
         layout.chunks.append(_parse_chunk_info(record.fields, records.read_data(file, record)))
         position = record.end
+    if position != size:
+        raise Damaged("an index that is not the end of its bag")
     layout.chunks.sort()
     _check(layout, ChunkReader(file, size))
     return layout
