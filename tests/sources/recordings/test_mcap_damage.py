@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from made_mcaps import Part, Written, in_order, numbered, parts, text, write_mcap, written
 from mcap.opcode import Opcode
-from mcap.writer import CompressionType
+from mcap.writer import CompressionType, IndexType
 
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.mcap_file import open_mcap
@@ -241,3 +241,22 @@ def test_an_index_that_points_beyond_the_file_is_not_believed(tmp_path: Path) ->
     content[length_at + 5] = 0x40
     path.write_bytes(content)
     assert stamps(open_mcap(path)) == [*range(1000, 1100)]
+
+
+@pytest.mark.parametrize("is_chunked", [True, False])
+@pytest.mark.parametrize("index", [IndexType.ALL, IndexType.CHUNK, IndexType.NONE], ids=str)
+def test_a_message_of_no_channel_is_said_where_no_checksum_tells(
+    tmp_path: Path, is_chunked: bool, index: IndexType
+) -> None:
+    path = tmp_path / "a.mcap"
+    without = {"enable_crcs": False, "enable_data_crcs": False}
+    messages = write_mcap(
+        path, numbered(range(1000, 1060)), use_chunking=is_chunked, index_types=index, **without
+    )
+    content = bytearray(path.read_bytes())
+    content[content.index(messages[7].data) - 22] ^= 0x80  # the lower byte of its channel's number
+    path.write_bytes(content)
+    recording = open_mcap(path)
+    assert len(stamps(recording)) == 59
+    assert recording.loss.messages == 1
+    assert recording.loss.notes

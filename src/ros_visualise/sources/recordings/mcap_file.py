@@ -113,6 +113,8 @@ class McapFile:
             there = found if is_short else messages(records, ANY_CHANNEL, *EVER)[0]
             why = "its records contradict each other"
             self._lose(piece, why, max(0, known - len(there)))
+        elif known == UNKNOWN:
+            self._lose_strangers(piece, records)
         return ChunkPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
@@ -194,6 +196,13 @@ class McapFile:
                 return None
             self._file.seek(offset)
             return self._file.read(length)
+
+    def _lose_strangers(self, piece: int, records: Records) -> None:
+        """Messages of channels that there are not, where no index tells how many there should be."""
+        there, _ = messages(records, ANY_CHANNEL, *EVER)
+        strangers = sum(channel not in self.channels for _, channel, *_ in there)
+        if strangers:
+            self._lose(piece, "messages of channels that it does not describe", strangers)
 
     def _lose(self, piece: int, why: str, messages: int) -> None:
         if piece in self._damaged:
