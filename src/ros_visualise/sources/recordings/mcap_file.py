@@ -198,7 +198,7 @@ class McapFile:
             return self._file.read(length)
 
     def _lose_strangers(self, piece: int, records: Records) -> None:
-        """Messages of channels that there are not, where no index tells how many there should be."""
+        """Say what is of channels that there are not, where no index tells how much there is."""
         there, _ = messages(records, ANY_CHANNEL, *EVER)
         strangers = sum(channel not in self.channels for _, channel, *_ in there)
         if strangers:
