@@ -1,10 +1,10 @@
-"""What can be played."""
+"""What can be played, and what shows of it."""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import closing
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -21,6 +21,17 @@ class Playable(Protocol[T_co]):
 
         That is the last one not after ``start_ns``; past the end it is the last one of all.
         """
+
+
+class PlaybackState(NamedTuple):
+    """What a page shows of a playback; ``duration_s`` is None where it is not known."""
+
+    position_s: float
+    duration_s: float | None
+    playing: bool
+    ended: bool
+    rate: float
+    loop: bool
 
 
 def time_before(source: Playable[object], time_ns: int, items_back: int) -> int:

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
-from ros_visualise.errors import UsageError
 from ros_visualise.rate import Clock, WallClock
-from ros_visualise.sources.playable import Playable, time_before
+from ros_visualise.sources.playable import Playable, PlaybackState, time_before
+from ros_visualise.sources.played_length import PlayedLength, check_start
 from ros_visualise.sources.quota import Quota
 from ros_visualise.sources.requests import Requests
 from ros_visualise.sources.timeline import Timeline
 
 T = TypeVar("T")
-
-_DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
-
-
-class PlaybackState(NamedTuple):
-    """What a page shows of a playback; ``duration_s`` is None where it is not known."""
-
-    position_s: float
-    duration_s: float | None
-    playing: bool
-    ended: bool
-    rate: float
-    loop: bool
 
 
 class Playback:
@@ -71,9 +57,8 @@ class Playback:
         self._closed = False
         self._ended = False  # all is read and nobody wants more
         self._done = False  # all that was asked for is played
-        self._duration_ns: int | None = None
+        self._length = PlayedLength()
         self._position_ns = round(start_s * 1e9)
-        self._period_ns = 0
         self.step_topics: tuple[str, ...] = ()
         """Topics of the source that can be stepped through, where it has several."""
         self.step_topic = ""
@@ -110,10 +95,9 @@ class Playback:
         with self._changed:
             target_ns, line = self._asked.target_ns, self._line
             position_ns = self._position_ns if target_ns is None else target_ns
-            duration_s = None if self._duration_ns is None else self._duration_ns / 1e9
             playing = line.running and not self._ended
             return PlaybackState(
-                position_ns / 1e9, duration_s, playing, self._ended, line.rate, self._loop
+                position_ns / 1e9, self._length.seconds, playing, self._ended, line.rate, self._loop
             )
 
     def time_ns(self) -> int:
@@ -151,8 +135,7 @@ class Playback:
     def seek(self, time_s: float) -> None:
         """Go to a time since the start; paused, the message of that time is shown."""
         with self._changing():
-            end_ns = math.inf if self._duration_ns is None else self._duration_ns
-            self._asked.seek(int(max(0, min(round(time_s * 1e9), end_ns))))
+            self._asked.seek(self._length.within(round(time_s * 1e9)))
 
     def set_rate(self, rate: float) -> None:
         """Change the speed, at once.
@@ -190,9 +173,7 @@ class Playback:
         Raises:
             UsageError: the start lies after the end.
         """
-        if duration_ns and self._position_ns > duration_ns:
-            start, end = self._position_ns / 1e9, duration_ns / 1e9
-            raise UsageError(f"it cannot start at {start:g} s: it lasts {end:.2f} s")
+        check_start(self._position_ns, duration_ns)
 
     def run(
         self, recording: Playable[T], is_frame: Callable[[T], bool] = lambda _: True
@@ -240,7 +221,7 @@ class Playback:
     def _begin(self, recording: Playable[T]) -> int | None:
         with self._changed:
             self._line.begin()
-            self._duration_ns, self._line.is_fresh = recording.duration_ns, True
+            self._length.promised_ns, self._line.is_fresh = recording.duration_ns, True
             return None if self._closed else self._position_ns
 
     def _play_from(
@@ -264,7 +245,7 @@ class Playback:
                 return False
             self._asked.steps = max(0, self._asked.steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
-                self._period_ns = gap_ns
+                self._length.pass_message(gap_ns)
             self._quota.use(gap_ns, is_frame)
             self._position_ns = time_ns
             return True
@@ -284,7 +265,7 @@ class Playback:
         """Where to read on; None for nowhere."""
         with self._changed:
             if at_end:
-                self._correct_duration()
+                self._length.end(self._position_ns)
                 self._wait_at_end()
             self._ended = self._closed or self._done or not self._wants_more()
             if self._ended or self._asked.reopen:
@@ -296,12 +277,6 @@ class Playback:
             position_ns, frames_back = self._asked.take_place(self._position_ns)
         return time_before(recording, position_ns, frames_back)
 
-    def _correct_duration(self) -> None:
-        """Whatever was promised, this is the end."""
-        known_ns, period_ns = self._duration_ns or 0, self._period_ns
-        if not 0 < known_ns - self._position_ns <= (2 * period_ns or known_ns):
-            self._duration_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
-
     def _wait_at_end(self) -> None:
         while self._hold and not (self._closed or self._done or self._wants_more()):
             self._ended, self._asked.steps = True, 0
@@ -312,7 +287,7 @@ class Playback:
         return self._asked.lead_away or (self.has_played and (self._asked.start_over or loops))
 
     def _begin_loop(self) -> int:
-        self._line.begin_loop(self._duration_ns or 0)
+        self._line.begin_loop(self._length.promised_ns or 0)
         self._epoch += self._asked.start_over
         self._laps += not self._asked.start_over
         self._line.is_fresh, self._asked.start_over = self._asked.start_over, False

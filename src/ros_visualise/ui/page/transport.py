@@ -11,7 +11,8 @@ from typing import Any
 import viser
 
 from ros_visualise.rate import MAX_RATE
-from ros_visualise.sources.playback import Playback, PlaybackState
+from ros_visualise.sources.playable import PlaybackState
+from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.worker import Worker
 
