@@ -17,6 +17,7 @@ from ros_visualise.vision.compression import decompress
 
 _NS = 1_000_000_000
 _CDR_ALIGN = 4
+_LOCKING = threading.Lock()
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Recorded:
         self.sequence = sequence
         self._header: Header | None = None
         self._content: Any = None
-        self._lock = threading.Lock()
+        self._lock: threading.Lock | None = None
 
     @property
     def nbytes(self) -> int:
@@ -122,7 +123,9 @@ class Recorded:
             DamagedMessage: the bytes are no such message, or the message contradicts itself.
         """
         if self._content is None:
-            with self._lock:
+            with _LOCKING:  # most are never decoded: they need no lock of their own
+                lock = self._lock = self._lock or threading.Lock()
+            with lock:
                 if self._content is None:
                     self._content = self._decode()
         return self._content

@@ -75,18 +75,18 @@ class ChunkPiece:
 
     def read(self, before_ns: int) -> Iterator[Entry]:
         """As `Piece.read`."""
-        places = self._places
-        while self._next < len(places) and places[self._next][0] < before_ns:
+        places, channels, count = self._places, self._channels, len(self._places)
+        while self._next < count:
             stamp_ns, number, start, stop, publish_ns, sequence = places[self._next]
+            if stamp_ns >= before_ns:
+                return
             data = self._data(start, stop)
-            self._next = len(places) if data is None else self._next + 1
-            if self._next == len(places):
+            self._next = count if data is None else self._next + 1
+            if self._next == count:
                 self._shelf.leave(self)
             if data is not None:
-                topic, type_name, definitions = self._channels[number]
-                message = Recorded(
-                    type_name, data, definitions, stamp_ns, None, publish_ns, sequence
-                )
+                topic, name, definitions = channels[number]
+                message = Recorded(name, data, definitions, stamp_ns, None, publish_ns, sequence)
                 yield Entry(topic, stamp_ns, message)
 
     def forget(self) -> None:
