@@ -1,4 +1,4 @@
-"""What a person sees and moves: the page, the windows, or nothing but a progress bar."""
+"""User interfaces: the web page, OpenCV windows, or only a progress bar."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class View(Protocol):
         """Do what has to be done on the main thread, for so long or shorter."""
 
     def close(self) -> None:
-        """Take it away."""
+        """Close it."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class ViewOptions:
 
     Attributes:
         host, port: where the page is served.
-        origins: other sites whose pages may come in to the page.
-        record_dir: the folder in which the page records, under names and nowhere else.
+        origins: other web sites that may use the page.
+        record_dir: the only folder in which the page records.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
 
     Raises:

@@ -1,4 +1,4 @@
-"""One OpenCV window: a topic's images, trackbars, or both, and a caption for what was moved."""
+"""One OpenCV window: a topic's images, trackbars, or both, and a caption for changes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Pane:
         name: its title.
         box: where it opens.
         subscription: the images that it shows, if any.
-        hint: what a window without images says before anything was moved.
+        hint: the caption of a window without images before the first change.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Pane:
         cv2.namedWindow(name, flags)
 
     def place(self) -> None:
-        """Put it where it belongs, when its trackbars are in it."""
+        """Move it to its place, after its trackbars were added."""
         if self._subscription is None:
             self._draw()
         cv2.resizeWindow(self.name, self._box.width, self._box.height)
@@ -91,7 +91,7 @@ class Pane:
         return self._image is not None and abs(self._target()[0] - self._drawn_width) > _SIMILAR
 
     def _target(self) -> tuple[int, int]:
-        """The width and height that there are for the image."""
+        """The width and height available for the image."""
         if not self._drawn_width:
             return self._box.width, self._box.height
         _, _, width, height = cv2.getWindowImageRect(self.name)

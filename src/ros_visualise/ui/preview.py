@@ -1,4 +1,4 @@
-"""Images made small enough to look at: 8 bits, gray or BGR, scaled to a window's size."""
+"""Previews of images: 8 bits, gray or BGR, scaled to a window's size."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BRIGHTEN = np.rint(255 * np.sqrt(np.arange(256) / 255)).astype(np.uint8)
 
 
 def preview(image: Image, size: int) -> Pixels:
-    """The image as a person looks at it: (height, width) gray or (height, width, 3) BGR, 8 bits.
+    """A preview of an image: (height, width) gray or (height, width, 3) BGR, 8 bits.
 
     Args:
         image: of any encoding; a Bayer mosaic is shown as it is, in gray, and depth in colours,
@@ -32,13 +32,13 @@ def preview(image: Image, size: int) -> Pixels:
 
 
 def rgb_preview(image: Image, size: int) -> Pixels:
-    """The same as the page wants it: (height, width, 3) RGB, 8 bits."""
+    """The same for the page: (height, width, 3) RGB, 8 bits."""
     pixels = preview(image, size)
     return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
 
 
 def _shrink(pixels: Pixels, size: int) -> Pixels:
-    """Halved until less than half is left to do: at 4K seven times as fast as one mean."""
+    """Shrink by halves first: at 4K seven times as fast as one mean over all pixels."""
     height, width = pixels.shape[:2]
     if max(height, width) <= size:
         return pixels
@@ -51,7 +51,7 @@ def _shrink(pixels: Pixels, size: int) -> Pixels:
 
 
 def _pick(values: Pixels, size: int) -> Pixels:
-    """Some of the values: a mean of two depths is that of a place where nothing is."""
+    """Take some of the values, no means: between two depths there is often nothing."""
     height, width = values.shape[:2]
     factor = max(height, width) / size
     if factor <= 1:

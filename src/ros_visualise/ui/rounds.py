@@ -1,4 +1,4 @@
-"""Work done again and again on a thread of its own, which leaves the nodes their time."""
+"""Periodic work on a thread of its own, which leaves the nodes enough processor time."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ class Rounds:
         name: of the thread.
         do_round: one round.
         finish: done once, after the last.
-        period_s: how long a round and its pause take at least.
-        in_haste: whether the graph runs as fast as it goes, and time taken here slows it.
+        period_s: the shortest time from one round to the next.
+        in_haste: whether the graph runs as fast as possible, so that work here slows it.
 
     Attributes:
         at_work: held during a round; who holds it may change what the rounds work on.

@@ -1,4 +1,4 @@
-"""What of a node's images is shown."""
+"""Which of a node's images are shown."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def images_of(node: Member) -> list[str]:
 
 
 def first_shown(graph: Graph, node: Member) -> str | None:
-    """The one that is shown first: that which another node takes, else the first; None of none."""
+    """The topic to show first: one that another node takes, else the first; None without any."""
     taken = {topic for other in graph.members for topic in other.inputs.values()}
     images = images_of(node)
     return next((topic for topic in images if topic in taken), next(iter(images), None))

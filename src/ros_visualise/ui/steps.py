@@ -1,4 +1,4 @@
-"""Steps of sliders and trackbars that read well."""
+"""Round steps for sliders and trackbars."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where windows go on a screen, so that none covers another."""
+"""Placing windows on a screen so that none covers another."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def tile(area: Box, extras: list[int]) -> list[Box]:
     """Places for windows with images, in rows of equally many, all images equally large.
 
     Args:
-        area: what is there for them.
+        area: the part of the screen for all of them.
         extras: for each window, the height that it needs beside its image.
     """
     if not extras:
@@ -43,7 +43,7 @@ def tile(area: Box, extras: list[int]) -> list[Box]:
 
 
 def parse_place(text: str) -> tuple[int, int]:
-    """``2/4``, the second of four, as (2, 4); nothing is the only one.
+    """``2/4``, the second of four, as (2, 4); an empty text as (1, 1).
 
     Raises:
         UsageError: it is not of that form.

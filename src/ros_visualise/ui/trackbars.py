@@ -33,7 +33,7 @@ class Scale:
         return min(max(round((value - self.low) / self.step), 0), self.last)
 
     def value(self, position: int) -> Value:
-        """What a position stands for."""
+        """The value at a position."""
         if self.spec.choices:
             return self.spec.coerce(self.spec.choices[position])
         if self.spec.range is None:
@@ -44,7 +44,7 @@ class Scale:
 def scale_of(spec: Spec) -> Scale | None:
     """The scale of a parameter; None where a trackbar cannot set it.
 
-    That is a text, a number without limits, a choice of one, and what reopens the source.
+    That is so for a text, a number without limits, a single choice, and what reopens the source.
     """
     if spec.restart or spec.type is str:
         return None
@@ -65,7 +65,7 @@ def scales_of(params: Any) -> list[Scale]:
 
 
 class Trackbars:
-    """Some of one node's parameters as trackbars in a window; in step both ways.
+    """Some of one node's parameters as trackbars in a window, which follow each other.
 
     All calls come from the main thread, whoever else changes the parameters.
     """
@@ -83,7 +83,7 @@ class Trackbars:
         self._moved.clear()
 
     def update(self) -> str | None:
-        """Pass on what was moved here, move what changed elsewhere; what to say of it, if any."""
+        """Set what a person moved, and show what changed elsewhere; returns a caption, if any."""
         refusal = self._pass_on()
         if self._parameters.current is self._shown and refusal is None:
             return None
@@ -110,7 +110,7 @@ class Trackbars:
         return refusal
 
     def _follow(self) -> Spec | None:
-        """Bring every trackbar to its parameter; the last one that changed."""
+        """Set every trackbar to its parameter; returns the last one that changed."""
         before, self._shown = self._shown, self._parameters.current
         changed = None
         for scale, name in self.names.items():

@@ -1,4 +1,4 @@
-"""What a robot looks like, from its description: the simple shapes of a URDF."""
+"""The simple shapes in a URDF, to draw a robot."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def read_shapes(text: str) -> list[Shape]:
     """The visible shapes of all links; meshes are left out.
 
     Raises:
-        ValueError: it is no URDF.
+        ValueError: it is not a URDF.
     """
     try:
         robot = Xml.fromstring(text)

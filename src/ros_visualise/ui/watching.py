@@ -1,4 +1,4 @@
-"""Looking at a graph that others start, change and end."""
+"""Showing a graph that others start, change and end."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def watch(
         runtime: its ``graph`` is another object as soon as it has changed.
         open_one: opens a view.
         is_over: whether to end.
-        reopens: the view does not follow changes by itself: it is closed and opened anew, and only
-            while there is a topic to show.
+        reopens: whether the view has to be reopened to follow a change; it is open only while there
+            is a topic to show.
 
     Raises:
         OpenError: the view cannot be opened.

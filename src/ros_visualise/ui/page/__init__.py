@@ -19,16 +19,16 @@ _TITLE = "ros_visualise"
 
 
 class Page:
-    """Serves the page; the address is bound at once.
+    """Serves the page, from the start.
 
     Args:
-        host, port: where it listens; an address that others reach needs a token.
+        host, port: where it listens; an address that other machines can reach needs a token.
         title: of the page.
-        origins: other sites whose pages may come in, as ``https://robot.example.org``.
-        record_dir: the folder in which it records, under names and nowhere else.
+        origins: other web sites that may use the page, as ``https://robot.example.org``.
+        record_dir: the only folder in which it records.
 
     Attributes:
-        url: what to type into a browser on this machine.
+        url: its address for a browser on this machine.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -65,11 +65,11 @@ class Page:
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
 
     def spin(self, timeout_s: float) -> None:
-        """Nothing has to be done on the main thread: wait."""
+        """Wait: nothing has to be done on the main thread."""
         self._ended.wait(timeout_s)
 
     def close(self) -> None:
-        """Take it away; more than once does no harm."""
+        """Close it; it may be called more than once."""
         if self._ended.is_set():
             return
         self._ended.set()

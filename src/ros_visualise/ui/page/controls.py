@@ -1,4 +1,4 @@
-"""A node's parameters as sliders, switches, choices and fields, kept in step both ways."""
+"""A node's parameters as sliders, switches, choices and fields, which follow each other."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _STEPS = 200
 class Controls:
     """The elements for one node's parameters.
 
-    What a browser changes goes to the parameters; what is changed elsewhere, or refused, moves
-    the elements, on all browsers.
+    A change in a browser sets the parameter. A change elsewhere, or a refusal, sets the element in
+    all browsers.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class Controls:
             self._elements[spec.name] = element
 
     def close(self) -> None:
-        """Let go of the parameters; what was asked for and not done yet is let go too."""
+        """Stop following the parameters; changes that still wait are dropped."""
         self._forget()
         self._elements.clear()
 
@@ -85,12 +85,12 @@ def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHand
 
 
 def shown(value: Value) -> Any:
-    """A parameter's value as an element holds it: of an Enum its text."""
+    """A parameter's value as an element shows it; of an Enum its text."""
     return str(value.value) if isinstance(value, Enum) else value
 
 
 def set_value(element: viser.GuiInputHandle[Any], value: Any) -> None:
-    """Move an element on all browsers."""
+    """Set an element in all browsers."""
     element.value = value  # type: ignore[misc]  # mypy does not see the setter
 
 

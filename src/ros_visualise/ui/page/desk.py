@@ -1,4 +1,4 @@
-"""What the page shows of one graph: the main panel, the windows, and the threads behind them."""
+"""The page of one graph: the main panel, the windows, and the threads behind them."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ _CLOSE_S = 0.3
 
 
 class Desk:
-    """Builds the page and keeps it up to date; what the package logs shows as a message on it.
+    """Builds the page and keeps it up to date; warnings in the log show on it too.
 
-    Where the graph changes, what is the same in the new one stays as it is.
+    When the graph changes, windows of unchanged nodes stay as they are.
     """
 
     def __init__(self, server: viser.ViserServer, runtime: Runtime, record_dir: Path) -> None:
@@ -66,7 +66,7 @@ class Desk:
         self._drawing.start()
 
     def close(self) -> None:
-        """End the threads and let go of the graph."""
+        """End the threads."""
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
         self._worker.close(_CLOSE_S)
         self._driver.close(_CLOSE_S)  # which makes the actors
@@ -132,7 +132,7 @@ class Desk:
         return Window(gui, self._runtime, node, self._worker, self._scene, self._act)
 
     def _act(self, node: str, action: str) -> None:
-        """Have an action done on a thread of its node; driving and other nodes do not wait."""
+        """Do an action on a thread of its node, so that driving and other nodes need not wait."""
         self._driver.post(object(), partial(self._begin_action, node, action))
 
     def _begin_action(self, node: str, action: str) -> None:

@@ -1,8 +1,8 @@
-"""Who may come in to the page: the door that every request passes.
+"""Access to the page: every request is checked here.
 
-A web site that somebody visits can send requests to programs on their machine. Browsers say with
-each which name they asked for (``Host``) and which site asks (``Origin``), and no site can forge
-these; a site whose name points to this machine all of a sudden (DNS rebinding) shows in both.
+A web site that somebody visits can send requests to programs on their machine. With each request,
+browsers say the server's name (``Host``) and the site that asks (``Origin``), and no site can forge
+these. A site whose name suddenly points to this machine (DNS rebinding) shows in both.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
 
 @dataclass(frozen=True)
 class Door:
-    """Which requests come in.
+    """Decides which requests are answered.
 
     Attributes:
-        names: what this server is called where its own pages are opened.
-        proxies: what else it may be called in a request: the names of the sites of others.
-        addresses: whether it may be called by any address too, as where it listens on all.
-        origins: sites of others whose pages may come in, as ``https://example.org``.
-        token: what the path of a request has to begin with; empty: anything will do.
+        names: the names of this server in its own pages' addresses.
+        proxies: other names that ``Host`` may have: those of the sites in ``origins``.
+        addresses: whether ``Host`` may be any address, as for a server on all interfaces.
+        origins: other web sites that may use the page, as ``https://example.org``.
+        token: what the path of a request has to begin with; empty: nothing.
     """
 
     names: frozenset[str]
@@ -46,12 +46,12 @@ class Door:
     token: str = ""
 
     def refusal(self, path: str, host: str, origin: str | None) -> str:
-        """Why a request is refused, for people; empty where it may come in.
+        """Why a request is refused, in words; empty if it is allowed.
 
         Args:
-            path: what is asked for.
-            host: its ``Host``, the name or address and the port that this server was called by.
-            origin: its ``Origin``, the site whose page asks, if it is a page that asks.
+            path: the path that is asked for.
+            host: its ``Host``: the name or address, and the port, of this server.
+            origin: its ``Origin``: the site that asks, if a page does.
         """
         called = _split(f"//{host}").hostname
         if called not in self.proxies and not self._is_called(called):
@@ -64,11 +64,11 @@ class Door:
         return ""
 
     def inside(self, path: str) -> str:
-        """The path that a visitor who may come in asks for, without the token."""
+        """The path of an allowed request, without the token."""
         return path.removeprefix(f"/{self.token}") if self.token else path
 
     def _is_own(self, origin: str, host: str) -> bool:
-        """Whether a page is one that this server gave out."""
+        """Whether a page came from this server."""
         site = _split(origin)
         called = _split(f"//{host}", site.scheme)
         is_page = site.scheme in _PORTS  # and no browser's extension
@@ -79,13 +79,13 @@ class Door:
 
 
 def open_door(host: str, origins: Collection[str] = ()) -> Door:
-    """The door of a server that listens at an address.
+    """The checks for a server that listens at an address.
 
-    Where others than this machine reach it, every request needs a token: a new one for each run, or
-    the one in the variable ``ROS_VISUALISE_TOKEN``.
+    If other machines can reach it, every request needs a token: a new one for each run, or that in
+    the environment variable ``ROS_VISUALISE_TOKEN``.
 
     Raises:
-        UsageError: an origin that is no site, or a token that is too short or has other letters.
+        UsageError: an origin is not a site, or the token is too short or has other characters.
     """
     allowed = frozenset(map(_origin, origins))
     proxies = frozenset(_split(origin).hostname or "" for origin in allowed)
@@ -97,7 +97,7 @@ def open_door(host: str, origins: Collection[str] = ()) -> Door:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether nobody but this machine reaches an address or a name."""
+    """Whether only this machine can reach an address or a name."""
     try:
         found = socket.getaddrinfo(host or "0.0.0.0", None)
     except (OSError, UnicodeError):  # of a name that cannot be one
@@ -120,7 +120,7 @@ def _origin(text: str) -> str:
 
 
 def _split(url: str, scheme: str = "") -> SplitResult:
-    """The parts of a URL; none of one that is broken."""
+    """The parts of a URL; None of a malformed one."""
     try:
         parts = urlsplit(url, scheme)
         _ = parts.port

@@ -1,4 +1,4 @@
-"""Driving a robot from the page: velocities by buttons and keys, and what it can be told to do."""
+"""Driving a robot from the page, by buttons and keys."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ _MOVES: Mapping[str, Mapping[str, tuple[Any, _Share]]] = {
 
 
 class Driving:
-    """Buttons that set a robot going until they stop it; what it does is told again and again.
+    """Buttons that set a robot's velocity until they stop it; the velocity is sent periodically.
 
     Args:
         gui: of the page.
         folder: where the elements are.
         runtime: what runs.
-        worker: does what a person asks for, and nothing else, so that a stop is at once.
+        worker: serves these buttons alone, so that a stop never waits.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Driving:
         worker.add_key(gui, "Drive: Stop", "k", self._stop)
 
     def refresh(self) -> None:
-        """Tell it once more, or a robot would stop by itself."""
+        """Send the velocity again: without, a robot stops by itself."""
         if self._topic is not None and self._share is not None:
             x, y, z, turn = self._share
             linear = self._speed.value * np.array([x, y, z])
@@ -73,11 +73,11 @@ class Driving:
             )
 
     def rest(self) -> None:
-        """Nobody looks on any more: let it stop."""
+        """Send no more velocities: nobody watches, and the robot stops by itself."""
         self._share = None
 
     def make_way(self, node: str) -> None:
-        """Stop, if it is the robot itself that is to do something else."""
+        """Stop driving if an action of the robot itself was chosen."""
         graph = self._runtime.graph
         if self._topic is not None and self._topic in graph.node(node).inputs.values():
             self._stop()
@@ -99,12 +99,12 @@ class Driving:
 
 
 def velocity_topic(graph: Graph) -> str | None:
-    """The topic by which a robot of this graph is driven, if there is one."""
+    """The topic of velocities that a robot of this graph follows, if there is one."""
     return next((topic for topic, kind in graph.inputs.items() if kind is Twist), None)
 
 
 def _velocity_axes(graph: Graph, topic: str) -> Collection[str]:
-    """Along which axes the robot that listens to a topic can go; all where nobody knows it."""
+    """The axes along which the robot on a topic moves; all of them if that is not declared."""
     source = graph.source
     if source is not None and topic in source.inputs.values():
         return source.type.velocity_axes

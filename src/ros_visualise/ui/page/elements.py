@@ -1,4 +1,4 @@
-"""What a browser may set an element of the page to."""
+"""The values that browsers may set elements of the page to."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _LIMITS = "limits_of_browsers"  # an attribute that elements of viser do not hav
 
 
 def widen(element: viser.GuiInputHandle[Any], low: float | None, high: float | None) -> None:
-    """Let browsers type values beyond the ends of a slider, as far as this; None is without end."""
+    """Let browsers type values beyond a slider's ends, up to these limits; None: without limit."""
     setattr(element, _LIMITS, (low, high))
 
 
 def refusal(element: object, value: Value) -> str:
-    """Why an element cannot have a value, for people; empty where it can."""
+    """Why an element cannot have a value, in words; empty if it can."""
     for kind, check in _CHECKS.items():
         if isinstance(element, kind):
             return check(element, value)

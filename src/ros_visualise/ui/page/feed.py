@@ -1,4 +1,4 @@
-"""The messages of a topic that a person may change."""
+"""Subscribing to a topic that a person chooses."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from ros_visualise.runtime.base import Runtime, Subscription
 
 
 class Feed:
-    """Takes messages of the topic that it follows, or none.
+    """The messages of the chosen topic, if there is one.
 
     Args:
         runtime: what runs.
@@ -21,7 +21,7 @@ class Feed:
         self._subscription: Subscription | None = None
 
     def follow(self, topic: str | None) -> bool:
-        """Ask for this topic from now on, None for nothing; whether that is another than before."""
+        """Subscribe to this topic from now on, or with None to none; whether that is a change."""
         if topic == self._topic:
             return False
         if self._subscription is not None:

@@ -38,7 +38,7 @@ class History:
         self._epoch = 0
 
     def add(self, stamp_ns: int, fields: Mapping[str, float], epoch: int) -> None:
-        """Go on with a message, unless it is late; where time has jumped, begin anew."""
+        """Add a message, unless it is late; begin anew after a time jump."""
         if self._first_ns is None or epoch != self._epoch:
             self._rows.clear()
             self._first_ns, self._epoch = stamp_ns, epoch
@@ -62,7 +62,7 @@ class History:
 class FieldPlot:
     """A choice of a topic and of some of its fields, and their plot, in the present container.
 
-    Nothing is asked for while no topic is chosen.
+    Nothing is subscribed to while no topic is chosen.
     """
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime) -> None:
@@ -81,14 +81,14 @@ class FieldPlot:
         self._known: tuple[str, ...] = ()
 
     def follow(self, topics: Mapping[str, type[Message]]) -> None:
-        """These are the topics from now on, and the classes of their messages."""
+        """Offer these topics from now on; the classes of their messages are given."""
         names = [name for name, kind in topics.items() if kind.plotted]
         if self._topic.value not in names:
             set_value(self._topic, _NONE)
         self._topic.options = (_NONE, *names)
 
     def refresh(self) -> None:
-        """Go on with the messages that came."""
+        """Add the messages that came."""
         if self._topic.value != self._followed:
             self._begin(self._topic.value)
         if self._followed == _NONE:
@@ -130,7 +130,7 @@ class FieldPlot:
         self._history.add(message.header.stamp_ns, fields, self._feed.epoch)
 
     def _offer(self, paths: tuple[str, ...]) -> None:
-        """Let a person choose among these; the first that is no time is chosen at once."""
+        """Offer these fields; the first that is not a time is chosen at once."""
         self._known = paths
         for field in self._fields:
             field.options = (_NONE, *paths)

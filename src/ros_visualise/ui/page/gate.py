@@ -1,8 +1,8 @@
-"""The gate of the page's server: nothing passes to viser that was not looked at.
+"""The gate of the page's server: it checks all requests and messages before viser gets them.
 
-viser 1.1 lets everybody in, takes messages of every kind from everybody, and makes its server where
-nobody else can configure it. So the server that it makes is given connections of this module's
-own class, which is what the websockets library has for such a purpose (``create_connection``).
+viser 1.1 accepts every request and every kind of message, and makes its server where it cannot be
+configured. So that server is given connections of a class of our own, by the option that the
+websockets library has for it (``create_connection``).
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _one_at_a_time = Lock()
 
 
 class Gate:
-    """Lets requests in by a door, and messages by what the page's elements can be set to.
+    """Checks requests by a door, and messages by the values that the page's elements may have.
 
     Args:
-        door: which requests come in.
+        door: decides which requests are answered.
 
     Attributes:
         gui: the elements of the page; None until there are any.
@@ -52,7 +52,7 @@ class Gate:
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Every server of websockets that is made meanwhile has its connections from here."""
+        """Every websockets server made meanwhile uses connections from here."""
         make = websockets.asyncio.server.serve
 
         def serve(*args: Any, **settings: Any) -> Any:
@@ -68,7 +68,7 @@ class Gate:
                 websockets.asyncio.server.serve = make  # type: ignore[misc]
 
     def refuse(self, request: Request) -> str:
-        """Why a request does not come in; empty where it does."""
+        """Why a request is refused; empty if it is allowed."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or len(origins) > 1:
             return "a request names one host, and one site that it comes from"
@@ -79,7 +79,7 @@ class Gate:
         return reason
 
     def refuse_message(self, data: str | bytes) -> str | None:
-        """Why a message is dropped, or empty to say nothing of it; None where it passes."""
+        """Why a message is dropped, or empty to drop it silently; None if it is allowed."""
         message = understand(data)
         if message is None:
             return ""
@@ -96,7 +96,7 @@ class Gate:
         return f"{getattr(element, 'label', '')}: {reason}"
 
     def _show_again(self, uuid: str, element: Any) -> None:
-        """Have browsers show what an element is set to, and not what one of them tried."""
+        """Set the element in browsers back to its value, after one of them tried another."""
         if not isinstance(element, viser.GuiButtonHandle | viser.GuiButtonGroupHandle):
             assert self.gui is not None
             message = GuiUpdateMessage(uuid, {"value": element.value})
@@ -145,7 +145,7 @@ class _Connection(ServerConnection):
                 log.warning("the page: %s", reason)
 
     def _answer(self, _: ServerConnection, __: Request, response: Response) -> Response:
-        """Let no other site show this one inside its own, or learn of it."""
+        """Add headers by which no other site can embed this one, or learn of it."""
         allowed = " ".join(["'self'", *sorted(self._gate.door.origins)])
         response.headers["Content-Security-Policy"] = f"frame-ancestors {allowed}"
         response.headers["Cross-Origin-Resource-Policy"] = "same-origin"

@@ -24,7 +24,7 @@ class _Place(NamedTuple):
 
 
 def graph_picture(graph: Graph) -> str:
-    """An SVG of a graph; what passes later stands lower."""
+    """An SVG of a graph; what comes later is drawn lower."""
     if not graph.members:
         return '<div class="rv-note">nobody is there yet</div>'
     rows = [row for layer in _layers(graph) for row in _rows(layer)]
@@ -50,7 +50,7 @@ def _edges(graph: Graph) -> list[tuple[Key, Key]]:
 
 
 def _layers(graph: Graph) -> list[list[Key]]:
-    """Nodes and topics, each below all that leads to it; what nobody takes comes first."""
+    """Layers of nodes and topics, each below all that leads to it; unused topics come first."""
     depth: dict[Key, int] = {("topic", topic): 0 for topic in graph.inputs}
     for node in graph.members:  # in the order in which messages pass
         inputs = [("topic", topic) for topic in node.inputs.values()]
@@ -75,7 +75,7 @@ def _rows(layer: list[Key]) -> Iterator[list[Key]]:
 
 
 def _places(rows: list[list[Key]], width: float) -> dict[Key, _Place]:
-    """Where each stands: the room that a row leaves is shared evenly."""
+    """The place of each; the free room in a row is shared evenly."""
     places: dict[Key, _Place] = {}
     for number, row in enumerate(rows):
         room = (width - _widths(row)) / max(len(row), 1)

@@ -1,4 +1,4 @@
-"""The images on the page, made on a thread of their own and only while somebody looks."""
+"""The images on the page, encoded on a thread of their own and only while somebody looks."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class Picture:
         self._caption = gui.add_html(self._describe())
 
     def refresh(self, size: int, previews: dict[int, Pixels]) -> None:
-        """Show the newest image, if there is a new one, or the last one in a new size.
+        """Show the newest image if there is one, or the last one in a new size.
 
         Args:
             size: of the longer side in pixels.
-            previews: by the id of their image, those that this round made already.
+            previews: id of an image -> its preview, of those made in this round.
         """
         if not self.visible:
             self.rest()
@@ -105,7 +105,7 @@ class ImageThread:
     Args:
         pictures: the pictures.
         is_watched: whether anybody looks at the page.
-        in_haste: whether the graph runs as fast as it goes, and time taken here slows it.
+        in_haste: whether the graph runs as fast as possible, so that work here slows it.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class ImageThread:
         self._rounds.start()
 
     def show(self, pictures: Sequence[Picture]) -> None:
-        """Keep these pictures fresh from now on; the others ask for nothing any more."""
+        """Keep these pictures fresh from now on, and no others."""
         with self._rounds.at_work:
             for picture in self._pictures:
                 if picture not in pictures:

@@ -1,4 +1,4 @@
-"""What a browser may send: three kinds of messages, each of its own form."""
+"""The three kinds of messages that a browser may send, and their forms."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _Name = Annotated[str, msgspec.Meta(max_length=64)]
 
 
 class _Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
-    """Of viser's protocol, by the name that it has there."""
+    """A message of viser's protocol, by its name there."""
 
 
 class Camera(_Message, tag="ViewerCameraMessage"):
-    """Where a person looks from."""
+    """The viewpoint has changed."""
 
     wxyz: tuple[_Length, _Length, _Length, _Length]
     position: tuple[_Length, _Length, _Length]
@@ -54,7 +54,7 @@ _DECODER = msgspec.msgpack.Decoder(Camera | Command | Update)
 
 
 def understand(data: str | bytes) -> Camera | Command | Update | None:
-    """The message that these bytes are; None where it is none that a page of ours sends."""
+    """The message in these bytes; None if our page sends no such message."""
     try:
         return _DECODER.decode(data) if isinstance(data, bytes) else None
     except (msgspec.MsgspecError, RecursionError):

@@ -1,4 +1,4 @@
-"""Where the windows of the page stand, and which of them are there."""
+"""Which windows the page shows, and where."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _TAKEN_AWAY_S = 0.2
 def rearrange(
     gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
 ) -> None:
-    """Show these windows alone.
+    """Show only these windows.
 
-    All are taken away first: browsers place a window that comes back as they do on loading.
+    All are removed first, as browsers place a window that comes back as on loading.
     """
     for window in windows:
         window.visible = False
@@ -82,7 +82,7 @@ class Choice:
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
 
     def follow(self, windows: Sequence[Window], scene: bool) -> None:
-        """These are the windows from now on.
+        """Offer these windows from now on.
 
         Args:
             windows: all.
@@ -107,5 +107,5 @@ class Choice:
         return [window for window in self._windows if self._switches[window.name].value]
 
     def show(self) -> None:
-        """Show the chosen windows alone."""
+        """Show only the chosen windows."""
         rearrange(self._gui, self._windows, self.chosen, self._scene)

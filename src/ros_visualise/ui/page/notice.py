@@ -1,4 +1,4 @@
-"""One line on the page, for a while: what was refused, and what the package warns of."""
+"""A line on the page, for a while: why something was refused, and warnings."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ class Notice:
         self._element.visible = True
 
     def refresh(self) -> None:
-        """Take away what was shown long enough."""
+        """Remove a line that was shown long enough."""
         if time.monotonic() > self._until_s:
             self._element.visible = False
 
 
 class Warnings(logging.Handler):
-    """Passes on what the package logs as warnings and errors, from whatever thread."""
+    """Passes on logged warnings and errors, from any thread."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         super().__init__(logging.WARNING)

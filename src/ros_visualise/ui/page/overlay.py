@@ -1,4 +1,4 @@
-"""Points of a cloud over an image, coloured by how far they are."""
+"""Points of a cloud over an image, coloured by their distance."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Overlay:
         self._cloud: PointCloud | None = None
 
     def refresh(self) -> bool:
-        """Take the newest cloud; whether what is shown changes by that."""
+        """Take the newest cloud; whether the picture changes by it."""
         before = self._cloud
         if self._feed.follow(self.topic):
             self._cloud = None
@@ -46,7 +46,7 @@ class Overlay:
         self._cloud = None
 
     def draw(self, image: Image, topic: str, shown: Pixels) -> Pixels:
-        """A picture of an image with the points over it, if it can be said where they are.
+        """A picture of an image with the points over it, if their place is known.
 
         Args:
             image: as it came.
@@ -65,7 +65,7 @@ class Overlay:
 
 
 def choose_calibration(image: Image, known: CameraInfo | None) -> CameraInfo | None:
-    """That which came with an image, else one known of its frame for images of this size."""
+    """The calibration that came with an image, else one of its frame for images of this size."""
     info = image.camera_info or known
     if info is None or info.K[0, 0] <= 0:
         return None
@@ -73,7 +73,7 @@ def choose_calibration(image: Image, known: CameraInfo | None) -> CameraInfo | N
 
 
 def is_rectified(topic: str, info: CameraInfo) -> bool:
-    """Whether the P of their calibration holds for the images of a topic, rather than K, D and R.
+    """Whether P of their calibration applies to the images of a topic, rather than K, D and R.
 
     It does where a part of the topic's name begins as image_proc names its outputs, as in
     ``image_rect``, ``image_rect_color`` and ``image_rect/compressed``; and where rectifying would

@@ -17,10 +17,10 @@ _START, _STOP = "● record", "■ stop recording"
 
 
 class Recorder:
-    """A file name, a button, and how far the recording has come, in the present container.
+    """A file name, a button, and the state of the recording, in the present container.
 
-    Whoever reaches the page may choose the name: it stays in one folder, and nothing there is
-    replaced. One recording runs at a time, which ends before it fills the disk.
+    Anybody on the page may choose the name, so the file stays in one folder, and nothing there is
+    replaced. One recording runs at a time; it ends before the disk is full.
     """
 
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
@@ -32,7 +32,7 @@ class Recorder:
         self._button.on_click(worker.listener("record", self._press))
 
     def refresh(self) -> None:
-        """Show how far it has come.
+        """Show the state of the recording.
 
         Raises:
             RecordingError: it could not go on and has ended.

@@ -19,7 +19,7 @@ _CLOSE_S = 0.8
 
 
 def open_server(host: str, port: int, title: str, door: Door) -> viser.ViserServer:
-    """Bind a server to this address and to no other; whoever comes passes the door.
+    """Bind a server to this address and no other; it checks every request.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -42,14 +42,14 @@ def open_server(host: str, port: int, title: str, door: Door) -> viser.ViserServ
 
 
 def close_server(server: viser.ViserServer) -> None:
-    """End it; a browser that does not answer is not waited for."""
+    """End it, without waiting for browsers that do not answer."""
     stopping = threading.Thread(target=server.stop, daemon=True)
     stopping.start()
     stopping.join(_CLOSE_S)
 
 
 def url(host: str, port: int, token: str = "") -> str:
-    """What to type into a browser on this machine."""
+    """The address for a browser on this machine."""
     name = {"0.0.0.0": "127.0.0.1", "": "127.0.0.1", "::": "::1"}.get(host, host)
     name = f"[{name}]" if ":" in name else name
     return f"http://{name}:{port}" + (f"/{token}" if token else "")
@@ -79,6 +79,6 @@ def _in_use(host: str, port: int) -> str:
 
 
 def _silence() -> None:
-    """Standard output is for reports, and a dropped connection or a port probe is no news."""
+    """Print nothing: standard output is for reports, and dropped connections are normal."""
     rich.reconfigure(quiet=True)
     logging.getLogger("websockets").setLevel(logging.CRITICAL)

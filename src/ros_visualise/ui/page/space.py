@@ -1,4 +1,4 @@
-"""The controls of the 3D scene: the fixed frame, how things look, and which topics are drawn."""
+"""The controls of the 3D scene: the fixed frame, the look, and which topics are drawn."""
 
 from __future__ import annotations
 
@@ -122,8 +122,8 @@ def note(
     """Lines that say what is drawn where: HTML.
 
     Args:
-        fixed: the frame in which everything is drawn; empty as long as none is known.
-        frames: topic -> that of its newest message.
+        fixed: the frame in which everything is drawn; empty while none is known.
+        frames: topic -> the frame of its newest message.
         problems: topic -> why it is not drawn.
         has_transforms: whether any has come.
     """

@@ -1,4 +1,4 @@
-"""How the page looks beyond what viser does by itself."""
+"""The page's style, where it differs from viser's."""
 
 _ROWS = 12
 """For windows of so many parameters or fewer, the image makes room for them."""

@@ -1,4 +1,4 @@
-"""What the page tells of a run: topics with rates, drops and latencies; the way gone; losses."""
+"""Tables of a run: topics with rates, drops and latencies; distances travelled; losses."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def topic_table(graph: Graph, report: dict[str, Any]) -> str:
 
 
 def way_lines(report: dict[str, Any]) -> str:
-    """How far and how fast it went, by the nodes of a run report that tell, in HTML."""
+    """Distance and speeds, from the nodes of a run report that measure them, in HTML."""
     ways = {name: _way(node) for name, node in report["nodes"].items() if "length_m" in node}
     return _lines(ways.items())
 
 
 def loss_lines(report: dict[str, Any]) -> str:
-    """What could not be read by now, by the nodes of a run report that tell, in HTML."""
+    """What could not be read so far, from the nodes of a run report, in HTML."""
     lost = {name: node["lost"]["notes"] for name, node in report["nodes"].items() if "lost" in node}
     return _lines((name, note) for name, notes in lost.items() for note in notes)
 

@@ -28,7 +28,7 @@ class Transport:
     """The elements that drive one playback, in the present container.
 
     Args:
-        live: the source cannot be sought: it can only be held.
+        live: the source can be paused, but not sought.
     """
 
     def __init__(self, gui: viser.GuiApi, playback: Playback, live: bool, worker: Worker) -> None:
@@ -110,7 +110,7 @@ class Transport:
         self._do(actions[label])
 
     def _do(self, action: Callable[[], object]) -> None:
-        """Do it, and show at once what came of it."""
+        """Do it, and show the result at once."""
         action()
         self.refresh()
 
@@ -123,12 +123,12 @@ class Transport:
 
 
 def _shown_rate(rate: float) -> float:
-    """As fast as it goes, written 0, is beyond the fast end."""
+    """The slider's value of a rate: 0 (as fast as possible) is at its fast end."""
     return max(rate or MAX_RATE, _MIN_RATE)
 
 
 def _end_s(state: PlaybackState) -> float:
-    """As far as it is known, in hundredths."""
+    """The end, as far as it is known, in hundredths of a second."""
     return math.ceil(100 * max(state.duration_s or 0.0, state.position_s, 0.01)) / 100
 
 

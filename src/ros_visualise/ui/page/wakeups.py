@@ -27,10 +27,10 @@ class _Messages(AsyncMessageBuffer):
 
 
 def mend_wakeups() -> None:
-    """Let any thread change pages that are opened from now on.
+    """Let any thread change the pages that are opened from now on.
 
-    Whenever a thread changes a page, viser 1.1 sets an `asyncio.Event` there and then, and once
-    more from its loop. Events are not made for the first: now and then it raises a RuntimeError,
-    as the loop changes the list of who waits meanwhile. The second alone does as well.
+    When a thread changes a page, viser 1.1 sets an `asyncio.Event` from that thread, and again from
+    its loop. Events are not made for other threads: now and then the first call raises a
+    RuntimeError, as the loop changes the list of waiters meanwhile. The second call is enough.
     """
     _infra.AsyncMessageBuffer = _Messages  # type: ignore[attr-defined]

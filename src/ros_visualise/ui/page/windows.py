@@ -68,19 +68,19 @@ class Window:
 
     @property
     def panel(self) -> viser.PanelHandle:
-        """What can be placed."""
+        """The panel, to be placed."""
         return self._panel
 
     def shows(self, node: Member, runtime: Runtime) -> bool:
-        """Whether a window made for this node would be just like it."""
+        """Whether a new window for this node would be the same."""
         return self._looks == (_looks_of(node), _overlays_of(runtime, node))
 
     def close(self) -> None:
-        """Let go of the node's parameters."""
+        """Stop following the node's parameters."""
         self._controls.close()
 
     def remove(self) -> None:
-        """Take it off the page for good."""
+        """Remove it from the page."""
         self.close()
         self._panel.remove()
 

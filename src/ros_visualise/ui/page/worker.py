@@ -22,13 +22,13 @@ Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 
 
 class Worker:
-    """Does what is posted, one thing at a time, and regular work in between.
+    """Does posted jobs, one at a time, and regular work in between.
 
-    Of what is posted under one key only the newest is done: a slider that is dragged faster than
-    its node follows leaves nothing behind.
+    Of the jobs posted under one key only the newest is done, so that a slider that is dragged
+    quickly leaves no queue behind.
 
     Args:
-        say: told in one line what was refused.
+        say: called with one line that says why something was refused.
         tick: the regular work.
         period_s: how often.
     """
@@ -43,21 +43,21 @@ class Worker:
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
 
     def start(self) -> None:
-        """Begin; what was posted before is done first."""
+        """Begin, with the jobs posted before."""
         self._thread.start()
 
     def post(self, key: Hashable, action: Callable[[], object]) -> None:
-        """Have this done soon, instead of what waits under the same key."""
+        """Post a job, in place of one that waits under the same key."""
         with self._changed:
             self._posted[key] = action
             self._changed.notify_all()
 
     def listener(self, key: Hashable | None, action: Callable[[Any], object]) -> Listener:
-        """What an element calls: has this done with its value when a person moved it.
+        """A callback for an element: posts a job with the value that a person set.
 
         Args:
-            key: only the newest is done; None: each is, however many come.
-            action: what to do.
+            key: only the newest job under it is done; None: every one is done.
+            action: the job.
         """
 
         async def moved(event: viser.GuiEvent[Any]) -> None:
@@ -70,18 +70,18 @@ class Worker:
     def add_key(
         self, gui: viser.GuiApi, label: str, key: Any, action: Callable[[], object]
     ) -> None:
-        """Have this done whenever a key is pressed, or the command of this name is chosen."""
+        """Do this whenever a key is pressed, or the command of this name is chosen."""
 
         @gui.add_command(label, hotkey=key).on_trigger
         async def _(_: Any) -> None:
             self._ask(object(), action)
 
     def is_posted(self, key: Hashable) -> bool:
-        """Whether something waits under this key."""
+        """Whether a job waits under this key."""
         return key in self._posted
 
     def close(self, timeout_s: float) -> None:
-        """End after what is being done now."""
+        """End after the present job."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
