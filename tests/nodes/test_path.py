@@ -23,12 +23,33 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
+from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.messages import from_message
 from ros_visualise.nodes.path import PathNode, PathParams
 from ros_visualise.pipelines import path_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 
 EACH = PathParams(min_distance=0, min_angle=0, rate=0)
+
+
+class Stepped(PathNode):
+    """Knows frames, as whatever runs a node has it know them."""
+
+    def __init__(self, *given, **rest):
+        self._frames = FrameTree()
+        super().__init__(*given, **rest)
+
+    def learn(self, message):
+        self._frames.add(message, static=True)
+
+    def step(self, params, tf=None, **rest):
+        if tf is not None:
+            self._frames.add(tf)
+        return super().step(params, tf=tf, frames=self._frames, **rest)
+
+    def reset(self):
+        self._frames.reset()
+        super().reset()
 
 
 def odometry(x=0.0, yaw=0.0, time_s=0.0, frame="odom"):
@@ -41,7 +62,7 @@ def odometry(x=0.0, yaw=0.0, time_s=0.0, frame="odom"):
 
 def run(messages, params=EACH):
     """The paths, and the node."""
-    path = PathNode(params)
+    path = Stepped(params)
     return [path.step(params, odom=message) for message in messages], path
 
 
@@ -62,7 +83,7 @@ def test_it_holds_the_poses_in_the_odometrys_frame_with_its_stamps():
 
 def test_what_was_published_stays_as_it_was():
     params = replace(EACH, max_poses=40)
-    node = PathNode(params)
+    node = Stepped(params)
     given = []
     for x in range(500):
         path = node.step(params, odom=odometry(x, time_s=x))
@@ -124,7 +145,7 @@ def test_after_a_rest_the_first_new_pose_is_published_at_once():
 
 def test_messages_without_stamps_go_by_the_time_of_arrival():
     params = replace(EACH, rate=5)
-    path = PathNode(params)
+    path = Stepped(params)
     unstamped = [replace(odometry(n), header=Header(0, "odom")) for n in range(1000)]
     answers = [
         path.step(params, odom=message, arrival_ns=10**12 + n * 10_000_000)
@@ -144,7 +165,7 @@ class Watch:
 
 def test_the_last_poses_are_published_when_none_has_come_for_a_period():
     params = replace(EACH, rate=5)
-    node = PathNode(params, watch := Watch())
+    node = Stepped(params, watch := Watch())
     for n in range(50):  # at 100 Hz: the last one is not due
         watch.time_ns = n * 10_000_000
         path = node.step(params, odom=odometry(n, time_s=n / 100))
@@ -161,7 +182,7 @@ def test_the_last_poses_are_published_when_none_has_come_for_a_period():
 
 def test_a_path_that_waits_is_published_though_other_messages_come():
     params = replace(EACH, rate=5)
-    node = PathNode(params, watch := Watch())
+    node = Stepped(params, watch := Watch())
     for n in range(2):
         node.step(params, odom=odometry(n, time_s=n / 100))
     watch.time_ns += 200_000_000
@@ -197,7 +218,7 @@ def spiral(first, last, step_m):
 
 def test_the_number_of_poses_is_bounded_and_the_shape_kept():
     params = PathParams(max_poses=800, rate=0)
-    node = PathNode(params)
+    node = Stepped(params)
     messages = list(spiral(0, 6000, step_m=0.1))
     for message in messages:
         path = node.step(params, odom=message)
@@ -230,7 +251,7 @@ def bytes_held(root):
 def test_a_long_run_costs_what_a_short_one_does():
     """What is held and published in 10,000 messages, after 100,000 as after the first 10,000."""
     params = PathParams(max_poses=200)
-    node = PathNode(params)
+    node = Stepped(params)
     held, published = [], []
     for start in range(0, 100_000, 10_000):
         messages = spiral(start, start + 10_000, step_m=0.02)
@@ -268,13 +289,13 @@ def test_poses_with_and_without_covariance_are_followed():
     header = Header(10**18, "map")
     xyz, quat = np.array([1.0, 2, 3]), np.array([0, 0, 0, 1.0])
     for name, kind in (("pose", PoseStamped), ("pose_cov", PoseWithCovarianceStamped)):
-        path = PathNode(EACH).step(EACH, **{name: kind(xyz, quat, header=header)})
+        path = Stepped(EACH).step(EACH, **{name: kind(xyz, quat, header=header)})
         np.testing.assert_array_equal(path.positions_xyz, [[1, 2, 3]])
         assert path.header == header
 
 
 def test_of_several_inputs_the_first_declared_is_followed():
-    node = PathNode(EACH)
+    node = Stepped(EACH)
     pose = PoseStamped(np.zeros(3), np.array([0, 0, 0, 1.0]), Header(1, "map"))
     assert node.step(EACH, pose=pose).header.frame_id == "map"
     path = node.step(EACH, odom=odometry(1))
@@ -291,7 +312,7 @@ def fix(latitude, longitude, altitude=50.0, status=0, time_s=0.0):
 
 
 def test_fixes_are_put_on_the_plane_at_the_first():
-    node = PathNode(EACH)
+    node = Stepped(EACH)
     fixes = [
         fix(48, 11, time_s=1),
         fix(48.001, 11, time_s=2, altitude=math.nan),
@@ -328,8 +349,8 @@ BY_TF = replace(EACH, tf_parent="map", tf_child="base_link")
 
 
 def test_a_pair_of_frames_is_followed_through_the_tree():
-    node = PathNode(BY_TF)
-    node.step(BY_TF, tf_static=transforms(("base_footprint", "base_link", 0.5, 0)))
+    node = Stepped(BY_TF)
+    node.learn(transforms(("base_footprint", "base_link", 0.5, 0)))
     node.step(BY_TF, tf=transforms(("map", "odom", 10, 1), ("odom", "base_footprint", 1, 1)))
     node.step(BY_TF, tf=transforms(("odom", "base_footprint", 2, 2)))
     node.step(BY_TF, tf=transforms(("odom", "base_footprint", 3, 3), ("odom", "other", 3, 2.7)))
@@ -341,16 +362,16 @@ def test_a_pair_of_frames_is_followed_through_the_tree():
 
 
 def test_static_frames_are_known_before_a_pair_is_asked_for():
-    node = PathNode(EACH)
-    node.step(EACH, tf_static=transforms(("odom", "base_link", 0.5, 0)))
+    node = Stepped(EACH)
+    node.learn(transforms(("odom", "base_link", 0.5, 0)))
     assert node.step(EACH, tf=transforms(("map", "odom", 1, 1))) is None
     path = node.step(BY_TF, tf=transforms(("map", "odom", 2, 2)))
     np.testing.assert_allclose(path.positions_xyz, [[2.5, 0, 0]])
 
 
 def test_after_a_jump_back_in_time_the_pair_is_followed_on():
-    node = PathNode(BY_TF)
-    node.step(BY_TF, tf_static=transforms(("odom", "base_link", 0.5, 0)))
+    node = Stepped(BY_TF)
+    node.learn(transforms(("odom", "base_link", 0.5, 0)))
     for time_s in (100, 101):
         node.step(BY_TF, tf=transforms(("map", "odom", time_s, time_s)))
     node.reset()
@@ -358,10 +379,13 @@ def test_after_a_jump_back_in_time_the_pair_is_followed_on():
     np.testing.assert_allclose(path.positions_xyz, [[1.5, 0, 0]])
 
 
-def test_transforms_that_are_none_are_refused():
-    node = PathNode(BY_TF)
-    assert node.step(BY_TF, tf=transforms(("map", "base_link", math.nan, 1))) is None
-    assert node.report()["refused"] == 1
+def test_transforms_that_are_none_are_left_out_and_counted(runtime):
+    runtime.parameters["path"].update({"tf_parent": "map", "tf_child": "base_link"})
+    subscription = runtime.subscribe("/path")
+    runtime.publish("/tf", transforms(("map", "base_link", math.nan, 1)))
+    runtime.publish("/tf", transforms(("map", "base_link", 1, 2)))
+    np.testing.assert_array_equal(subscription.take(5).positions_xyz, [[1, 0, 0]])
+    assert runtime.report()["nodes"]["path"]["dropped"] == {"wrong tf": 1}
 
 
 @pytest.fixture
@@ -386,7 +410,7 @@ def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
     subscription = runtime.subscribe("/path")
     for x, time_s in [(0, 5), (1, 6), (0.5, 5.5), (2, 7)]:
         runtime.publish("/odom", odometry(x, time_s=time_s))
-        path = subscription.take(5)
+        path = subscription.take(0.3 if time_s == 5.5 else 5)
         assert (path is None) == (time_s == 5.5)
     assert path.positions_xyz[:, 0].tolist() == [0, 1, 2]
     assert runtime.report()["nodes"]["path"]["refused"] == 1
@@ -441,7 +465,7 @@ def test_a_husky_outdoors(recordings: File):
 
 def test_it_is_said_once_that_another_input_is_followed_than_odometry(caplog):
     caplog.set_level("INFO", "ros_visualise")
-    node = PathNode(PathParams())
+    node = Stepped(PathParams())
     level = np.array([0.0, 0.0, 0.0, 1.0])
     for stamp_ns in (1, 2):
         node.step(PathParams(), pose=PoseStamped(np.zeros(3), level, Header(stamp_ns, "map")))

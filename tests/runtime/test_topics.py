@@ -7,8 +7,8 @@ import pytest
 
 from ros_visualise.data import Header, Text
 from ros_visualise.runtime import topics
-from ros_visualise.runtime.queues import Packet
-from ros_visualise.runtime.topics import Topic
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.topics import Subscription, Topic
 
 
 class Listener:
@@ -72,3 +72,21 @@ def test_a_latched_message_is_never_missed_nor_followed_by_an_older_one():
     assert listeners
     for one in listeners:
         assert one.got == list(range(one.got[0], one.got[0] + len(one.got)))
+
+
+def test_whoever_looks_on_waits_for_a_message_though_a_node_has_none_for_some_numbers():
+    inbox, said = Inbox(lossless=False), threading.Event()
+    subscription = Subscription("/topic", inbox, lambda: None)
+
+    def publish():
+        said.wait(10)
+        inbox.put(Packet(1, None, 1))
+        time.sleep(0.05)
+        inbox.put(packet(2))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    said.set()
+    assert subscription.take(10).text == "2"
+    assert subscription.take(0) is None
+    thread.join()

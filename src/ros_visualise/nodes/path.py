@@ -68,11 +68,11 @@ class PathParams:
         "pose_cov": PoseWithCovarianceStamped,
         "fix": NavSatFix,
         "tf": Transforms,
-        "tf_static": Transforms,
     },
     outputs={"path": Path},
     latched=("path",),
     timed=True,
+    frames=True,
 )
 class PathNode:
     """The path of a robot; it begins anew when time jumps or the frame changes.
@@ -85,8 +85,7 @@ class PathNode:
     def __init__(self, params: PathParams, clock: Clock | None = None) -> None:
         self._clock = clock or WallClock()
         self._locator = Locator()
-        self._tree = FrameTree()
-        self._pair = FramePair(self._tree, params.tf_parent, params.tf_child)
+        self._pair = FramePair(params.tf_parent, params.tf_child)
         self._followed = ""
         self._is_due = self._has_grown = False
         self._arrival_ns = self._heard_ns = self._late = 0
@@ -94,7 +93,6 @@ class PathNode:
 
     def reset(self) -> None:
         """Begin a new path: time jumped."""
-        self._tree.reset()
         self._pair.reset()
         self._locator.reset()
         self._begin()
@@ -114,8 +112,9 @@ class PathNode:
         pose_cov: PoseWithCovarianceStamped | None = None,
         fix: NavSatFix | None = None,
         tf: Transforms | None = None,
-        tf_static: Transforms | None = None,
         arrival_ns: int = 0,
+        *,
+        frames: FrameTree,
     ) -> Path | None:
         """The path so far, when it has grown and it is time for it."""
         self._arrival_ns = arrival_ns
@@ -123,10 +122,9 @@ class PathNode:
         for name, one in (("odom", odom), ("pose", pose), ("pose_cov", pose_cov), ("fix", fix)):
             if one is not None and self._follows(name):
                 self._take(one, params)
-        if tf_static is not None:
-            self._take_transforms(tf_static, params, static=True)
         if tf is not None and self._pair.child:
-            self._take_transforms(tf, params, static=False)
+            for stamp_ns, known in self._pair.follow(frames, tf):
+                self._add(Header(stamp_ns, self._pair.parent), known, params)
         return self.finish() if self._is_due else None
 
     def tick(self, params: PathParams) -> Path | None:
@@ -144,7 +142,6 @@ class PathNode:
 
     def report(self) -> dict[str, Any]:
         """What was gone, and poses that were refused: no numbers, without a fix, or late."""
-        in_pair = self._pair.refused.total()
         gone = self._travel.summary()
         speeds = {"mean_mps": gone.mean_mps, "top_mps": gone.top_mps}
         return {
@@ -152,7 +149,7 @@ class PathNode:
             "length_m": round(gone.length_m, 3),
             "duration_s": round(gone.duration_s, 3),
             **{name: None if mps is None else round(mps, 3) for name, mps in speeds.items()},
-            "refused": self._locator.refused + self._locator.without_fix + in_pair + self._late,
+            "refused": self._locator.refused + self._locator.without_fix + self._late,
             "deviation_m": round(self._track.deviation_m, 4),
         }
 
@@ -166,7 +163,7 @@ class PathNode:
     def _choose_pair(self, params: PathParams) -> None:
         wanted = (params.tf_parent, params.tf_child) if params.tf_parent else ("", "")
         if wanted != (self._pair.parent, self._pair.child):
-            self._pair = FramePair(self._tree, *wanted)
+            self._pair = FramePair(*wanted)
             self._followed = ""
             self._begin()
 
@@ -190,10 +187,6 @@ class PathNode:
         if isinstance(message, NavSatFix):
             header = Header(header.stamp_ns, PLANE_FRAME)
         self._add(header, pose, params)
-
-    def _take_transforms(self, message: Transforms, params: PathParams, static: bool) -> None:
-        for stamp_ns, pose in self._pair.add(message, static):
-            self._add(Header(stamp_ns, self._pair.parent), pose, params)
 
     def _add(self, header: Header, pose: Floats, params: PathParams) -> None:
         if header.frame_id != self._header.frame_id:

@@ -42,14 +42,15 @@ class Subscription:
 
         What a recording holds is decoded; what cannot be is left out.
         """
-        packet = self._inbox.take(timeout_s)
-        while packet is not None:
+        end_s = time.monotonic() + timeout_s
+        while (packet := self._inbox.take(max(0.0, end_s - time.monotonic()))) is not None:
             self.epoch = packet.epoch
+            if packet.message is None:  # the node had nothing for some number
+                continue
             try:
                 return content(packet.message)
             except DamagedMessage as error:
                 self._say(error)
-            packet = self._inbox.take(0)
         return None
 
     def close(self) -> None:

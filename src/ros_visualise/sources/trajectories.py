@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
-from collections.abc import Iterator, Mapping
+from collections import Counter, deque
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -23,7 +23,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.errors import DamagedMessage, RosVisualiseError, UsageError
-from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import PLANE_FRAME, Locator
 from ros_visualise.geometry.pair import FramePair
 from ros_visualise.messages.recorded import content
@@ -113,7 +113,7 @@ class _Reader:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self._locator = Locator()
-        self._wrong_transforms: Mapping[str, int] = {}
+        self._wrong_transforms: Counter[str] = Counter()
         self._damaged = 0
 
     @property
@@ -153,15 +153,21 @@ class _Reader:
         """Of one frame in another, at the stamps of all transforms between them that move."""
         named = parse_pair(self._recording, name)
         tree = FrameTree(HISTORY_S)
-        pair = FramePair(tree, named.parent, named.child)
+        pair = FramePair(named.parent, named.child)
         if named.static is not None:  # all of them first: they hold at all times
             for _, message in self._messages(named.static):
-                pair.add(message, static=True)
+                self._learn(tree, message, static=True)
         for _, message in self._messages(named.topic):
-            for stamp_ns, pose in pair.add(message):
+            self._learn(tree, message)
+            for stamp_ns, pose in pair.follow(tree, message):
                 yield _Pose(stamp_ns, stamp_ns, pose, named.parent)
-        self._wrong_transforms = pair.refused
         refuse_rest(self._recording, named, tree)
+
+    def _learn(self, tree: FrameTree, message: Transforms, static: bool = False) -> None:
+        try:
+            tree.add(message, static)
+        except WrongTransforms as error:
+            self._wrong_transforms.update(what for _, _, what in error.wrong)
 
     def _messages(self, topic: str) -> Iterator[tuple[int, Any]]:
         with closing(self._recording.read(topics=[topic])) as entries:
