@@ -86,6 +86,11 @@ def test_a_middleware_is_imported_by_nobody_but_itself(path: Path):
             assert level_of(parts[2]) <= own or (place[0] != "runtime" and is_general), name
 
 
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_module_shadows_what_it_imports(path: Path):
+    assert path.stem not in {name.partition(".")[0] for name in imported_names(path)}
+
+
 def test_what_opens_everything_is_above_it():
     """`sources.opening` imports the rooms of `sources`; none of them imports it, or another one."""
     rooms = {"kitti", "logs", "recordings"}

@@ -9,6 +9,7 @@ from mcap.records import Attachment, Metadata
 from mcap.writer import Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2.metadata import parse_qos
+from ruamel.yaml import YAML
 
 from ros_visualise.sources.opening import open_recording
 
@@ -78,6 +79,16 @@ def test_the_qos_of_publishers_is_given(tmp_path: Path, storage: StoragePlugin):
         "/b": [latched_qos()],
         "/c": [],
     }
+
+
+def test_what_somebody_added_to_a_bag_is_given(tmp_path: Path):
+    write_bag(tmp_path / "bag", numbered(range(1, 7)))
+    metadata = tmp_path / "bag" / "metadata.yaml"
+    content = YAML(typ="safe").load(metadata.read_text())
+    content["rosbag2_bagfile_information"]["custom_data"] = {"pilot": "Ada", "flight": 7}
+    with metadata.open("w") as file:
+        YAML(typ="safe").dump(content, file)
+    assert extras(tmp_path / "bag") == [Metadata("custom_data", {"pilot": "Ada", "flight": "7"})]
 
 
 def test_a_message_that_nobody_numbers_was_sent_when_it_was_recorded(tmp_path: Path):

@@ -58,6 +58,7 @@ class MergedRecording:
         loss: to which the files add what they cannot read.
         release: called when it is closed.
         compression: that of the files as a whole; empty: they tell.
+        extras: what it holds beside its files.
     """
 
     def __init__(
@@ -68,10 +69,11 @@ class MergedRecording:
         loss: Loss,
         release: Callable[[], None] = lambda: None,
         compression: str = "",
+        extras: Sequence[Extra] = (),
     ) -> None:
         self.path, self.format, self.loss = path, format, loss
         self.size = sum(storage.size for storage in storages)
-        self._compression = compression
+        self._compression, self._extras = compression, extras
         topics = Topics(storages, loss)
         self.topics: Mapping[str, TopicInfo] = topics.by_name
         self._chosen = topics.chosen
@@ -111,7 +113,7 @@ class MergedRecording:
 
     def extras(self) -> Iterator[Extra]:
         """As `Recording.extras`."""
-        return chain.from_iterable(storage.extras() for storage in self._storages)
+        return chain(self._extras, *(storage.extras() for storage in self._storages))
 
     def close(self) -> None:
         """As `Recording.close`."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from ros_visualise.yaml_files import BadYaml, load_yaml
@@ -17,12 +18,14 @@ METADATA = "metadata.yaml"
 class Metadata:
     """What a ``metadata.yaml`` says, as far as it can be read; None: nothing.
 
-    ``compression_mode`` is empty, ``file`` or ``message``.
+    ``compression_mode`` is empty, ``file`` or ``message``. ``custom``: texts by name that somebody
+    gave when it was recorded, or after.
     """
 
     files: tuple[str, ...] = ()
     messages: int | None = None
     compression_mode: str | None = None
+    custom: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_metadata(folder: Path) -> Metadata:
@@ -34,6 +37,7 @@ def read_metadata(folder: Path) -> Metadata:
         names = tuple(map(str, about.get("relative_file_paths") or ()))
         mode = str(about.get("compression_mode") or "").lower().replace("none", "")
         messages = about.get("message_count")
+        custom = {str(key): str(text) for key, text in (about.get("custom_data") or {}).items()}
     except FileNotFoundError:
         log.warning("%s: %s is missing; the files tell what it would say", folder, METADATA)
     except BadYaml as error:
@@ -41,5 +45,5 @@ def read_metadata(folder: Path) -> Metadata:
     except (OSError, KeyError, TypeError, AttributeError):
         log.warning("%s: cannot be read; the files tell what it would say", path)
     else:
-        return Metadata(names, messages if isinstance(messages, int) else None, mode)
+        return Metadata(names, messages if isinstance(messages, int) else None, mode, custom)
     return Metadata()

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 
 import zstandard
+from mcap.records import Metadata as MetadataRecord
 
 from ros_visualise.errors import OpenError
 from ros_visualise.limits import check_disk
@@ -55,7 +56,8 @@ def open_rosbag2(path: Path) -> Recording:
         _compare(metadata, storages, loss)
         release = stack.pop_all().close
     compression = "zstd" if any(file.suffix == _PACKED for file in files) else ""
-    recording = MergedRecording(path, "rosbag2", storages, loss, release, compression)
+    extras = [MetadataRecord("custom_data", dict(metadata.custom))] if metadata.custom else []
+    recording = MergedRecording(path, "rosbag2", storages, loss, release, compression, extras)
     recording.size = sum(file.stat().st_size for file in files)
     return recording
 
