@@ -90,6 +90,11 @@ class Spec:
             return str(value)
         return self._number(value)
 
+    def clamp(self, number: float) -> float:
+        """The number, or the limit that it is beyond."""
+        low = number if self.min is None else max(number, self.min)
+        return low if self.max is None else min(low, self.max)
+
     def _choose(self, value: Any) -> Enum:
         text = str(value.value if isinstance(value, Enum) else value)
         for choice in self.type:  # type: ignore[attr-defined]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -374,3 +375,13 @@ def test_simulated_time_paces_and_stamps(start, hear, publish, video, ros_master
         assert len(images.messages) <= due + 1
     finally:
         rospy.delete_param("/use_sim_time")
+
+
+def test_a_port_in_use_is_said_in_the_words_of_ros(start):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        viewer = start("viewer", f"_port:={port}", wait=False)
+        said = viewer.communicate(timeout=60)[0]
+    assert viewer.returncode == 2
+    assert f"_port:={port + 1}" in said
+    assert "--port" not in said

@@ -2,6 +2,7 @@
 
 import ast
 import logging
+import math
 import subprocess
 import threading
 import time
@@ -190,7 +191,6 @@ def test_a_change_from_elsewhere_is_published_and_put_on_the_parameter_server(se
     ("given", "allowed"),
     [
         ({"strs": [StrParameter("blur", "heavy")]}, "off, box, 3"),
-        ({"ints": [IntParameter("count", 900)]}, "from 0 to 800"),
         ({"doubles": [DoubleParameter("count", 1.5)]}, "a whole number"),
         ({"bools": [BoolParameter("count", True)]}, "a whole number"),
         ({"doubles": [DoubleParameter("open", float("nan"))]}, "open=nan: must be"),
@@ -214,11 +214,24 @@ def test_what_is_refused_leaves_everything_and_is_said_once(
 
 
 def test_dynparam_ends_with_what_is_refused_and_why(server, parameters):
-    command = [*DYNPARAM, "set", server, "{count: 900, free: 99}"]
+    command = [*DYNPARAM, "set", server, "{blur: heavy, free: 99}"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode != 0
-    assert "count=900: must be from 0 to 800" in done.stderr
+    assert "blur=heavy: choose one of off, box, 3" in done.stderr
     assert parameters.current == Every()
+
+
+def test_what_is_out_of_range_becomes_the_limit_as_with_other_servers(server, parameters, caplog):
+    told = set_over_ros(
+        server,
+        ints=[IntParameter("count", 900), IntParameter("free", 0)],
+        doubles=[DoubleParameter("ratio", -math.inf), DoubleParameter("open", 1e9)],
+    )
+    assert (told["count"], told["free"], told["ratio"], told["open"]) == (800, 1, 0, 1e9)
+    assert type(parameters.current.count) is int
+    said = [one for one in caplog.messages if "beyond its limit" in one]
+    assert len(said) == 3
+    assert "count=900 is beyond its limit: 800" in said[0]
 
 
 def test_types_are_coerced_as_declared(server, parameters):

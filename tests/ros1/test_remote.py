@@ -311,6 +311,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
     told = diagnostics("/plain", received=9, dropped__rate=3, dropped__queue=2, p50_ms=1.5, x="-")
     told.status[0].values.append(KeyValue("topics//plain/image/hz", "49.5"))
+    told.status[0].values.append(KeyValue("topics//plain/image/wall_hz", "9.9"))
     told.status[0].values.append(KeyValue("p99_ms", "a lot"))
     wait_until(lambda: publisher.publish(told) or runtime.report()["nodes"]["plain"]["received"])
     publisher.unregister()
@@ -324,6 +325,7 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
         "step_ms": None,
     }
     assert report["topics"]["/plain/image"]["hz"] == 49.5
+    assert report["topics"]["/plain/image"]["wall_hz"] == 9.9
 
 
 def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):

@@ -2,9 +2,11 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import textwrap
+import time
 
 import pytest
 
@@ -210,6 +212,28 @@ def test_quitting_ends_the_command_with_status_0(screen):
     _, errors = process.communicate(timeout=20)
     assert process.returncode == 0
     assert "Traceback" not in errors
+
+
+def test_ctrl_c_while_windows_are_tried_is_not_taken_for_windows_that_do_not_start(screen):
+    code = """if True:
+        import signal
+        from ros_visualise.ui.screen import check_windows
+        signal.signal(signal.SIGINT, lambda *_: None)
+        print("trying", flush=True)
+        check_windows()"""
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env={**os.environ, "DISPLAY": screen},
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    assert process.stdout.readline() == "trying\n"
+    time.sleep(0.1)
+    os.killpg(process.pid, signal.SIGINT)  # as a terminal tells the whole group
+    errors = process.communicate(timeout=60)[1]
+    assert process.returncode == 0, errors
 
 
 @pytest.mark.parametrize("display", ["", ":99999"])

@@ -37,6 +37,7 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
         origins=named_in(middleware, "allow_origin", "none"),
         record_dir=Path(middleware.find_file(str(middleware.option("record_dir", ".")))),
         place=str(middleware.option("window", "")),
+        flag="{0}:={1} (of an executable: _{0}:={1})",
     )
     return str(middleware.option("view", default)), options
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+RATES = ("hz", "wall_hz")
+"""By the stamps, and by the wall clock."""
 _KEPT = 4096
 """How many of the newest times are kept: rates and percentiles are taken from them."""
 

@@ -41,6 +41,7 @@ class ViewOptions:
         origins: other web sites that may use the page.
         record_dir: the only folder in which the page records.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
+        flag: how a person gives another of these: its name and its value go in.
 
     Raises:
         OpenError: there is no such folder to record to.
@@ -51,6 +52,7 @@ class ViewOptions:
     origins: Collection[str] = ()
     record_dir: Path = Path()
     place: str = ""
+    flag: str = "--{} {}"
 
     def __post_init__(self) -> None:
         record_folder(self.record_dir)
@@ -67,7 +69,11 @@ def open_view(name: str, options: ViewOptions) -> View:
         from ros_visualise.ui.page import Page
 
         return Page(
-            options.host, options.port, origins=options.origins, record_dir=options.record_dir
+            options.host,
+            options.port,
+            origins=options.origins,
+            record_dir=options.record_dir,
+            flag=options.flag,
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

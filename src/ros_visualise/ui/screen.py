@@ -30,7 +30,12 @@ def check_windows() -> None:
     Raises:
         OpenError: this OpenCV has no windows, or there is no screen for them.
     """
-    trial = subprocess.run([sys.executable, "-c", _TRIAL], capture_output=True, text=True)
+    trial = subprocess.run(
+        [sys.executable, "-c", _TRIAL],
+        capture_output=True,
+        text=True,
+        start_new_session=True,  # Ctrl-C in the terminal ends this process, and says nothing of it
+    )
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
             "this OpenCV has no windows: pip uninstall opencv-python-headless,"

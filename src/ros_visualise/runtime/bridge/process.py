@@ -22,6 +22,7 @@ from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlaybackFollower
+from ros_visualise.runtime.stats import RATES
 from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
@@ -176,7 +177,7 @@ class Process:
             figures["inputs"] = node.inputs
             figures["topics"] = {
                 topic: {
-                    "hz": report["topics"].get(topic, {}).get("wall_hz"),
+                    **{rate: report["topics"].get(topic, {}).get(rate) for rate in RATES},
                     "dropped": self._outputs[topic].dropped,
                 }
                 for topic in node.outputs.values()

@@ -9,6 +9,7 @@ from typing import Any
 
 from ros_visualise.data import DiagnosticArray
 from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.stats import RATES
 
 log = logging.getLogger(__name__)
 
@@ -41,9 +42,10 @@ class Figures:
         report["dropped"] = {why: int(n) for why, n in dropped.items() if n.isdecimal()}
         return report
 
-    def hz(self, name: str, topic: str) -> float | None:
-        """How often a node publishes a topic, as it says itself."""
-        return _number(self._fresh(name).get(f"topics/{topic}/hz"))
+    def rates(self, name: str, topic: str) -> dict[str, float | None]:
+        """How often a node publishes a topic, by its stamps and each second, as it says itself."""
+        told = self._fresh(name)
+        return {rate: _number(told.get(f"topics/{topic}/{rate}")) for rate in RATES}
 
     def outputs(self, name: str) -> set[str]:
         """The topics that a node has ever said to publish."""

@@ -186,7 +186,7 @@ class RemoteRuntime:
         relay = self._relay(name)
         told = relay.report(window_s)
         if not relay.is_open:
-            told["hz"] = told["wall_hz"] = self._figures.hz(publisher, name)
+            told |= self._figures.rates(publisher, name)
         return {"type": self.graph.topics[name].ros.name, **told}
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:

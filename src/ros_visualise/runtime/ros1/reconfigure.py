@@ -74,11 +74,26 @@ class ReconfigureServer:
             rospy.ServiceException: it is refused; dynparam then ends with these words.
         """
         try:
-            self._parameters.update(from_config(self._specs, request.config))
+            asked = from_config(self._specs, request.config)
+            self._parameters.update(self._clamped(asked))
         except ParameterError as error:
             log.warning("%s: %s", self._namespace.removeprefix("/"), error)
             raise rospy.ServiceException(str(error)) from error
         return ReconfigureResponse(self._publish())
+
+    def _clamped(self, asked: Mapping[str, Any]) -> dict[str, Any]:
+        """The values within their limits, as every server of dynamic_reconfigure has it."""
+        numbers = {spec.name: spec for spec in self._specs if spec.type in (int, float)}
+        values = dict(asked)
+        for name, value in asked.items():
+            if name not in numbers or isinstance(value, bool | str):
+                continue
+            limit = numbers[name].clamp(value)
+            if value < limit or value > limit:  # as NaN is not
+                values[name] = limit
+                where = self._namespace.removeprefix("/")
+                log.warning("%s: %s=%s is beyond its limit: %s", where, name, value, limit)
+        return values
 
     def _follow(self) -> None:
         while not self._closed:

@@ -44,12 +44,13 @@ class Page:
         title: str = _TITLE,
         origins: Collection[str] = (),
         record_dir: Path = Path(),
+        flag: str = "--{} {}",
     ) -> None:
         self._record_dir = record_dir
         door = open_door(host, origins)
         self.url = url(host, port, door.token)
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
-        self._server = open_server(host, port, title, door)
+        self._server = open_server(host, port, title, door, flag)
         self._desk: Desk | None = None
         self._ended = threading.Event()
 

@@ -18,13 +18,18 @@ from ros_visualise.ui.page.wakeups import mend_wakeups
 _CLOSE_S = 0.8
 
 
-def open_server(host: str, port: int, title: str, door: Door) -> viser.ViserServer:
+def open_server(
+    host: str, port: int, title: str, door: Door, flag: str = "--{} {}"
+) -> viser.ViserServer:
     """Bind a server to this address and no other; it checks every request.
+
+    Args:
+        flag: how a person gives another port: its name and its value go in.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
     """
-    _check_address(host, port)
+    _check_address(host, port, flag)
     _silence()
     mend_wakeups()
     gate = Gate(door)
@@ -36,7 +41,7 @@ def open_server(host: str, port: int, title: str, door: Door) -> viser.ViserServ
         raise RuntimeError("this viser makes its server in another way: nobody would guard it")
     if server.get_port() != port:  # somebody took it since; viser went on to the next
         close_server(server)
-        raise OpenError(_in_use(host, port))
+        raise OpenError(_in_use(host, port, flag))
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
     return server
 
@@ -55,27 +60,29 @@ def url(host: str, port: int, token: str = "") -> str:
     return f"http://{name}:{port}" + (f"/{token}" if token else "")
 
 
-def _check_address(host: str, port: int) -> None:
+def _check_address(host: str, port: int, flag: str) -> None:
     try:
         addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         for family, _, _, _, address in addresses:
             socket.create_server(address[:2], family=family).close()
     except (OSError, UnicodeError) as error:
         number = getattr(error, "errno", None)
-        raise OpenError(_what_is_wrong(number, host, port)) from None
+        raise OpenError(_what_is_wrong(number, host, port, flag)) from None
 
 
-def _what_is_wrong(number: int | None, host: str, port: int) -> str:
+def _what_is_wrong(number: int | None, host: str, port: int, flag: str) -> str:
     if number == errno.EADDRINUSE:
-        return _in_use(host, port)
+        return _in_use(host, port, flag)
     if number == errno.EACCES:
-        return f"port {port} needs the rights of an administrator; choose another with --port 8080"
-    return f"--host {host}: not an address of this machine; take 127.0.0.1, or 0.0.0.0 for all"
+        other = flag.format("port", 8080)
+        return f"port {port} needs the rights of an administrator; choose another with {other}"
+    given = flag.format("host", host)
+    return f"{given}: not an address of this machine; take 127.0.0.1, or 0.0.0.0 for all"
 
 
-def _in_use(host: str, port: int) -> str:
-    other = port + 1 if port < 65535 else 8080
-    return f"port {port} on {host} is in use; choose another with --port {other}"
+def _in_use(host: str, port: int, flag: str) -> str:
+    other = flag.format("port", port + 1 if port < 65535 else 8080)
+    return f"port {port} on {host} is in use; choose another with {other}"
 
 
 def _silence() -> None:
