@@ -21,6 +21,7 @@ from ros_visualise.vision.edges import (
     smooth,
     to_levels,
 )
+from ros_visualise.vision.threads import fit_threads
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ def edge_detector(image: Image, params: EdgeParams) -> dict[str, Image]:
             f"{image.encoding} has no edges of its own: set filters.demosaic=true"
         )
     order = color.order_of(image.encoding)
+    fit_threads(image.pixels)
     edges = _detect(color.to_gray(image.pixels, order), params)
     overlay = Deferred(
         (*edges.shape, 3),
