@@ -35,6 +35,11 @@ def opencv_apps() -> Command:
     ]
 
 
+def image_proc() -> Command:
+    """C++: makes gray and colour images, and rectifies those that somebody wants."""
+    return ["/usr/lib/image_proc/image_proc"]
+
+
 def rospy_canny() -> Command:
     """Gray, Canny."""
     return [sys.executable, HERE / "rospy_canny.py", f"_low:={LOW}", f"_high:={HIGH}"]
@@ -67,6 +72,7 @@ def missing() -> list[str]:
     programs = {
         "ros-opencv-apps": opencv_apps()[0],
         "topic-tools": throttle(1, "")[0],
+        "ros-image-proc": image_proc()[0],
         "ros-image-publisher": image_publisher(Path(), 1)[0],
         "python3-roslaunch": "roscore",
         "ffmpeg": "ffmpeg",

@@ -14,6 +14,7 @@ import chain
 import edges
 import peers
 import rates
+import rectify
 import transport
 import videos
 from bench import Bench
@@ -23,6 +24,7 @@ from seed import Seed
 
 SECTIONS = {
     "edges": edges.run,
+    "rectify": rectify.run,
     "rates": rates.run,
     "transport": transport.run,
     "players": transport.run_players,

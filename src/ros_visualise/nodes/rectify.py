@@ -10,6 +10,7 @@ from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.vision import color, rectification
 from ros_visualise.vision.rectification import Interpolation
+from ros_visualise.vision.threads import fit_threads
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ def rectify(image: Image, params: RectifyParams) -> Image | None:
             f"images of {image.width}x{image.height} with a calibration for"
             f" {info.width}x{info.height} are left out"
         )
+    fit_threads(image.pixels)
     model = rectification.model_of(info, params.alpha)
     pixels = rectification.rectify(image.pixels, model, params.interpolation)
     return replace(image, data=pixels, camera_info=rectification.rectified(info, model))
