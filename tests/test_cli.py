@@ -134,6 +134,26 @@ def test_a_node_of_ones_own(video, request):
     assert "from 2 to 32" in refused("video", video, *own[:2], "--set", "posterize.levels=1")
 
 
+def test_images_are_rectified_behind_their_source(video, tmp_path):
+    side = "data: [20, 0, 15.5, 0, 20, 11.5, 0, 0, 1]"
+    (tmp_path / "ost.yaml").write_text(
+        f"image_width: 32\nimage_height: 24\ncamera_matrix: {{rows: 3, cols: 3, {side}}}\n"
+        "distortion_coefficients: {rows: 1, cols: 4, data: [-0.2, 0.1, 0, 0]}\n"
+        "rectification_matrix: {rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}\n"
+        "projection_matrix: {rows: 3, cols: 4, data: [9, 0, 15, 0, 0, 9, 11, 0, 0, 0, 1, 0]}\n"
+    )
+    out = tmp_path / "out.mcap"
+    behind = ["--node", "rectify@streamer", "--json"]
+    known = ["--set", f"streamer.camera_info_url={tmp_path / 'ost.yaml'}"]
+    done = run("video", video, *QUICK, *behind, *known, "--record", f"{out}@/image_rect")
+    assert json.loads(done.stdout)["nodes"]["edge_detector"]["processed"] == 30
+    recorded = json.loads(run("info", out, "--json").stdout)["topics"]
+    assert recorded["/image_rect/camera_info"]["messages"] == 30
+    done = run("video", video, *QUICK, *behind)
+    assert json.loads(done.stdout)["nodes"]["rectify"]["dropped"] == {"uncalibrated": 30}
+    assert done.stderr.count("come without a calibration (said once)") == 1
+
+
 def test_the_example_from_python_runs(video, request):
     example = request.config.rootpath / "examples" / "02_from_python.py"
     done = subprocess.run(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from typing import Any
 
+from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph, parse_insertion
 from ros_visualise.nodes import choose_node
@@ -73,11 +74,11 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
 
 def stepped_topic(graph: Graph) -> str:
     """What a person steps through in a recording: its images, where they are processed."""
-    for node in graph.nodes:
-        if graph.source is not None and node.name == IMAGE_NODES[0]:
-            taken = set(node.inputs.values())
-            return next(port for port, topic in graph.source.outputs.items() if topic in taken)
-    return ""
+    if graph.source is None or not any(node.name == IMAGE_NODES[0] for node in graph.nodes):
+        return ""
+    taken = {topic for node in graph.nodes for topic in node.inputs.values()}
+    outputs, kinds = graph.source.outputs, graph.source.type.outputs
+    return next(port for port in outputs if kinds[port] is Image and outputs[port] in taken)
 
 
 def _demo(args: Namespace) -> Graph:
