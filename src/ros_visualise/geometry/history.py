@@ -1,4 +1,4 @@
-"""Where one frame was in its parent, over a span of time."""
+"""The history of one frame in its parent."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Sample(NamedTuple):
 
 
 class History:
-    """The samples of one frame in the order of their times; of a static one the last alone.
+    """The samples of one frame in order of time; of a static one only the last.
 
     Args:
-        static: it holds at all times.
-        length_ns: samples that are older than the newest by more are forgotten.
+        static: the transform is valid at all times.
+        length_ns: samples older than the newest by more than this are dropped.
     """
 
     def __init__(self, static: bool, length_ns: float) -> None:
@@ -40,7 +40,7 @@ class History:
         return self._stamps_ns[0], self._stamps_ns[-1]
 
     def is_before(self, stamp_ns: int) -> bool:
-        """Whether a time is older than what is kept: time jumped back."""
+        """Whether a time is older than the history: time jumped back."""
         return not self.static and stamp_ns < self._stamps_ns[-1] - self._length_ns
 
     def insert(self, stamp_ns: int, sample: Sample) -> None:

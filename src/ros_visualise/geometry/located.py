@@ -25,14 +25,14 @@ _FARTHEST_M = 1e12  # where numbers of 64 bits still tell tenths of millimetres 
 
 
 class Locator:
-    """Reads poses off messages; fixes on the plane that is level at the first one.
+    """Takes poses from messages; fixes are projected on the local plane of the first one.
 
-    A fix has no attitude: it gets that of the plane. Where its altitude is not known (not a
-    number) the last known one holds.
+    A fix has no attitude, so it gets that of the plane. If its altitude is not a number, the last
+    one is used.
 
     Attributes:
-        refused: messages that say no place: numbers that are none, or farther than any place.
-        without_fix: fixes whose status says that there was none.
+        refused: number of messages with a position that is not finite, or impossibly far.
+        without_fix: number of fixes whose status is "no fix".
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class Locator:
         self.reset()
 
     def reset(self) -> None:
-        """Take the next fix for the first one."""
+        """Begin anew: the next fix is the first one."""
         self._plane: LocalPlane | None = None
         self._altitude_m = 0.0
 

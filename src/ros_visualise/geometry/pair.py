@@ -1,4 +1,4 @@
-"""Where one frame is in another, as the transforms between them come in."""
+"""The poses of one frame in another, from a stream of transforms."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The poses that something passed, in bounded room."""
+"""The poses of a path, in bounded memory."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from ros_visualise.geometry.thinning import Indices, thin
 class Track:
     """Poses (x, y, z and a quaternion x, y, z, w), each appended in amortized constant time.
 
-    When there are more than the most that may be, the oldest half is thinned to half of it. What
-    `path` gave stays as it is: rows are only ever added, or copied to where there is room.
+    Beyond the maximum, the older half is thinned to half its poses. Paths that `path` gave stay as
+    they are: rows are only added, or copied to a larger array.
 
     Attributes:
-        deviation_m: no pose that was thinned out is farther than this from the path's line.
+        deviation_m: the largest distance of a removed pose from the line of the path.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""How far and how fast something went, from its poses as they come."""
+"""Distance and speeds from a stream of poses."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ class TravelSummary:
 
 
 class Travel:
-    """The length of a way, its duration, and its speeds; in constant time and memory for a pose.
+    """Distance, duration and speeds, in constant time and memory for each pose.
 
-    The length is that of the straight lines from each position to the next. The top speed is the
-    greatest way within a window of at least one second, over the window's duration, so that
-    neither the jitter of stamps nor two poses of one stamp make a speed; a shorter way has its mean
-    speed. It is never below the mean speed.
+    The distance is the sum of straight lines between positions. The top speed is the largest
+    distance within a window of at least one second, divided by the window's duration, so that
+    neither jitter of stamps nor two poses of one stamp give a false speed. It is never below the
+    mean speed.
     """
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class Travel:
         self._begins: deque[tuple[int, float]] = deque()
 
     def add(self, stamp_ns: int, position_xyz: Sequence[float]) -> None:
-        """Go on to a position (3,), metres, at a time that is not before the last."""
+        """Add a position (3,), metres, at a time not before the last."""
         position = tuple(position_xyz)
         if self._position is None:
             self._first_ns = stamp_ns
@@ -51,7 +51,7 @@ class Travel:
         self._measure()
 
     def summary(self) -> TravelSummary:
-        """What there is so far."""
+        """Distance and speeds so far."""
         duration_s = (self._last_ns - self._first_ns) / _NS
         if duration_s <= 0:
             return TravelSummary(self.length_m, 0.0, None, None)

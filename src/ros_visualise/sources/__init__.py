@@ -1,4 +1,4 @@
-"""Where data comes from."""
+"""Sources of data: recordings, videos, cameras, and what is drawn or simulated."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def open_source(path: str | os.PathLike[str]) -> Recording:
-    """A recording, or a video as one.
+    """Open a recording, or a video as a recording.
 
     Raises:
         OpenError: it cannot be opened; the message says what to do.
@@ -37,7 +37,7 @@ def info(path: str | os.PathLike[str], check: bool = False) -> dict[str, Any]:
 
     Args:
         path: of the recording or video.
-        check: read all its messages, and tell what of them is lost.
+        check: read all messages, and tell what cannot be read.
 
     Raises:
         OpenError: it cannot be opened.

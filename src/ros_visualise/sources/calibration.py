@@ -61,7 +61,7 @@ class Calibration:
         return self._info if own == size else resized(self._info, own, size)
 
     def add_to(self, image: Image) -> Image:
-        """The image with its calibration; as it is, said once, where that is of another shape."""
+        """The image with its calibration; without, and said once, if that is of another shape."""
         self._follow()
         size = (image.width, image.height)
         if size not in self._fitted:
@@ -106,7 +106,7 @@ def read_calibration(url: str) -> CameraInfo:
         url: a path or ``file:///path``.
 
     Raises:
-        OpenError: there is none.
+        OpenError: there is no file, or it holds no calibration.
     """
     path = path_of(url)
     try:
@@ -182,7 +182,7 @@ def _numbers(values: Mapping[str, Any], name: str) -> Floats:
 
 
 def _is_scaled(before: Size, after: Size) -> bool:
-    """Whether the sizes have one aspect, but for the rounding of a side."""
+    """Whether the sizes have the same aspect ratio, but for rounding."""
     (width, height), (new_width, new_height) = before, after
     return (
         abs(new_width - width * new_height / height) <= 1

@@ -24,10 +24,10 @@ _IDLE_S = 0.1
 
 
 class Camera:
-    """A live camera: always its newest image; reported and reopened when it fails.
+    """A live camera: it gives the newest image, and is reopened when it fails.
 
-    Stamps are times of the clock on the wall, also after somebody has set it, as NTP does: they
-    step with it, ahead or back, as those of all other machines' messages. That is said once.
+    Stamps are wall clock times, also after somebody has set the clock, as NTP does: they then jump
+    with it, ahead or back, and a warning says so once.
 
     Args:
         uri: a device (``/dev/video0`` or ``0``), a URL, ``test``, or ``lavfi:GRAPH``.
@@ -71,7 +71,7 @@ class Camera:
         self._await_opened()
 
     def images(self) -> Iterator[tuple[int, Image] | None]:
-        """(Stamp, newest image), or None where there was none for a while; until it is closed."""
+        """(Stamp, newest image), or None if there was none for a while, until it is closed."""
         last_ns = self._clock.monotonic_ns()
         while not self._closed:
             newest = self._take()
@@ -83,7 +83,7 @@ class Camera:
             yield newest
 
     def close(self) -> None:
-        """End it. A read that blocks is left behind; it ends by its own time-out."""
+        """End it, without waiting for a read that blocks: that ends by its own timeout."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()

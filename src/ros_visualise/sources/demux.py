@@ -1,4 +1,4 @@
-"""Opening files with FFmpeg and reading their packets, whatever state they are in."""
+"""Opening files with FFmpeg and reading their packets, also of damaged files."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class NoVideo(OpenError):
 def open_container(path: Path) -> InputContainer:
     """A file of any name, opened by FFmpeg.
 
-    FFmpeg is given its bytes and may open nothing itself: whoever made the file cannot make it read
-    other files or addresses, as a playlist does.
+    FFmpeg gets the bytes and may open nothing itself, so that no file can make it read other files
+    or addresses, as a playlist does.
 
     Raises:
         OpenError: it cannot be opened; the message says what to do.
@@ -60,7 +60,7 @@ def open_container(path: Path) -> InputContainer:
 
 
 def video_stream(container: InputContainer, path: Path) -> VideoStream:
-    """The first video stream, decoded with all threads; a cover picture is none.
+    """The first video stream, decoded by all threads; cover pictures do not count.
 
     Raises:
         OpenError: there is none.
@@ -82,10 +82,10 @@ def video_stream(container: InputContainer, path: Path) -> VideoStream:
 
 
 def limit_frames(stream: VideoStream) -> None:
-    """See that decoding takes no more memory than it may, also where frames grow on the way.
+    """Limit the memory of decoding, also where frames become larger later in the file.
 
     Raises:
-        TooLarge: it would, with frames of the size that the file says.
+        TooLarge: frames of the size in the file would take too much.
     """
     codec = stream.codec_context
     bits = codec.format.padded_bits_per_pixel if codec.format else _UNKNOWN_BITS
@@ -97,7 +97,7 @@ def limit_frames(stream: VideoStream) -> None:
 
 
 class Decoder:
-    """Decodes what can be decoded and counts the rest."""
+    """Decodes what can be decoded, and counts what cannot."""
 
     def __init__(self, container: InputContainer, stream: VideoStream) -> None:
         self._container, self._stream = container, stream
@@ -107,7 +107,7 @@ class Decoder:
         self.broken = False  # reading failed before the end
 
     def frames(self) -> Iterator[VideoFrame]:
-        """All frames that there are, in order of presentation."""
+        """All frames, in order of presentation."""
         for packet in self._packets():
             try:
                 decoded = self._stream.decode(packet)
@@ -153,7 +153,7 @@ def _check_file(path: Path) -> None:
 
 
 def _no_video(path: Path, why: str = "") -> OpenError:
-    """What to say of a file in which FFmpeg finds no video."""
+    """The error for a file in which FFmpeg finds no video."""
     with path.open("rb") as file:
         head = file.read(16)
     if head.startswith(_PLAYLISTS):

@@ -1,4 +1,4 @@
-"""A pair of frames in a recording, as people name it: ``/tf:PARENT.CHILD``."""
+"""Two frames in a recording, one followed in the other, written ``/tf:PARENT.CHILD``."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ HISTORY_S = 60.0
 
 
 class NamedPair(NamedTuple):
-    """A frame in another, and the topics of the transforms that move and of those that do not."""
+    """A frame in another, and the topics of moving and of static transforms."""
 
     topic: str
     parent: str
@@ -28,10 +28,10 @@ class NamedPair(NamedTuple):
 def parse_pair(recording: Recording, name: str) -> NamedPair:
     """The pair that is named ``/tf:PARENT.CHILD``, as the package evo writes it.
 
-    The topic of static transforms stands after another colon where it is not ``/tf_static``.
+    The topic of static transforms, if it is not ``/tf_static``, follows after another colon.
 
     Raises:
-        UsageError: it is not written so, or there are no such topics.
+        UsageError: it is not written like this, or there are no such topics.
     """
     topic, _, rest = name.partition(":")
     frames, _, static = rest.partition(":")
@@ -66,10 +66,10 @@ def topics_of(recording: Recording, kinds: Collection[type]) -> list[str]:
 
 
 def need_motion(recording: Recording, pair: NamedPair) -> None:
-    """Read until the one frame is known to move in the other.
+    """Read until a transform shows that the child moves in the parent.
 
     Raises:
-        UsageError: it does not, or nothing connects the two.
+        UsageError: it does not move, or the two are not connected.
     """
     tree = FrameTree(HISTORY_S)
     topics = [pair.topic, *([pair.static] if pair.static else [])]
@@ -85,10 +85,10 @@ def need_motion(recording: Recording, pair: NamedPair) -> None:
 
 
 def refuse_rest(recording: Recording, pair: NamedPair, tree: FrameTree) -> None:
-    """Say so if a frame is not known to move in the other, once all transforms are read.
+    """Check, after all transforms were read, that the child moves in the parent.
 
     Raises:
-        UsageError: it does not, or nothing connects the two.
+        UsageError: it does not move, or the two are not connected.
     """
     try:
         newest_ns = tree.newest_ns(pair.parent, pair.child)
@@ -99,7 +99,7 @@ def refuse_rest(recording: Recording, pair: NamedPair, tree: FrameTree) -> None:
 
 
 def ask_for_pair(recording: Recording, option: str) -> str:
-    """What to write to follow a frame by tf: the option up to the pair, and all frames."""
+    """A message that tells how to follow a frame by tf, with the names of all frames."""
     tree = FrameTree(HISTORY_S)
     with closing(recording.read(topics=topics_of(recording, (Transforms,)))) as entries:
         for entry in entries:

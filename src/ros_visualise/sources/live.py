@@ -1,4 +1,4 @@
-"""Addresses of live cameras: what FFmpeg is to open for them, and what its times mean."""
+"""Addresses of live cameras: how FFmpeg opens them, and what its times mean."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _TRY_TEST = "without a camera, try the test picture, which is the camera called 
 
 @dataclass(frozen=True)
 class Address:
-    """A camera as FFmpeg is to open it; ``name`` is how a person is told of it."""
+    """How FFmpeg opens a camera; ``name`` is its name in messages."""
 
     name: str
     file: str
@@ -46,7 +46,7 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
     """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``.
 
     Raises:
-        OpenError: it is none of these, or no such device; those that there are, are listed.
+        OpenError: it is none of these, or there is no such device; the message lists all devices.
     """
     width, height = size or (640, 480)
     if uri == "test":
@@ -98,11 +98,12 @@ def what_failed(error: Exception) -> str:
 
 
 class Stamps:
-    """Times of capture on the wall clock, as long as nobody sets it: then begin anew.
+    """Times of capture by the wall clock; make another one when somebody sets the clock.
 
-    A network stream does not tell them: there they are the stream's own times, shifted by the
-    quickest arrival so far. So they do not jitter, and are late by the shortest delay alone. Times
-    of a device that are far from their arrivals are of another clock, and are shifted likewise.
+    A network stream does not have them: there, the stream's own times are shifted so that the
+    image with the shortest delay so far gets its time of arrival. So they have no jitter, and are
+    late only by the shortest delay. Times of a device that are far from the times of arrival are by
+    another clock, and are shifted in the same way.
     """
 
     def __init__(self, address: Address) -> None:

@@ -14,7 +14,7 @@ class Playable(Protocol[T_co]):
 
     @property
     def duration_ns(self) -> int | None:
-        """Its length as far as it is known; it may prove wrong."""
+        """Its length, if it is known; it may turn out to be wrong."""
 
     def read(self, start_ns: int) -> Generator[tuple[int, T_co], None, None]:
         """(Time since its start, item) in order of time, from the item shown at ``start_ns`` on.
@@ -35,7 +35,7 @@ class PlaybackState(NamedTuple):
 
 
 def time_before(source: Playable[object], time_ns: int, items_back: int) -> int:
-    """The time of the item that is so many before the one shown at a time; 0 is the earliest."""
+    """The time of the item a number of items before the one shown at a time; at least 0."""
     for _ in range(items_back):
         if time_ns <= 0:
             break

@@ -18,15 +18,15 @@ T = TypeVar("T")
 
 
 class Playback:
-    """Decides when each message of a source passes; all of it may be called from any thread.
+    """Decides when each message of a source is published; call it from any thread.
 
     Args:
-        rate: speed of playing, up to 100; 0 is as fast as it goes, and then stamps start at zero.
-        loop: start over at the end; the stamps keep increasing.
+        rate: playback speed, up to 100; 0: as fast as possible, and stamps start at zero.
+        loop: start again at the end; the stamps keep increasing.
         start_s: where to start.
         duration_s: how much to play in all, over loops and seeks.
         frames: how many messages to play in all.
-        hold: stay at the end, seekable, until it is closed.
+        hold: at the end, wait to be sought or closed.
         live_stamps: stamp each message with the clock's time at which it is due, as a camera would,
             rather than with its place in the recording.
         clock: what tells the time.
@@ -66,17 +66,17 @@ class Playback:
 
     @property
     def closed(self) -> bool:
-        """It was closed: a source ends."""
+        """It was closed, so the source is to end."""
         return self._closed
 
     @property
     def holds(self) -> bool:
-        """It is to stay when its source has nothing more to do: somebody looks on."""
+        """It waits at the end, as somebody watches."""
         return self._hold
 
     @property
     def has_played(self) -> bool:
-        """Something has passed already."""
+        """At least one message was played."""
         return self._quota.frames > 0
 
     @property
@@ -86,12 +86,12 @@ class Playback:
 
     @property
     def laps(self) -> int:
-        """How often it has begun anew as a loop, which goes on in time."""
+        """How often it has looped; the stamps go on."""
         return self._laps
 
     @property
     def state(self) -> PlaybackState:
-        """What it does now."""
+        """Its present state."""
         with self._changed:
             target_ns, line = self._asked.target_ns, self._line
             position_ns = self._position_ns if target_ns is None else target_ns
@@ -101,7 +101,7 @@ class Playback:
             )
 
     def time_ns(self) -> int:
-        """Time since the source's start, which goes on between its messages as it plays."""
+        """Time since the start of the source; while it plays, it goes on between messages."""
         with self._changed:
             return self._position_ns + self._line.reached_ns - self._line.last_ns
 
@@ -111,13 +111,13 @@ class Playback:
             return self._line.begin() + self._line.reached_ns
 
     def play(self) -> None:
-        """Go on; at the end, start over."""
+        """Go on; at the end, start again."""
         with self._changing():
             self._line.change(running=True)
             self._asked.steps, self._asked.start_over = 0, self._ended
 
     def pause(self) -> None:
-        """Stop at the message shown now."""
+        """Stop at the present message."""
         with self._changing():
             self._line.change(running=False)
 
@@ -127,13 +127,13 @@ class Playback:
             self.pause() if self.state.playing else self.play()
 
     def step(self, frames: int = 1) -> None:
-        """Pause, and show the next messages, or go that many back."""
+        """Pause, and show a number of messages more; a negative number goes back."""
         with self._changing():
             self.pause()
             self._asked.step(frames)
 
     def seek(self, time_s: float) -> None:
-        """Go to a time since the start; paused, the message of that time is shown."""
+        """Go to a time since the start; if it is paused, the message of that time is shown."""
         with self._changing():
             self._asked.seek(self._length.within(round(time_s * 1e9)))
 
@@ -147,17 +147,17 @@ class Playback:
             self._line.change(rate=rate)
 
     def set_loop(self, loop: bool) -> None:
-        """Start over at the end, or not."""
+        """Start again at the end, or not."""
         with self._changing():
             self._loop = loop
 
     def restart(self) -> None:
-        """End what is played now, because its source is to be opened anew; see `take_restart`."""
+        """End the present run, as the source is to be opened anew; see `take_restart`."""
         with self._changing():
             self._asked.reopen = True
 
     def take_restart(self) -> bool:
-        """Whether what was played ended for a `restart`, which is answered by this."""
+        """Whether the run ended because of a `restart`; asking clears that."""
         with self._changed:
             reopen, self._asked.reopen = self._asked.reopen, False
             return reopen and not self._closed
@@ -168,7 +168,7 @@ class Playback:
             self._closed = True
 
     def check_start(self, duration_ns: int | None) -> None:
-        """Refuse to start where there is nothing.
+        """Check that the start lies within the source.
 
         Raises:
             UsageError: the start lies after the end.
@@ -178,12 +178,12 @@ class Playback:
     def run(
         self, recording: Playable[T], is_frame: Callable[[T], bool] = lambda _: True
     ) -> Iterator[tuple[int, T]]:
-        """(Stamp, item) of a recording, each when its time has come.
+        """(Stamp, item) of a recording, each at its time.
 
         Args:
             recording: what is played.
-            is_frame: whether an item is one of those that a person steps through and that are
-                counted; the others pass with them.
+            is_frame: whether an item counts as a frame, for steps and for the number of frames;
+                the others pass between them.
         """
         start_ns = self._begin(recording)
         while start_ns is not None:
@@ -227,7 +227,7 @@ class Playback:
     def _play_from(
         self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
     ) -> Generator[tuple[int, T], None, bool]:
-        """Returns whether the end was reached."""
+        """Play; returns whether the end was reached."""
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
                 if not self._wait_turn(time_ns, is_frame(item)):
@@ -262,7 +262,7 @@ class Playback:
         return False
 
     def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
-        """Where to read on; None for nowhere."""
+        """The time to read from next; None to end."""
         with self._changed:
             if at_end:
                 self._length.end(self._position_ns)

@@ -19,7 +19,7 @@ _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 
 def promised_bytes(path: Path) -> int:
-    """Where its last box or packet ends at least; 0 where it does not tell."""
+    """Where its last box or packet ends at least; 0 if the file does not say."""
     with path.open("rb") as file:
         head = file.read(_BOX.size)
         if head[4:] == b"ftyp":
@@ -32,7 +32,7 @@ def promised_bytes(path: Path) -> int:
 
 
 def _end_of_boxes(file: BinaryIO) -> int:
-    """MP4 and its like; a length of 1 stands for a long one, 0 for all the rest."""
+    """MP4 and similar; a length of 1 means that 64 bits follow, 0 means all the rest."""
     end = 0
     while len(head := _read(file, end, _BOX.size + _LONG.size)) >= _BOX.size:
         length, kind = _BOX.unpack_from(head)
@@ -45,7 +45,7 @@ def _end_of_boxes(file: BinaryIO) -> int:
 
 
 def _end_of_riffs(file: BinaryIO) -> int:
-    """AVI, of one part or of several; one that was never finished has no length."""
+    """AVI, of one part or several; an unfinished one has no length."""
     end = 0
     while len(head := _read(file, end, _RIFF.size)) == _RIFF.size:
         kind, length = _RIFF.unpack(head)
@@ -66,7 +66,7 @@ def _end_of_segment(file: BinaryIO) -> int:
 
 
 def _number(file: BinaryIO, place: int) -> tuple[int | None, int]:
-    """A number whose first bits say how long it is, or None; and where it ends."""
+    """A number whose first bits give its length, or None; and where it ends."""
     first = _read(file, place, 1)
     size = 9 - first[0].bit_length() if first and first[0] else 1
     value = int.from_bytes(_read(file, place, size), "big") & (1 << 7 * size) - 1

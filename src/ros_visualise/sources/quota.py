@@ -1,4 +1,4 @@
-"""How much of a source is to be played."""
+"""Limits on how much of a source is played."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ _ROUNDING_NS = 1_000
 
 
 class Quota:
-    """What is to be played in all, over loops and seeks, and what was; None is without end.
+    """What may be played in all, over loops and seeks, and what was; None: no limit.
 
     Attributes:
         frames: how many were played.
@@ -19,12 +19,12 @@ class Quota:
         self._most_frames = frames
 
     def ends_within(self, more_ns: int) -> bool:
-        """Whether all is played, or will be before so much time has passed."""
+        """Whether the limit is reached, or will be within so much time."""
         if self._most_frames is not None and self.frames >= self._most_frames:
             return True
         return self._most_ns is not None and self._time_ns + more_ns >= self._most_ns - _ROUNDING_NS
 
     def use(self, time_ns: int, frames: int) -> None:
-        """So much more was played."""
+        """Count what was played."""
         self._time_ns += time_ns
         self.frames += frames

@@ -1,4 +1,4 @@
-"""Topics whose messages are made when they are asked for, of files or of tables."""
+"""Topics whose messages are made from files or tables when somebody reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The line of time on which messages pass, all loops of a recording one after the other."""
+"""The timeline of a playback: all loops of a recording, one after another."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ _LATE_NS = 500_000_000  # further behind than this, time is lost rather than cau
 
 
 class Timeline:
-    """Passes at a rate of the clock's, and stands still while paused; its user holds a lock.
+    """Goes on at a rate, and stands still while paused; its user holds a lock.
 
     Args:
-        clock: its monotonic time drives the line, its other one the stamps.
-        rate: speed of the line; 0 does not pace at all, and then stamps start at zero.
-        live_stamps: stamp messages with the clock's time at which they are due, else with their
-            place.
+        clock: its monotonic time drives the timeline, its wall time gives the stamps.
+        rate: speed; with 0 nothing waits, and stamps start at zero.
+        live_stamps: stamp messages with the wall time at which they are due, else with their
+            place on the timeline.
 
     Attributes:
         last_ns: the place of the last message.
@@ -42,7 +42,7 @@ class Timeline:
         self._anchor = (0, 0)  # (monotonic time, place) that go together
 
     def begin(self) -> int:
-        """The stamp of the line's start: the time at which this was called first."""
+        """The stamp of the timeline's start: the time of the first call."""
         if self._origin_ns is None:
             self._origin_ns = self._clock.now_ns() if self.rate else 0
         return self._origin_ns
@@ -54,21 +54,21 @@ class Timeline:
 
     @property
     def reached_ns(self) -> int:
-        """The place that is reached now; it waits for the next message."""
+        """The place reached now; it does not go beyond the next message."""
         if self._awaited_ns is None:
             return self._left_ns
         reached_ns = self._paced_ns(self._clock.monotonic_ns()) if self.rate else self.last_ns
         return max(self.last_ns, min(reached_ns, self._awaited_ns))
 
     def change(self, *, rate: float | None = None, running: bool | None = None) -> None:
-        """Go on from the place reached by now, otherwise."""
+        """Change rate or pause, from the place reached now on."""
         now_ns = self._clock.monotonic_ns()
         self._anchor = (now_ns, self._paced_ns(now_ns))
         self.rate = self.rate if rate is None else _checked(rate)
         self.running = self.running if running is None else running
 
     def begin_loop(self, length_ns: int) -> None:
-        """The next loop starts so long after the present one did."""
+        """Begin the next loop, so long after the start of the present one."""
         self._cycle_ns += length_ns
 
     def place_ns(self, time_ns: int) -> int:
@@ -76,12 +76,12 @@ class Timeline:
         return self._cycle_ns + time_ns
 
     def gap_ns(self, place_ns: int) -> int:
-        """How long nothing passes until the message of a place does."""
+        """Time on the timeline from the last message to a place."""
         return 0 if self.is_fresh else place_ns - self.last_ns
 
     @contextmanager
     def awaiting(self, place_ns: int) -> Iterator[None]:
-        """Time goes on to the message of a place meanwhile."""
+        """Let time go on up to the message of a place."""
         self._awaited_ns = None if self.is_fresh else place_ns
         try:
             yield
@@ -98,7 +98,7 @@ class Timeline:
         return then_ns + round((place_ns - then_place_ns) / self.rate)
 
     def put(self, place_ns: int, due_ns: int, now_ns: int) -> None:
-        """The message of a place passes now; both times are monotonic ones."""
+        """Note that the message of a place is published now; both times are monotonic."""
         if now_ns == due_ns or now_ns - due_ns > _LATE_NS:
             self._anchor, due_ns = (now_ns, place_ns), now_ns
         self._due_at_ns = self._clock.now_ns() - (now_ns - due_ns)

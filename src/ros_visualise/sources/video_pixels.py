@@ -1,4 +1,4 @@
-"""Decoded frames to images: colour by swscale, as FFmpeg itself does it, when somebody looks."""
+"""Decoded video frames to images; swscale converts pixels when they are first read."""
 
 from __future__ import annotations
 
@@ -56,11 +56,11 @@ class _Local(threading.local):
 
 
 class FrameConverter:
-    """Makes images of frames.
+    """Makes images from video frames.
 
     Args:
-        size: (width, height) to scale to, at once; without it, an image keeps its frame and makes
-            its pixels when they are first read.
+        size: (width, height) to scale to, at once; None: keep each frame, and convert its
+            pixels when they are first read.
     """
 
     def __init__(self, size: Size | None = None) -> None:
@@ -91,7 +91,7 @@ class FrameConverter:
 
 
 def quarter_turns(frame: VideoFrame) -> int:
-    """How many quarter turns counterclockwise make a frame upright."""
+    """How many counterclockwise quarter turns make a frame upright."""
     return round(frame.rotation / 90) % 4
 
 

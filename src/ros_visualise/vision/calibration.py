@@ -1,4 +1,4 @@
-"""What becomes of a calibration when its image is resized or flipped.
+"""The calibration of an image that was resized or flipped.
 
 Pixel coordinates have their origin at the centre of the top-left pixel, so an image's left border
 is at -0.5.

@@ -17,7 +17,7 @@ from ros_visualise.vision.depth import to_8_bit
 
 
 class HsvMode(Enum):
-    """What comes of the pixels of an HSV range."""
+    """What is done with the pixels in an HSV range."""
 
     OFF = "off"
     KEEP = "keep"
@@ -73,7 +73,7 @@ def demosaic(mosaic: Pixels, encoding: str) -> Pixels:
 
 
 def refuse_measurements(encoding: str) -> None:
-    """Say that a node has no use for depth and the like.
+    """Refuse depth and other measurements.
 
     Raises:
         UnsupportedImage: images of this encoding hold numbers that are neither gray nor colours.

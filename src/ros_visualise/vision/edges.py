@@ -30,7 +30,7 @@ class Aperture(Enum):
 
 
 class EdgeColor(Enum):
-    """What edges are drawn in."""
+    """The colour of edges."""
 
     RED = "red"
     GREEN = "green"

@@ -1,4 +1,4 @@
-"""Measurements, such as depth, as pictures that a person can look at."""
+"""Pictures of measurements, such as depth."""
 
 from __future__ import annotations
 

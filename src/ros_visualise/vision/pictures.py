@@ -1,4 +1,4 @@
-"""How large the picture in a file is, by its head: a kilobyte can say that it is a gigabyte."""
+"""The size of a picture by its header: a file of a kilobyte may expand to a gigabyte."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Pictures.MAX_IMAGE_PIXELS = None  # the limit is ours
 
 
 def check_picture(file: bytes) -> bool:
-    """Look at a picture before OpenCV decodes it; whether it is one.
+    """Check a picture before OpenCV decodes it; returns whether it is one.
 
     Raises:
         TooLarge: its pixels would take too much.

@@ -1,4 +1,4 @@
-"""Where points in front of a camera are in its image."""
+"""Projecting points into the image of a camera."""
 
 from __future__ import annotations
 

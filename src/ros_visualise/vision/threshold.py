@@ -13,7 +13,7 @@ from ros_visualise.vision.depth import full_scale, unit
 
 
 class Threshold(Enum):
-    """What comes of the pixels on either side of the threshold."""
+    """What is done with the pixels on each side of the threshold."""
 
     OFF = "off"
     TRUNCATE = "truncate"

@@ -243,7 +243,7 @@ class Quadrotor:
             self._reference.take_up(self._commanded(), self._twist[1])
 
     def _keep_near(self, state: State) -> None:
-        """Hold the reference back where something holds the robot, lest it goes on alone."""
+        """Hold the reference back if something holds the robot, so that it does not go on alone."""
         off = [p - s for p, s in zip(self._reference.position, state.position, strict=True)]
         away = math.hypot(*off)
         if away > _REACH_M:

@@ -27,7 +27,7 @@ _PATIENCE = 8
 
 
 class Demand:
-    """Whether somebody looks at a camera's images, so that they are worth decoding ahead."""
+    """Tells whether a camera's images are in use, so that decoding ahead is worth it."""
 
     def __init__(self) -> None:
         self._left = 0
@@ -39,7 +39,7 @@ class Demand:
             self._left = _PATIENCE
 
     def take(self) -> bool:
-        """Whether to decode one more; not, when nobody looked at the last few."""
+        """Whether to decode one more: yes, unless nobody looked at the last few."""
         with self._lock:
             self._left -= 1
             return self._left >= 0
@@ -69,10 +69,10 @@ class Camera:
         self._demand = Demand()
 
     def image(self, index: int) -> Image:
-        """An image; decoded already while images are being looked at.
+        """An image; decoded ahead while images are in use.
 
         Raises:
-            DamagedFile: it is no PNG, or cut off, or changed.
+            DamagedFile: it is not a PNG, or cut off, or corrupt.
         """
         path, data = self._files.path(index), self._files.read(index)
         height, width = check_png(path, data)
@@ -112,10 +112,10 @@ def decode(path: Path, data: bytes, color: bool) -> Pixels:
 
 
 def check_png(path: Path, data: bytes) -> tuple[int, int]:
-    """Height and width of a PNG that is whole, by its own checksums, without decoding it.
+    """Height and width of an intact PNG, checked by its checksums, not decoded.
 
     Raises:
-        DamagedFile: it is not, or its pixels would take too much.
+        DamagedFile: it is not intact, or its pixels would take too much.
 
     Source: W3C, Portable Network Graphics Specification, section 5.
     """

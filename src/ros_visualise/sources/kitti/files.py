@@ -1,4 +1,4 @@
-"""Files of frames and of lines, and what is wrong with those that are damaged."""
+"""Numbered files of frames, and files of lines; also damaged ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CUT_OFF = "(cut off)"
 
 @dataclass(frozen=True)
 class Files:
-    """The frames in a folder, by their numbers in rising order; from any number, with any gaps."""
+    """The frames in a folder in the order of their numbers, which may have gaps."""
 
     folder: Path
     names: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class Files:
 
 
 def list_files(folder: Path, *suffixes: str) -> Files:
-    """The numbered files of one of these kinds, the first of which there are any; maybe none."""
+    """The numbered files of the first of these kinds that is there; perhaps none."""
     try:
         with os.scandir(folder) as items:
             files = [(item.name, item.stat().st_size) for item in items if item.is_file()]

@@ -1,4 +1,4 @@
-"""Finding KITTI's folders, whichever of them a path points to."""
+"""Finding KITTI's folders from any path at or above them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The OXTS RT3003 of KITTI: attitude, turn rates, accelerations, and where it was on the Earth.
+"""The OXTS RT3003 of KITTI: position on the Earth, attitude, turn rates and accelerations.
 
 ``odom`` is KITTI's own Mercator map with the axes east, north and up; its origin is where base_link
 was at the first sample. base_link is the point on the road below the IMU, with the IMU's axes.
@@ -51,7 +51,7 @@ The others are plain fixes, also a differential one (4): whose corrections it ha
 
 
 def read_samples(files: Files) -> tuple[list[int], Floats, list[DamagedFile]]:
-    """Which files are whole, what they hold (N, 30), and what is wrong with the others."""
+    """Indices of the intact files, their numbers (N, 30), and the damage of the others."""
     rows, whole, damaged = [], [], []
     for index in range(len(files)):
         try:
@@ -123,7 +123,7 @@ class Samples:
         )
 
     def fix(self, index: int) -> NavSatFix:
-        """The position of the IMU; that of heights, which is not told, is taken as twice worse."""
+        """The position of the IMU; its error in height is not given, and taken as twice that."""
         latitude, longitude, altitude = self._rows[index, :3].tolist()
         return NavSatFix(
             latitude,
@@ -176,7 +176,7 @@ class Samples:
 
 
 def _covariance(horizontal: float) -> Floats:
-    """East, north, up, of a standard deviation to the east and to the north."""
+    """Covariance east, north, up from the standard deviation of east and of north."""
     deviations = np.array([horizontal, horizontal, horizontal * _VERTICAL])
     covariance: Floats = np.diag(deviations**2)
     return covariance

@@ -15,8 +15,8 @@ _POINT = np.dtype([(name, np.float32) for name in ("x", "y", "z", "intensity")])
 class Scanner:
     """The scans, each stamped with the time at which the scanner looked ahead.
 
-    Points are in metres; intensity is 0 to 1. When a turn began and ended is told, and published
-    beside them; when each point was measured is not, as KITTI's files do not keep the order.
+    Points are in metres; intensity is 0 to 1. The times at which a turn began and ended are
+    published beside them. Points have no times of their own: KITTI's files do not keep their order.
 
     Args:
         files: of four 32-bit floats a point; or of text, as unsynced drives have them.

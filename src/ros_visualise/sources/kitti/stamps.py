@@ -1,4 +1,4 @@
-"""When frames were taken: the files of times, and what is done where they are missing."""
+"""Times of frames, from the files of times; missing times are filled in."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""PX4's flight logs as recordings: where the vehicle was, its attitude, its fixes.
+"""PX4's flight logs as recordings: position, attitude, IMU and fixes.
 
 Topics: ``/odom`` (pose in ``map``, velocities in ``base_link``), ``/path``, ``/tf``, ``/imu/data``,
 ``/gps/fix``. ``map`` has its origin where the estimator was started, x east, y north, z up;
@@ -59,7 +59,7 @@ def open_ulog(path: str | Path) -> SeriesRecording:
     """Open a ``.ulg`` file; stamps are in UTC where the log has GPS time, else since the start.
 
     Raises:
-        OpenError: it is no such file, or holds nothing of where the vehicle was.
+        OpenError: it is not a ULog file, or holds no positions.
     """
     path = Path(path)
     tables, loss = read_ulog(path, _TOPICS)
@@ -85,7 +85,7 @@ def _utc_offset_us(gps: Table | None) -> int | None:
 
 
 class _Series:
-    """Makes the topics of what tables there are.
+    """Makes topics from the tables in the log.
 
     Attributes:
         series: the topics.

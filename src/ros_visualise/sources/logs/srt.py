@@ -1,4 +1,4 @@
-"""The subtitles in which DJI's cameras write where they were."""
+"""Subtitles in which DJI's cameras write their positions."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Subtitle:
 
     @property
     def has_fix(self) -> bool:
-        """Whether it says a place; where there was no fix, cameras write zeros."""
+        """Whether it has a position; without a fix, cameras write zeros."""
         place = abs(self.latitude) <= 90 and abs(self.longitude) <= 180
         return place and (self.latitude, self.longitude) != (0, 0)
 

@@ -1,4 +1,4 @@
-"""Samples whose times cannot be theirs, as when one bit of a log is wrong."""
+"""Samples with impossible times, as from a single wrong bit in a log."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ class Table:
 
 
 def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], Loss]:
-    """The first instances of these topics, as far as they can be read, and what was lost.
+    """The first instance of each of these topics, as far as it can be read, and what was lost.
 
     Raises:
         OpenError: it is no ULog file.
