@@ -98,7 +98,7 @@ def test_points_texts_and_triangles_are_drawn(scene, look):
             )
         ),
     )
-    assert look("topics/shapes/1/shape", has("points", 9))["point_size"] == pytest.approx(0.2)
+    assert look("topics/shapes/1/shape", has("points", 9))["point_size"] == pytest.approx(0.1)
     assert look("topics/shapes/2/shape")["text"] == "dock <1>"
     look("topics/shapes/2", is_at([0, 0, 9]))
     assert look("topics/shapes/3/shape")["glb_data"][:4] == b"glTF"

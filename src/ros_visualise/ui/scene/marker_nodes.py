@@ -66,7 +66,7 @@ def _add_points(scene: viser.SceneApi, name: str, marker: Marker) -> None:
             name,
             marker.points_xyz.astype(np.float32),
             _rgb(colors_of(marker, len(marker.points_xyz))),
-            point_size=float(marker.scale_xyz[0]),
+            point_size=float(marker.scale_xyz[0]) / 2,  # it is half as wide as the page draws it
             point_shape="square",
             precision="float32",
             point_shading="flat",
