@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+import trimesh
 from scene_messages import LEFT, LEVEL, S, draw, has, is_at, tf, transform
 from scene_runtime import Told
 
 from ros_visualise.data import Header, Marker, MarkerAction, MarkerArray, MarkerType, Odometry
+from ros_visualise.ui.scene.mesh_files import load_mesh
 from ros_visualise.ui.scene.solids import mesh_of, solids_of
 from ros_visualise.ui.scene.thread import SceneThread
 
@@ -104,6 +106,51 @@ def test_points_texts_and_triangles_are_drawn(scene, look):
     assert look("topics/shapes/3/shape")["glb_data"][:4] == b"glTF"
 
 
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A robot's package with a mesh, beside a file that is none of its."""
+    (tmp_path / "robot" / "meshes").mkdir(parents=True)
+    trimesh.creation.box(extents=[1, 2, 3]).export(tmp_path / "robot" / "meshes" / "base.stl")
+    (tmp_path / "secret.stl").write_bytes(b"solid")
+    (tmp_path / "robot" / "base.dae").write_text("<COLLADA/>")
+    (tmp_path / "robot" / "torn.stl").write_bytes(bytes(90))
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    return tmp_path
+
+
+def test_a_mesh_is_drawn_in_its_size_and_color(scene, look, package):
+    draw(
+        scene,
+        shapes=marker(
+            MarkerType.MESH_RESOURCE,
+            mesh_resource="package://robot/meshes/base.stl",
+            scale_xyz=[2, 1, 1],
+            color_rgba=[1, 0, 0, 1],
+        ),
+    )
+    node = look("topics/shapes/1/shape")
+    assert np.ptp(np.reshape(node["vertices"], (-1, 3)), axis=0).tolist() == [2, 2, 3]
+    assert node["color"] == [255, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("package://robot/../secret.stl", "not in its package"),
+        ("package://robot/%2e%2e/secret.stl", "not in its package"),
+        ("package://robot/base.dae", "stl files alone"),
+        ("package://robot/torn.stl", "holds no mesh"),
+        ("package://robot/none.stl", "no such file"),
+        ("file:///dev/zero", "stl files alone"),
+        ("http://127.0.0.1/a.stl", "package://PACKAGE/FILE"),
+        ("", "package://PACKAGE/FILE"),
+    ],
+)
+def test_a_mesh_that_is_not_read_is_said(package, name, why):
+    with pytest.raises(ValueError, match=why):
+        load_mesh(name)
+
+
 def test_a_marker_that_only_moves_is_not_made_anew(scene, look):
     text = marker(MarkerType.TEXT_VIEW_FACING, text="dock")
     draw(scene, shapes=MarkerArray((text,)))
@@ -172,6 +219,7 @@ def test_a_marker_of_an_unknown_frame_is_said_and_drawn_when_that_is_there(scene
         (marker(99, id=1), "type 99"),
         (marker(xyz=[np.nan, 0, 0], id=1), "no number"),
         (marker(MarkerType.TRIANGLE_LIST, id=1), "three points"),
+        (marker(MarkerType.MESH_RESOURCE, id=1, mesh_resource="package://no/a.stl"), "no is not"),
     ],
 )
 def test_a_marker_that_cannot_be_drawn_is_said_and_the_others_are_drawn(scene, look, wrong, said):

@@ -1,4 +1,4 @@
-"""Markers that are no solids: lines, points, texts and triangles, each in a node of its own."""
+"""Markers that are no solids: lines, points, texts and meshes, each in a node of its own."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import trimesh
 import viser
 
 from ros_visualise.data import Floats, Marker, MarkerType, Pixels
+from ros_visualise.ui.scene.mesh_files import load_mesh
 from ros_visualise.ui.scene.solids import colors_of
 
 _LOOKS = ("type", "scale_xyz", "color_rgba", "points_xyz", "colors_rgba", "text", "mesh_resource")
+_NO_COLOR = np.array([0.6, 0.6, 0.6, 1])
 _HAIR_PX = 1.0  # of a line whose width is 0
 
 
@@ -105,6 +107,22 @@ def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
     scene.add_mesh_trimesh(name, mesh)
 
 
+def _add_mesh(scene: viser.SceneApi, name: str, marker: Marker) -> None:
+    """A file, in the marker's colour; as rviz has it, one of black and clear is gray."""
+    vertices, faces = load_mesh(marker.mesh_resource)
+    rgba = marker.color_rgba if marker.color_rgba.any() else _NO_COLOR
+    red, green, blue, alpha = (float(value) for value in np.clip(rgba, 0, 1))
+    scene.add_mesh_simple(
+        name,
+        vertices * marker.scale_xyz,
+        faces,
+        color=(red, green, blue),
+        opacity=alpha if alpha < 1 else None,
+        side="double",
+        flat_shading=True,
+    )
+
+
 def _rgb(rgba: npt.NDArray[np.floating]) -> Pixels:
     return _bytes(rgba)[:, :3]
 
@@ -120,4 +138,5 @@ _DRAWN: dict[MarkerType, Callable[[viser.SceneApi, str, Marker], None]] = {
     MarkerType.POINTS: _add_points,
     MarkerType.TEXT_VIEW_FACING: _add_text,
     MarkerType.TRIANGLE_LIST: _add_triangles,
+    MarkerType.MESH_RESOURCE: _add_mesh,
 }
