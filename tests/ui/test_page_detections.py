@@ -10,7 +10,8 @@ from scene_runtime import Told
 from ros_visualise.data import Detection, Detections, Header, Hypothesis, Image
 from ros_visualise.graph import Graph, place
 from ros_visualise.nodes import node
-from ros_visualise.ui.page.boxes import Boxes, color_of, paint
+from ros_visualise.ui.page.boxes import Boxes, paint
+from ros_visualise.ui.scene.drawing import color_of
 from ros_visualise.ui.shown import detections_of
 
 GRAY = np.full((120, 160, 3), 90, np.uint8)

@@ -37,6 +37,13 @@ class Found:
     """What a detection in an image and one in space have in common."""
 
     hypotheses: tuple[Hypothesis, ...]
+    id: str
+
+    @property
+    def label(self) -> str:
+        """What a person reads of it: class, score and id, as far as they are known."""
+        score = f"{self.score:.2f}" if self.hypotheses else ""
+        return " ".join(part for part in (self.class_id, score, self.id and f"#{self.id}") if part)
 
     @property
     def class_id(self) -> str:

@@ -53,7 +53,7 @@ class Marker(Message):
     (0, 4) are theirs. ``ns`` and ``id`` together name it on its topic. It is there for
     ``lifetime_ns``, 0 for as long as nobody deletes it. ``frame_locked``: it moves with its frame.
 
-    Textures of ROS 2 and meshes inside the message are left behind.
+    Textures of ROS 2, and meshes inside the message, are left behind; ``mesh_resource`` names a file.
 
     Source: visualization_msgs/Marker; wiki.ros.org/rviz/DisplayTypes/Marker.
     """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import zlib
 from collections import deque
 from collections.abc import Callable, Sequence
 
@@ -13,7 +12,7 @@ import numpy as np
 from ros_visualise.data import Detection, Detections, Image, Pixels
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.feed import Feed
-from ros_visualise.ui.scene.drawing import PALETTE, Color
+from ros_visualise.ui.scene.drawing import Color, color_of
 
 _KEPT = 64
 _WAITING_BYTES = 128 << 20  # of images whose detections may come yet
@@ -126,18 +125,8 @@ def paint(shown: Pixels, several: Sequence[Detection], size: tuple[int, int]) ->
             corners = np.clip(np.round(corners), -(2**15), 2**15).astype(np.int32)
             color = color_of(one.class_id)
             cv2.polylines(picture, [corners], True, color, _LINE_PX, cv2.LINE_AA)
-            _write(picture, _label(one), corners.min(axis=0), color)
+            _write(picture, one.label, corners.min(axis=0), color)
     return picture
-
-
-def color_of(class_id: str) -> Color:
-    """The same for the same class, wherever and whenever."""
-    return PALETTE[zlib.crc32(class_id.encode()) % len(PALETTE)]
-
-
-def _label(one: Detection) -> str:
-    score = f"{one.score:.2f}" if one.hypotheses else ""
-    return " ".join(part for part in (one.class_id, score, one.id and f"#{one.id}") if part)
 
 
 def _write(picture: Pixels, text: str, corner: Pixels, color: Color) -> None:

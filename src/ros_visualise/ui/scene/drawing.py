@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -110,6 +111,11 @@ class Drawing:
     def remove(self) -> None:
         """Take it off the scene for good."""
         self._root.remove()
+
+
+def color_of(class_id: str) -> Color:
+    """The same for the same class, wherever and whenever."""
+    return PALETTE[zlib.crc32(class_id.encode()) % len(PALETTE)]
 
 
 def move(node: viser.SceneNodeHandle, T: Floats) -> None:

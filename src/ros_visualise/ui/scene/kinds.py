@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from ros_visualise.data import (
     CameraInfo,
+    Detections3D,
     Image,
     Imu,
     LaserScan,
@@ -26,6 +27,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.ui.scene.cameras import Camera
+from ros_visualise.ui.scene.detected import DetectedBoxes
 from ros_visualise.ui.scene.drawing import Drawing
 from ros_visualise.ui.scene.grids import Grid
 from ros_visualise.ui.scene.lines import Outline, PathDrawing
@@ -47,6 +49,7 @@ DRAWINGS: dict[type, type[Drawing]] = {
     PolygonStamped: Outline,
     PoseArray: Particles,
     Marker: Markers,
+    Detections3D: DetectedBoxes,
     MarkerArray: Markers,
     NavSatFix: Fix,
     Imu: ImuDrawing,

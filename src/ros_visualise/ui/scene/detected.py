@@ -1,0 +1,73 @@
+"""Things that were detected in space, as clear boxes with their classes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.data import Detections3D
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.geometry import transforms
+from ros_visualise.ui.scene.drawing import Color, Drawing, Look, color_of
+from ros_visualise.ui.scene.solid_batch import SolidBatch
+from ros_visualise.ui.scene.solids import mesh_of
+
+_ALPHA = 0.4
+_TEXT = 0.7
+_MOST_LABELS = 50
+
+
+class DetectedBoxes(Drawing):
+    """A `Detections3D`: the boxes of one class have one colour."""
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._boxes = SolidBatch(scene, f"{name}/boxes", *mesh_of("cube"))
+        self._labels: list[viser.LabelHandle] = []
+        self._places: npt.NDArray[np.floating] = np.zeros((0, 3))
+
+    def draw(self, message: Any, look: Look) -> None:
+        assert isinstance(message, Detections3D)
+        several = message.detections
+        try:
+            T = np.array(
+                [transforms.from_pose(one.position_xyz, one.quat_xyzw) for one in several]
+            ).reshape(-1, 4, 4)
+        except ValueError as error:
+            raise DamagedMessage(f"Detections3D: {error}") from None
+        sizes = np.array([one.size_xyz for one in several]).reshape(-1, 3)
+        if not (np.isfinite(T).all() and np.isfinite(sizes).all()):
+            raise DamagedMessage("Detections3D: a box holds what is no number")
+        colors = np.array([color_of(one.class_id) for one in several]).reshape(-1, 3) / 255
+        rgba = np.column_stack([colors, np.full(len(several), _ALPHA)])
+        self._boxes.show([(T, sizes, rgba)])
+        self._places = T[:, :3, 3]
+        tops = self._places + [0, 0, 0.5] * sizes
+        self._label([(one.label, top) for one, top in zip(several, tops, strict=True)])
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return self._places
+
+    def reset(self) -> None:
+        self._boxes.show([])
+        self._label([])
+        self._places = np.zeros((0, 3))
+
+    def _label(self, texts: list[tuple[str, npt.NDArray[np.floating]]]) -> None:
+        """Show these texts at these places, and no others."""
+        for number, (text, position) in enumerate(texts[:_MOST_LABELS]):
+            if number == len(self._labels):
+                name = f"{self._name}/label{number}"
+                self._labels.append(
+                    self._scene.add_label(
+                        name, text, font_screen_scale=_TEXT, anchor="bottom-center"
+                    )
+                )
+            label = self._labels[number]
+            label.text, label.position = text, position
+            label.visible = bool(text)
+        for label in self._labels[len(texts) :]:
+            label.visible = False

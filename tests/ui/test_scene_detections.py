@@ -1,0 +1,44 @@
+"""Things that were detected in space, in the scene."""
+
+import numpy as np
+from scene_messages import LEVEL, S, draw
+
+from ros_visualise.data import Detection3D, Detections3D, Header, Hypothesis
+from ros_visualise.ui.scene.drawing import color_of
+
+
+def thing(xyz, name="dog", size=(1, 2, 3), quat=LEVEL):
+    return Detection3D(np.array(xyz, float), quat, np.array(size, float), (Hypothesis(name, 0.5),))
+
+
+def found(*several, stamp_s=1.0):
+    return Detections3D(several, Header(int(stamp_s * S), "map"))
+
+
+def positions(xyz):
+    return lambda node: np.allclose(np.reshape(node["batched_positions"], (-1, 3)), xyz)
+
+
+def test_boxes_have_their_sizes_classes_and_scores(scene, look):
+    draw(scene, found=found(thing([1, 0, 0]), thing([5, 0, 0], "cat")))
+    node = look("topics/found/boxes", positions([[1, 0, 0], [5, 0, 0]]))
+    assert np.reshape(node["batched_scales"], (-1, 3))[0].tolist() == [1, 2, 3]
+    colors = np.reshape(node["batched_colors"], (-1, 3)).tolist()
+    assert colors == [list(color_of("dog")), list(color_of("cat"))]
+    assert look("topics/found/label0")["text"] == "dog 0.50"
+    assert np.allclose(look("topics/found/label1")["position"], [5, 0, 1.5])
+
+
+def test_what_is_not_found_any_more_goes_with_its_label(scene, look):
+    draw(scene, found=found(thing([1, 0, 0]), thing([5, 0, 0])))
+    look("topics/found/label1")
+    draw(scene, found=found(thing([2, 0, 0]), stamp_s=2.0))
+    look("topics/found/boxes", positions([[2, 0, 0]]))
+    look("topics/found/label1", lambda node: node["visible"] is False)
+
+
+def test_a_box_that_is_none_is_said(scene):
+    draw(scene, found=found(thing([np.nan, 0, 0])))
+    assert "no number" in scene.problems["/found"]
+    draw(scene, found=found(thing([1, 0, 0], quat=np.zeros(4)), stamp_s=2.0))
+    assert "quaternion" in scene.problems["/found"]
