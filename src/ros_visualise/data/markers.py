@@ -53,7 +53,8 @@ class Marker(Message):
     (0, 4) are theirs. ``ns`` and ``id`` together name it on its topic. It is there for
     ``lifetime_ns``, 0 for as long as nobody deletes it. ``frame_locked``: it moves with its frame.
 
-    Textures of ROS 2, and meshes inside the message, are left behind; ``mesh_resource`` names a file.
+    ``mesh_resource`` names a file. Textures and meshes inside the message, as of ROS 2, are left
+    behind.
 
     Source: visualization_msgs/Marker; wiki.ros.org/rviz/DisplayTypes/Marker.
     """
