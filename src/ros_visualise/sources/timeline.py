@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from ros_visualise.errors import ParameterError
 from ros_visualise.rate import MAX_RATE, Clock
 
-_LATE_NS = 500_000_000  # further behind than this, time is lost rather than caught up with
+_LATE_NS = 100_000_000  # further behind than this, time is lost rather than caught up with
 
 
 class Timeline:
