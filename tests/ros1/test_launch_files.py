@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from ros_visualise.graph import Graph
-from ros_visualise.nodes import SourceType, find
+from ros_visualise.nodes import SourceType, find, find_all
 from ros_visualise.params import specs, update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.playing import playing_params
@@ -296,6 +297,14 @@ def test_rviz_shows_topics_of_the_graph(config, outside):
     published = {name.removeprefix("/") for name in simulation_pipeline("husky").topics}
     assert shown
     assert shown <= published | outside
+
+
+def test_diagnostics_of_every_node_have_a_place():
+    analyzers = yaml.safe_load((PACKAGE / "config" / "diagnostics.yaml").read_text())["analyzers"]
+    regexes = [analyzer["regex"] for analyzer in analyzers.values()]
+    for name in (found.name for found in find_all()):
+        for node in (f"/{name}", f"/uav1/{name}", f"/pipeline/{name}"):
+            assert sum(bool(re.match(regex, node)) for regex in regexes) == 1, node
 
 
 def test_every_executable_is_built():
