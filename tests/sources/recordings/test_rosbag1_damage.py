@@ -262,6 +262,12 @@ class TestDamagedChunk:
         assert contents(recording) == written
         assert not recording.loss
 
+    def test_a_topic_that_its_count_in_the_index_does_not_name(self, made, reopen):
+        data, written = made
+        last = [piece for piece in pieces(data) if piece.op == 6][-1]
+        damaged = overwrite(data, last.end - 8, struct.pack("<II", 0, 0))
+        assert contents(reopen(damaged)) == written
+
     def test_a_count_in_its_index_with_more_behind_it(self, made, reopen):
         """An index does not count where the bag goes on behind it."""
         data, written = made

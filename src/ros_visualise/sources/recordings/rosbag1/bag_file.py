@@ -16,7 +16,13 @@ from ros_visualise.errors import OpenError
 from ros_visualise.sources.recordings import Extra, Loss
 from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, FileRange, Records
 from ros_visualise.sources.recordings.rosbag1 import records
-from ros_visualise.sources.recordings.rosbag1.chunks import ENTRY, Chunk, ChunkReader, Content
+from ros_visualise.sources.recordings.rosbag1.chunks import (
+    ENTRY,
+    Chunk,
+    ChunkReader,
+    Content,
+    count,
+)
 from ros_visualise.sources.recordings.rosbag1.connections import describe
 from ros_visualise.sources.recordings.rosbag1.index import read_layout
 from ros_visualise.sources.recordings.rosbag1.layout import Layout
@@ -86,10 +92,8 @@ class BagFile:
         chunk = self._chunks[piece]
         wanted = {
             number: (channel.topic, channel.type_name, channel.definitions)
-            for number in chunk.counts
-            if (channel := self.channels.get(number)) is not None
-            and query.asks_for(channel)
-            and channel.definitions
+            for number, channel in self.channels.items()
+            if query.asks_for(channel) and channel.definitions
         }
         with self._lock:
             content = self._content(chunk)
@@ -110,7 +114,7 @@ class BagFile:
         for chunk in self._chunks:
             with self._lock:
                 entries = self._entries(chunk)
-            for number in chunk.counts:
+            for number in count(entries["connection"]):
                 yield number, entries["stamp_ns"][entries["connection"] == number]
 
     def extras(self) -> Iterator[Extra]:
