@@ -24,7 +24,7 @@ def measure(path: Path, seconds: float) -> dict[str, dict[str, float]]:
     while not runtime.wait(60):
         pass
     runtime.stop()
-    return runtime.report()["nodes"]
+    return runtime.report().nodes
 
 
 def main() -> None:
@@ -40,12 +40,12 @@ def main() -> None:
         }
         for title, path in videos.items():
             nodes = measure(path, args.seconds)
-            own = sum(node["step_ms"] or 0 for node in nodes.values())
+            own = sum(node.step_ms or 0 for node in nodes.values())
             edges = nodes["edge_detector"]
-            dropped = sum(sum(node["dropped"].values()) for node in nodes.values())
+            dropped = sum(sum(node.dropped.values()) for node in nodes.values())
             print(
-                f"| {title} | {edges['p50_ms']:.2f} | {edges['p99_ms']:.2f} | {own:.2f} "
-                f"| {edges['p50_ms'] / own:.2f} | {dropped} |"
+                f"| {title} | {edges.p50_ms:.2f} | {edges.p99_ms:.2f} | {own:.2f} "
+                f"| {edges.p50_ms / own:.2f} | {dropped} |"
             )
 
 

@@ -180,18 +180,18 @@ def test_the_report_counts_every_node_and_topic(running: Running):
 
     def counted() -> bool:
         edges.take(0.1)
-        nodes = running.runtime.report(2.0)["nodes"]
-        processed = all(nodes[running.prefix + name]["processed"] > 0 for name in NODES)
-        return processed and nodes[running.prefix + "fps_control"].get("requested_hz") == 30
+        nodes = running.runtime.report(2.0).nodes
+        processed = all(nodes[running.prefix + name].processed > 0 for name in NODES)
+        return processed and nodes[running.prefix + "fps_control"].requested_hz == 30
 
     wait_for(counted, "counts of all nodes")
     report = running.runtime.report(2.0)
     edges.close()
-    assert report["topics"]["/edges"]["type"] == "sensor_msgs/msg/Image"
-    assert report["topics"]["/edges"]["messages"] > 0
-    node = report["nodes"][running.prefix + "fps_control"]
-    assert node["received"] >= node["processed"]
-    assert isinstance(node["dropped"], dict)
+    assert report.topics["/edges"].type == "sensor_msgs/msg/Image"
+    assert report.topics["/edges"].messages > 0
+    node = report.nodes[running.prefix + "fps_control"]
+    assert node.received >= node.processed
+    assert isinstance(node.dropped, dict)
 
 
 def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):

@@ -21,8 +21,8 @@ def measure(path: str, warmup_s: float, seconds: float) -> dict[str, float]:
     runtime.start()
 
     def state() -> tuple[float, float, float]:
-        topics = runtime.report()["topics"]
-        return topics.get("/edges", {}).get("messages", 0), time.monotonic(), time.process_time()
+        edges = runtime.report().topics["/edges"]
+        return edges.messages, time.monotonic(), time.process_time()
 
     while not state()[0]:
         time.sleep(0.01)

@@ -413,7 +413,7 @@ def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
         path = subscription.take(0.3 if time_s == 5.5 else 5)
         assert (path is None) == (time_s == 5.5)
     assert path.positions_xyz[:, 0].tolist() == [0, 1, 2]
-    assert runtime.report()["nodes"]["path"]["refused"] == 1
+    assert runtime.report().nodes["path"].own["refused"] == 1
 
 
 def test_the_last_poses_are_published_though_no_message_follows(runtime):

@@ -22,6 +22,7 @@ from ros_visualise.params import Parameters
 from ros_visualise.runtime.remote.discovery import Peer, survey
 from ros_visualise.runtime.remote.places import Place, in_order
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.report import NodeReport, TopicReport
 from ros_visualise.runtime.ros1.listing import list_graph
 from ros_visualise.runtime.ros1.middleware import Ros1
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
@@ -285,18 +286,14 @@ def test_what_is_received_is_reported_in_the_common_layout(runtime, peer):
     peer("plain", "", "/plain/image")
     wait_until(lambda: node(runtime, "plain"))
     idle = runtime.report(2.0)
-    assert idle["topics"]["/plain/image"] == {
-        "type": "sensor_msgs/msg/Image",
-        "messages": 0,
-        "hz": None,
-        "wall_hz": None,
-    }
-    assert idle["nodes"]["plain"]["dropped"] == {}
-    assert idle["nodes"]["plain"]["p50_ms"] is None
+    image = TopicReport("sensor_msgs/msg/Image", 0, hz=None, wall_hz=None)
+    assert idle.topics["/plain/image"] == image
+    assert idle.nodes["plain"].dropped == {}
+    assert idle.nodes["plain"].p50_ms is None
     subscription = runtime.subscribe("/plain/image")
-    wait_until(lambda: runtime.report(2.0)["topics"]["/plain/image"]["messages"] > 5)
-    told = runtime.report()["topics"]["/plain/image"]
-    assert told["hz"] <= 1.0 < told["wall_hz"], "the stamps are one second apart, or more"
+    wait_until(lambda: runtime.report(2.0).topics["/plain/image"].messages > 5)
+    told = runtime.report().topics["/plain/image"]
+    assert told.hz <= 1.0 < told.wall_hz, "the stamps are one second apart, or more"
     subscription.close()
 
 
@@ -313,19 +310,15 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     told.status[0].values.append(KeyValue("topics//plain/image/hz", "49.5"))
     told.status[0].values.append(KeyValue("topics//plain/image/wall_hz", "9.9"))
     told.status[0].values.append(KeyValue("p99_ms", "a lot"))
-    wait_until(lambda: publisher.publish(told) or runtime.report()["nodes"]["plain"]["received"])
+    told.status[0].values.append(KeyValue("dropped as asked", "rate"))
+    wait_until(lambda: publisher.publish(told) or runtime.report().nodes["plain"].received)
     publisher.unregister()
     report = runtime.report(2.0)
-    assert report["nodes"]["plain"] == {
-        "received": 9,
-        "processed": 0,
-        "dropped": {"rate": 3, "queue": 2},
-        "p50_ms": 1.5,
-        "p99_ms": None,
-        "step_ms": None,
-    }
-    assert report["topics"]["/plain/image"]["hz"] == 49.5
-    assert report["topics"]["/plain/image"]["wall_hz"] == 9.9
+    told = NodeReport(9, 0, {"rate": 3, "queue": 2}, p50_ms=1.5, gate="rate")
+    assert report.nodes["plain"] == told
+    assert told.lost == 2
+    assert report.topics["/plain/image"].hz == 49.5
+    assert report.topics["/plain/image"].wall_hz == 9.9
 
 
 def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):
@@ -387,7 +380,7 @@ runtime.close()
 
 
 def received(runtime, topic):
-    return runtime.report()["topics"][topic]["messages"]
+    return runtime.report().topics[topic].messages
 
 
 def test_a_recording_takes_every_topic_in_the_order_of_arrival(runtime, peer, tmp_path):
@@ -405,10 +398,10 @@ def test_a_recording_takes_every_topic_in_the_order_of_arrival(runtime, peer, tm
     runtime.parameters["edge_detector"].update({"low": 3})
     written = recording.written
     wait_until(lambda: recording.written > written + 8)
-    [(recorded, told)] = runtime.report()["recordings"].items()
+    [(recorded, told)] = runtime.report().recordings.items()
     assert recorded == str(path)
-    assert written + 8 < told["messages"] <= recording.written
-    assert told["dropped"] == 0
+    assert written + 8 < told.messages <= recording.written
+    assert told.dropped == 0
     runtime.stop_recording(recording)
     runtime.stop_recording(recording)
     wait_until(lambda: not subscribed("/plain/a"))

@@ -43,12 +43,12 @@ def test_a_clock_that_is_set_costs_no_frames(set_by_ns, monkeypatch, tmp_path, c
     runtime = LocalRuntime(graph, Playback(frames=FRAMES))
     runtime.start_recording(tmp_path / "out.mcap")
     runtime.start()
-    while runtime.report()["topics"]["/image_raw"]["messages"] < FRAMES // 2:
+    while runtime.report().topics["/image_raw"].messages < FRAMES // 2:
         time.sleep(0.01)
     SetClock.set_by_ns = set_by_ns
     assert runtime.wait(60)
     runtime.stop()
-    assert runtime.report()["nodes"]["fps_control"]["dropped"].get("rate", 0) <= 2
+    assert runtime.report().nodes["fps_control"].dropped.get("rate", 0) <= 2
     log_ns, stamps_ns = read(tmp_path / "out.mcap", "/image_raw")
     assert len(log_ns) == FRAMES
     assert (np.diff(log_ns) > 0).all()

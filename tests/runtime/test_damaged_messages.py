@@ -16,7 +16,7 @@ def test_a_node_names_the_topic_of_what_is_damaged(caplog):
     graph = alone(find("fps_control"))
     runner = NodeRunner(graph.nodes[0], Parameters(graph.nodes[0].params))
     assert runner.step(Packet(0, BROKEN, 0, "image")) == {}
-    assert runner.report()["dropped"] == {"damaged": 1}
+    assert runner.report().dropped == {"damaged": 1}
     assert "fps_control: /image_raw: 3 bytes are no sensor_msgs/msg/Image" in caplog.text
 
 

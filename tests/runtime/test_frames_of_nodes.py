@@ -102,7 +102,7 @@ def test_an_image_waits_for_the_transforms_of_its_time():
     known = [(ms, x) for ms, x in got if x is not None]
     np.testing.assert_allclose([x for _, x in known], [100 + ms / 1000 for ms, _ in known])
     assert len(got) - len(known) <= 2  # the first, of before all transforms, and after the last
-    dropped = runtime.report()["nodes"]["locator"]["dropped"]
+    dropped = runtime.report().nodes["locator"].dropped
     assert dropped.get("no transform", 0) == len(got) - len(known)
 
 
@@ -143,7 +143,7 @@ def test_live_an_image_waits_for_transforms_that_come_after_it():
     runtime.publish("/tf", transform("map", "base", 2.0, 1020 * MS))
     until(lambda: got == [1.5])
     runtime.publish("/image", image(1030 * MS))  # no transform of its time comes
-    until(lambda: runtime.report()["nodes"]["locator"]["dropped"] == {"no transform": 1})
+    until(lambda: runtime.report().nodes["locator"].dropped == {"no transform": 1})
     runtime.stop()
 
 
@@ -153,7 +153,7 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
     runtime = LocalRuntime(Graph(None, (placed,)).with_frames(), None)
     runtime.start()
     runtime.publish("/tf", transform("map", "map", 1.0, 1000 * MS))
-    until(lambda: runtime.report()["nodes"]["locator"]["dropped"] == {"wrong tf": 1})
+    until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 1})
     runtime.stop()
     assert "locator: /tf: 'map' -> 'map' is a frame in itself (said once)" in caplog.text
 
@@ -165,4 +165,4 @@ def test_without_any_transforms_a_lookup_says_so():
     graph = Graph(start, (place(locator(got).declared, {"image": "/image_raw"}),)).with_frames()
     runtime = run(graph)
     assert got == [(ms, None) for ms in range(5, 50 * IMAGES, 50)]
-    assert runtime.report()["nodes"]["locator"]["dropped"] == {"no transform": IMAGES}
+    assert runtime.report().nodes["locator"].dropped == {"no transform": IMAGES}

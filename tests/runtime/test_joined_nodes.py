@@ -81,23 +81,23 @@ def run(graph, record=None, **playing):
     assert runtime.wait(60)
     runtime.stop()
     assert not runtime.failed
-    return runtime.report()["nodes"]["joined"]
+    return runtime.report().nodes["joined"]
 
 
 def test_images_come_with_what_was_found_in_them():
     got = []
     report = run(diamond(finder(seed=1), joined(Exact(), got)))
     assert got == [(number, number) for number in range(FRAMES)]
-    assert report["received"] == 2 * FRAMES
-    assert report["processed"] == FRAMES
-    assert report["dropped"] == {}
+    assert report.received == 2 * FRAMES
+    assert report.processed == FRAMES
+    assert report.dropped == {}
 
 
 def test_images_in_which_nothing_was_found_are_dropped_and_counted():
     got = []
     report = run(diamond(finder(every=3), joined(Exact(), got)))
     assert got == [(number, number) for number in range(0, FRAMES, 3)]
-    assert report["dropped"] == {"unmatched image": FRAMES - len(got)}
+    assert report.dropped == {"unmatched image": FRAMES - len(got)}
 
 
 def test_what_is_found_after_many_more_images_blocks_nothing():
@@ -113,7 +113,7 @@ def test_what_is_found_after_many_more_images_blocks_nothing():
     got = []
     report = run(diamond(Late, joined(Exact(), got)))
     assert got == [(number, number) for number in range(FRAMES - 20)]
-    assert report["dropped"] == {"unmatched image": 20}
+    assert report.dropped == {"unmatched image": 20}
 
 
 def test_near_stamps_are_joined_where_that_is_enough():
@@ -129,7 +129,7 @@ def test_the_latest_goes_with_every_image_from_the_first_on():
     assert numbers[0] in (0, 1)  # what is found in an image is told after it
     assert numbers == list(range(numbers[0], FRAMES))
     assert all(number - 10 <= found <= number for number, found in got)
-    assert report["dropped"] == ({"unmatched image": 1} if numbers[0] else {})
+    assert report.dropped == ({"unmatched image": 1} if numbers[0] else {})
 
 
 @pytest.mark.parametrize("join", [Exact(), Approx(0.05), Latest("image"), Latest("boxes")])
@@ -242,12 +242,12 @@ def test_live_the_newest_set_is_taken_and_the_others_are_counted():
     assert entered.wait(20)
     playback.play()
     until(lambda: playback.state.ended)
-    until(lambda: runtime.report()["nodes"]["finder"]["received"] == FRAMES)
+    until(lambda: runtime.report().nodes["finder"].received == FRAMES)
     go_on.set()
     until(lambda: len(got) == 2)
     runtime.stop()
     assert got[1] >= FRAMES - 3
-    dropped = runtime.report()["nodes"]["joined"]["dropped"]
+    dropped = runtime.report().nodes["joined"].dropped
     assert dropped["queue"] > 0
 
 

@@ -15,6 +15,7 @@ from ros_visualise.nodes.fps_control import FpsControl
 from ros_visualise.params import Parameters, param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.report import TopicReport
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
@@ -136,19 +137,13 @@ def test_every_message_passes_every_node_in_order_when_lossless():
     stamps = [header.stamp_ns for _, header, _ in seen]
     assert stamps == [i * PERIOD_NS for i in range(FRAMES)]
     assert {header.frame_id for _, header, _ in seen} == {"camera"}
-    assert report["topics"]["/add/sum"] == {
-        "type": "sensor_msgs/msg/Image",
-        "messages": FRAMES,
-        "hz": 30.0,
-        "wall_hz": report["topics"]["/add/sum"]["wall_hz"],
-    }
-    add_report = report["nodes"]["add"]
-    assert (add_report["received"], add_report["processed"], add_report["dropped"]) == (
-        FRAMES,
-        FRAMES,
-        {},
-    )
-    assert 0 < add_report["step_ms"] <= add_report["p50_ms"] <= add_report["p99_ms"]
+    wall_hz = report.topics["/add/sum"].wall_hz
+    told = TopicReport("sensor_msgs/msg/Image", FRAMES, hz=30.0, wall_hz=wall_hz)
+    assert report.topics["/add/sum"] == told
+    add_report = report.nodes["add"]
+    counts = add_report.received, add_report.processed, add_report.dropped
+    assert counts == (FRAMES, FRAMES, {})
+    assert 0 < add_report.step_ms <= add_report.p50_ms <= add_report.p99_ms
 
 
 def test_images_pass_by_reference():
@@ -162,10 +157,10 @@ def test_images_pass_by_reference():
 
 def test_rate_control_drops_are_counted_by_reason():
     report = Run(graph_of(FpsControl, add, fps_control={"fps": 10})).to_the_end()
-    control = report["nodes"]["fps_control"]
-    assert control["dropped"] == {"rate": FRAMES - 14}
-    assert (control["requested_hz"], control["achieved_hz"]) == (10, 10.0)
-    assert report["nodes"]["add"]["received"] == 14
+    control = report.nodes["fps_control"]
+    assert control.dropped == {"rate": FRAMES - 14}
+    assert (control.requested_hz, control.achieved_hz) == (10, 10.0)
+    assert report.nodes["add"].received == 14
 
 
 def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
@@ -190,9 +185,9 @@ def test_without_lossless_a_slow_node_gets_the_newest_and_drops_are_counted():
     run.runtime.stop()
     report = run.runtime.report()
     assert seen[-1] == FRAMES - 1
-    assert report["nodes"]["slow"]["dropped"] == {"queue": FRAMES - len(seen)}
-    assert report["nodes"]["slow"]["received"] == FRAMES
-    assert report["topics"]["/image_raw"]["messages"] == FRAMES
+    assert report.nodes["slow"].dropped == {"queue": FRAMES - len(seen)}
+    assert report.nodes["slow"].received == FRAMES
+    assert report.topics["/image_raw"].messages == FRAMES
 
 
 def test_a_subscription_starts_with_the_last_message():
@@ -211,11 +206,11 @@ def test_a_subscription_starts_with_the_last_message():
 
 def test_an_output_on_demand_counts_only_while_somebody_looks():
     unwatched = Run(graph_of(add)).to_the_end()
-    assert "/add/extra" not in unwatched["topics"]
+    assert "/add/extra" not in unwatched.topics
     run = Run(graph_of(add))
     subscription = run.runtime.subscribe("/add/extra")
     report = run.to_the_end()
-    assert report["topics"]["/add/extra"]["messages"] == FRAMES
+    assert report.topics["/add/extra"].messages == FRAMES
     assert subscription.take(0).pixels[0, 0] == 2 * FRAMES
 
 
@@ -241,8 +236,8 @@ def test_a_node_that_raises_loses_that_message_alone(caplog):
 
     run = Run(graph_of(fails))
     report = run.to_the_end()
-    assert report["nodes"]["fails"]["dropped"] == {"error": 4}
-    assert report["topics"]["/fails/image"]["messages"] == FRAMES - 4
+    assert report.nodes["fails"].dropped == {"error": 4}
+    assert report.topics["/fails/image"].messages == FRAMES - 4
     assert run.runtime.failed
     assert [record.getMessage() for record in caplog.records] == [
         "fails: does not like threes (said once)"
@@ -286,7 +281,7 @@ def test_a_stateful_node_is_reset_when_time_jumps_back_and_finishes_at_the_end()
     run.playback.close()
     assert run.runtime.wait(10)
     assert log == [*range(FRAMES), "reset", 38, 39]
-    assert run.runtime.report()["topics"]["/stateful/image"]["messages"] == 1
+    assert run.runtime.report().topics["/stateful/image"].messages == 1
 
 
 def test_a_stateful_node_is_reset_by_a_jump_ahead_and_by_a_source_that_is_opened_anew():
@@ -365,7 +360,7 @@ def test_a_node_of_two_ways_is_reset_once_by_one_seek():
     ]:
         step(port, stamp_ns, epoch)
     assert log == [1, 1, 2, "reset", 50, 50, 51, 51]
-    assert runner.report()["dropped"] == {"stale": 1}
+    assert runner.report().dropped == {"stale": 1}
 
 
 def test_figures_are_asked_for_between_two_steps():
@@ -384,10 +379,10 @@ def test_figures_are_asked_for_between_two_steps():
 
     run = Run(graph_of(Counting), loop=True, rate=0)
     run.runtime.start()
-    until(lambda: run.runtime.report()["nodes"]["counting"]["processed"] > 5)
-    reports = [run.runtime.report()["nodes"]["counting"] for _ in range(300)]
+    until(lambda: run.runtime.report().nodes["counting"].processed > 5)
+    reports = [run.runtime.report().nodes["counting"] for _ in range(300)]
     run.runtime.stop()
-    assert {report["open"] for report in reports} == {0}
+    assert {report.own["open"] for report in reports} == {0}
     assert not run.runtime.failed
 
 
@@ -407,8 +402,8 @@ def test_a_long_step_holds_up_nobody_who_asks_for_figures():
 
     run = Run(graph_of(Slow))
     run.runtime.start()
-    until(lambda: run.runtime.report()["nodes"]["slow"]["received"] == 1)
-    assert "received" in run.runtime.report()["nodes"]["slow"]
+    until(lambda: run.runtime.report().nodes["slow"].received == 1)
+    assert run.runtime.report().nodes["slow"].received == 1
     free.set()
     run.runtime.stop()
 
@@ -446,7 +441,7 @@ def test_stopping_ends_every_thread_even_when_a_queue_is_full():
 
     run = Run(graph_of(add, stuck), loop=True)
     run.runtime.start()
-    until(lambda: run.runtime.report()["nodes"]["stuck"]["received"])
+    until(lambda: run.runtime.report().nodes["stuck"].received)
     run.runtime.stop()
     assert run.runtime.wait(5)
 
@@ -462,16 +457,16 @@ def test_a_live_source_is_never_held_up():
 
     run = Run(graph_of(slow, source_type=live_counter))
     run.runtime.start()
-    until(lambda: run.runtime.report()["topics"]["/image_raw"]["messages"] == FRAMES)
+    until(lambda: run.runtime.report().topics["/image_raw"].messages == FRAMES)
     go_on.set()
     assert run.runtime.wait(10)
-    assert run.runtime.report()["nodes"]["slow"]["dropped"]["queue"] >= FRAMES - 3
+    assert run.runtime.report().nodes["slow"].dropped["queue"] >= FRAMES - 3
 
 
 @pytest.mark.parametrize("rate", [0, 1])
 def test_a_run_of_no_frames_ends(rate):
     run = Run(graph_of(add, counter={"frames": 0}), rate=rate)
-    assert run.to_the_end()["topics"]["/image_raw"]["messages"] == 0
+    assert run.to_the_end().topics["/image_raw"].messages == 0
 
 
 def test_a_source_is_opened_anew_when_its_parameters_ask_for_it():
@@ -535,7 +530,7 @@ def test_one_recording_can_end_while_another_goes_on(tmp_path):
     until(lambda: first.written == 4 * FRAMES)
     run.runtime.stop()
     assert (second.written, run.runtime.failed) == (FRAMES, False)
-    assert "/add/extra" in run.runtime.report()["topics"]
+    assert "/add/extra" in run.runtime.report().topics
 
 
 def test_what_a_node_says_at_the_end_is_recorded_after_all_else(tmp_path):
@@ -576,8 +571,8 @@ def test_a_node_that_answers_wrongly_loses_its_messages_alone(answer, says, capl
     run = Run(graph_of(wrong))
     run.runtime.start_recording(tmp_path / "out.mcap")
     report = run.to_the_end()
-    assert report["nodes"]["wrong"]["dropped"] == {"error": FRAMES}
-    assert report["topics"]["/wrong/image"]["messages"] == 0
+    assert report.nodes["wrong"].dropped == {"error": FRAMES}
+    assert report.topics["/wrong/image"].messages == 0
     [message] = caplog.messages
     assert says in message
 
@@ -599,7 +594,7 @@ def test_a_node_that_breaks_elsewhere_than_in_its_step_ends_the_run_all_the_same
 
     run = Run(graph_of(Breaks, add))
     report = run.to_the_end()
-    assert report["nodes"]["breaks"]["dropped"] == {"error": FRAMES}
+    assert report.nodes["breaks"].dropped == {"error": FRAMES}
     assert run.runtime.failed
     assert len([m for m in caplog.messages if "frame" in m]) == 1
 
@@ -612,7 +607,7 @@ def test_a_node_without_outputs_counts():
         seen.append(image)
 
     report = Run(graph_of(count)).to_the_end()
-    assert len(seen) == report["nodes"]["count"]["processed"] == FRAMES
+    assert len(seen) == report.nodes["count"].processed == FRAMES
 
 
 def test_while_paused_the_last_image_that_came_is_repeated():
@@ -620,13 +615,13 @@ def test_while_paused_the_last_image_that_came_is_repeated():
     run = Run(graph_of(FpsControl, add, collector(seen), fps_control={"fps": 10}), hold=True)
     run.playback.step(2)  # of which the second is left out
     run.runtime.start()
-    until(lambda: run.runtime.report()["nodes"]["fps_control"]["received"] == 2)
+    until(lambda: run.runtime.report().nodes["fps_control"].received == 2)
     until(lambda: seen)
     run.runtime.parameters["add"].update({"amount": 9})
     until(lambda: len(seen) == 2)
     run.runtime.stop()
     assert [value for value, _, _ in seen] == [1, 9]
-    assert run.runtime.report()["nodes"]["collector"]["p99_ms"] < 5000
+    assert run.runtime.report().nodes["collector"].p99_ms < 5000
 
 
 def test_a_file_is_recorded_to_once_at_a_time(tmp_path):

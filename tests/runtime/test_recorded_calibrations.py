@@ -13,6 +13,7 @@ from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 
@@ -49,7 +50,7 @@ def record(graph, *targets):
     assert runtime.wait(60)
     runtime.stop()
     assert not runtime.failed
-    return runtime.report()["recordings"]
+    return runtime.report().recordings
 
 
 def read(path):
@@ -83,7 +84,7 @@ def topics_of(path):
 @pytest.mark.parametrize("name", ["r.bag", "r.mcap", "folder"])
 def test_beside_each_image_is_its_calibration(video, tmp_path, name):
     written = record(video, path := tmp_path / name)
-    assert written[str(path)]["messages"] == 2 * FRAMES * len(IMAGES)
+    assert written[str(path)].messages == 2 * FRAMES * len(IMAGES)
     found = read(path)
     for topic, info in INFOS.items():
         assert len(found[info]) == FRAMES
@@ -137,7 +138,7 @@ def test_images_that_are_chosen_bring_theirs_along(video, tmp_path, topic):
 
 def test_a_video_holds_images_alone(video, tmp_path):
     written = record(video, tmp_path / "r.mp4")
-    assert written == {str(tmp_path / "r.mp4"): {"messages": FRAMES, "dropped": 0}}
+    assert written == {str(tmp_path / "r.mp4"): RecordingReport(FRAMES, dropped=0)}
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription, Topic
 
 
@@ -38,11 +39,8 @@ class Told:
         return Subscription(topic, inbox, partial(self._end, topic, inbox))
 
     def report(self, window_s=None):
-        figures = {"type": "", "messages": 0, "hz": None, "wall_hz": None}
-        return {
-            "topics": dict.fromkeys(self.graph.topics, figures),
-            "nodes": {"robot": {"dropped": {}, "p50_ms": None}},
-        }
+        topics = dict.fromkeys(self.graph.topics, TopicReport("", 0, None, None))
+        return RunReport(topics, {"robot": NodeReport()})
 
     def _end(self, topic, inbox):
         self._topics[topic].disconnect(inbox)

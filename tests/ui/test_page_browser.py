@@ -112,11 +112,11 @@ def test_a_window_can_be_hidden_and_comes_back(browse, runtime):
 
 def test_overlay_is_made_only_while_it_is_shown(browse, runtime):
     tab = browse()
-    wait_until(tab, lambda: "/edges" in runtime.report()["topics"])
-    assert "/edges_overlay" not in runtime.report()["topics"]
+    wait_until(tab, lambda: "/edges" in runtime.report().topics)
+    assert "/edges_overlay" not in runtime.report().topics
     element(tab, "show", "input").click()
     tab.get_by_role("option", name="/edges_overlay").click()
-    wait_until(tab, lambda: "/edges_overlay" in runtime.report()["topics"])
+    wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
 
 
 def test_choice_reaches_the_node(browse, runtime):

@@ -11,6 +11,7 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
 from ros_visualise.ui.page import Page
 
@@ -44,13 +45,9 @@ class Changing:
         return Subscription(topic, inbox, lambda: self.looked_at.remove(topic))
 
     def report(self, window_s=None):
-        blank = {"dropped": {}, "p50_ms": None}
-        topic = {"type": "sensor_msgs/msg/Image", "messages": 0, "hz": None, "wall_hz": None}
-        graph = self.graph
-        return {
-            "topics": {name: topic for name in graph.topics},
-            "nodes": {node.name: blank for node in graph.nodes},
-        }
+        topic = TopicReport("sensor_msgs/msg/Image", 0, None, None)
+        nodes = {node.name: NodeReport() for node in self.graph.nodes}
+        return RunReport(dict.fromkeys(self.graph.topics, topic), nodes)
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import param, specs
 from ros_visualise.pipelines import chain, image_pipeline
+from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import loss_lines, topic_table, way_lines
@@ -134,9 +135,10 @@ def test_topics_that_somebody_takes_stand_nearest_to_who_does():
 
 
 def test_the_table_tells_rates_drops_and_latency():
-    node = {"dropped": {"rate": 4, "queue": 2}, "requested_hz": 25, "p50_ms": 1.26}
-    topics = {"/controlled_stream": {"type": "sensor_msgs/msg/Image", "hz": 24.96, "wall_hz": 25.1}}
-    report = {"topics": topics, "nodes": {"fps_control": node}}
+    dropped = {"rate": 4, "queue": 2}
+    node = NodeReport(dropped=dropped, own={"requested_hz": 25}, p50_ms=1.26, gate="rate")
+    topics = {"/controlled_stream": TopicReport("sensor_msgs/msg/Image", 9, 24.96, 25.1)}
+    report = RunReport(topics, {"fps_control": node})
     table = topic_table(image_pipeline("landscape"), report)
     for told in (">25.0<", ">2<", ">1.3<", "4 by rate, 2 by queue", "sensor_msgs/Image"):
         assert told in table
@@ -148,14 +150,16 @@ def worker_of(said, tick=lambda: None):
 
 def test_the_way_that_was_gone_is_told():
     gone = {"length_m": 12.34, "duration_s": 10.0, "mean_mps": 1.234, "top_mps": None, "refused": 2}
-    told = way_lines({"nodes": {"player": {}, "path": gone}})
+    told = way_lines(RunReport({}, {"player": NodeReport(), "path": NodeReport(own=gone)}))
     assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 refused" in told
     assert "player" not in told
 
 
 def test_what_is_lost_is_told_while_somebody_looks_on():
     lost = {"messages": 2, "bytes": 0, "notes": ["/<b>: 2 messages", "cut off"]}
-    told = loss_lines({"nodes": {"player": {"lost": lost}, "path": {}}})
+    told = loss_lines(
+        RunReport({}, {"player": NodeReport(own={"lost": lost}), "path": NodeReport()})
+    )
     assert "player: /&lt;b&gt;: 2 messages" in told
     assert "player: cut off" in told
     assert "path" not in told

@@ -118,7 +118,7 @@ def test_a_client_that_reads_nothing_harms_nobody(client, runtime):
     runtime.playback.play()
     before = client.images
     client.read_until(lambda: client.images >= before + 100)
-    assert runtime.report()["nodes"]["edge_detector"]["processed"] > 20
+    assert runtime.report().nodes["edge_detector"].processed > 20
     deaf.socket.socket.close()
 
 

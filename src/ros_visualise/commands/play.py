@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 from argparse import Namespace
-from typing import Any
 
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import in_time, interruptible
@@ -15,7 +14,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.runtime.stats import has_lost
+from ros_visualise.runtime.report import RunReport, to_json
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
@@ -25,7 +24,7 @@ _SPIN_S = 0.05
 
 
 def run(args: Namespace) -> int:
-    """Play a source until it ends or a person ends it; 1 if something was lost, see `has_lost`."""
+    """Play a source until it ends or a person ends it; 1 if something was lost."""
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
@@ -55,8 +54,8 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         report = runtime.report()
         _say_summary(report)
         if args.json:
-            answer([json.dumps(report, default=str)])
-    return STOPPED if stopped else int(runtime.failed or has_lost(report))
+            answer([json.dumps(to_json(report), default=str)])
+    return STOPPED if stopped else int(runtime.failed or report.is_incomplete)
 
 
 def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> bool:
@@ -91,14 +90,14 @@ def _start_recordings(
     return recordings
 
 
-def _say_summary(report: dict[str, Any]) -> None:
-    for name, topic in report["topics"].items():
-        rates = f"{topic['hz'] or 0:g} Hz by the stamps, {topic['wall_hz'] or 0:g} per second"
-        say(f"{name}: {counted(topic['messages'], 'message')}, {rates}")
-    for name, node in report["nodes"].items():
-        for reason, count in node["dropped"].items():
-            say(f"{name}: {count} of {node['received']} left out by {reason}")
-    for name, recording in report["recordings"].items():
-        dropped = f", {recording['dropped']} dropped" if recording["dropped"] else ""
-        messages = counted(recording["messages"], "message")
+def _say_summary(report: RunReport) -> None:
+    for name, topic in report.topics.items():
+        rates = f"{topic.hz or 0:g} Hz by the stamps, {topic.wall_hz or 0:g} per second"
+        say(f"{name}: {counted(topic.messages, 'message')}, {rates}")
+    for name, node in report.nodes.items():
+        for reason, count in node.dropped.items():
+            say(f"{name}: {count} of {node.received} left out by {reason}")
+    for name, recording in report.recordings.items():
+        dropped = f", {recording.dropped} dropped" if recording.dropped else ""
+        messages = counted(recording.messages, "message")
         say(f"{name}: {messages} recorded{dropped}")

@@ -16,7 +16,6 @@ from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
-from ros_visualise.runtime.stats import has_lost
 from ros_visualise.sources.calibration_store import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, open_view
@@ -78,7 +77,7 @@ def run_graph(
     finally:
         view.close()
         process.stop()
-    return int(process.runtime.failed or has_lost(process.runtime.report()))
+    return int(process.runtime.failed or process.runtime.report().is_incomplete)
 
 
 def _spin(middleware: Middleware, process: Process, view: View) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from ros_visualise.errors import RecordingError
 from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
+from ros_visualise.runtime.report import RunReport
 from ros_visualise.sources.playback import Playback
 
 
@@ -78,11 +79,8 @@ class Runtime(Protocol):
     def act(self, node: str, action: str) -> None:
         """Run an action of a node."""
 
-    def report(self, window_s: float | None = None) -> dict[str, Any]:
-        """Topics and nodes with their counts, and rates of the whole run or of its last seconds.
-
-        The layout is that of the ``--json`` run report.
-        """
+    def report(self, window_s: float | None = None) -> RunReport:
+        """Topics and nodes with their counts, and rates of the whole run or of its last seconds."""
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> ActiveRecording:
         """Record to a file from now on.

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph, Node
+from ros_visualise.graph import Graph, Member, Node
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
+from ros_visualise.runtime.report import NodeReport, RunReport
 from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_thread import SourceInput, SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
@@ -136,19 +138,26 @@ class LocalRuntime:
         else:
             self._nodes[node].act(action)
 
-    def report(self, window_s: float | None = None) -> dict[str, Any]:
+    def report(self, window_s: float | None = None) -> RunReport:
         """The run report; see `ros_visualise.runtime.base.Runtime`."""
         topics = {
-            name: {"type": topic.ros.name, **self._topics[name].report(window_s)}
+            name: self._topics[name].report(topic.ros.name, window_s)
             for name, topic in self.graph.topics.items()
             if self._topics[name].wanted
         }
-        nodes = {self._source.name: self._source.report()} if self._source else {}
-        nodes |= {name: node.report() for name, node in self._nodes.items()}
-        for node in self.graph.members:
-            for topic in tuple(node.outputs.values())[:1]:
-                nodes[node.name]["achieved_hz"] = self._topics[topic].report(window_s)["hz"]
-        return {"topics": topics, "nodes": nodes, "recordings": report_recordings(self._recordings)}
+        nodes = {member.name: self._node_report(member, window_s) for member in self.graph.members}
+        return RunReport(topics, nodes, report_recordings(self._recordings))
+
+    def _node_report(self, member: Member, window_s: float | None) -> NodeReport:
+        if self._source is not None and member is self.graph.source:
+            report = self._source.report()
+        else:
+            report = self._nodes[member.name].report()
+        main = next(iter(member.topics.items()), None)
+        if main is None:
+            return report
+        hz = self._topics[main[0]].report(main[1].ros.name, window_s).hz
+        return replace(report, publishes=True, achieved_hz=hz)
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
         """Record to a file from now on; a source that can wait then waits for the disk.

@@ -6,10 +6,12 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ros_visualise.runtime.joining import Joining, Question
 from ros_visualise.runtime.queues import END, Inbox, Packet
+from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.runner import NOTHING, NodeRunner
 from ros_visualise.runtime.topics import Consumer, Topic
 
@@ -109,14 +111,13 @@ class NodeThread:
         if self.runner.stateless:
             self.inbox.repeat()
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> NodeReport:
         """Counts, latencies and the node's own figures."""
         report = self.runner.report()
-        report["received"] += self.inbox.dropped
-        lost = Counter(report["dropped"]) + self._joining.dropped
-        lost["queue"] += self.inbox.dropped
-        report["dropped"] = dict(+lost)
-        return report
+        dropped = Counter(report.dropped) + self._joining.dropped
+        dropped["queue"] += self.inbox.dropped
+        received = report.received + self.inbox.dropped
+        return replace(report, received=received, dropped=dict(+dropped))
 
     def _answer(self, questions: Iterable[Question]) -> None:
         for number, packets in questions:

@@ -17,6 +17,7 @@ from ros_visualise.params import Parameters
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import END, Packet
+from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder
 
 log = logging.getLogger(__name__)
@@ -58,9 +59,9 @@ def record(
     return recording
 
 
-def report_recordings(recordings: Collection[RecorderThread]) -> dict[str, Any]:
+def report_recordings(recordings: Collection[RecorderThread]) -> dict[str, RecordingReport]:
     """File -> how much of it is there."""
-    return {str(r.path): {"messages": r.written, "dropped": r.dropped} for r in recordings}
+    return {str(one.path): RecordingReport(one.written, one.dropped) for one in recordings}
 
 
 class TopicInbox:

@@ -7,6 +7,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import Image
@@ -16,6 +17,7 @@ from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.stats import NodeStats
 
 log = logging.getLogger(__name__)
@@ -94,7 +96,7 @@ class NodeRunner:
         """What the node still has at the end of the stream."""
         return self._answer(lambda: self._state.finish())
 
-    def report(self) -> dict[str, Any]:
+    def report(self) -> NodeReport:
         """Counts and latencies, and the node's own figures; in a long step those of before it."""
         if self._at_state.acquire(timeout=_PATIENCE_S):
             try:
@@ -104,7 +106,7 @@ class NodeRunner:
                 self._fail(error)
             finally:
                 self._at_state.release()
-        return {**self.stats.report(), **self._figures}
+        return replace(self.stats.report(), own=self._figures, gate=self._type.drops)
 
     def _answer(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
         """What the node says between two steps."""

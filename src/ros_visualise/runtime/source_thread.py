@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
@@ -15,6 +16,7 @@ from ros_visualise.params import Parameters
 from ros_visualise.rate import Steady
 from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
 from ros_visualise.sources.playback import Playback
@@ -69,9 +71,11 @@ class SourceThread:
             for topic in self._outputs.values():
                 topic.finish()
 
-    def report(self) -> dict[str, Any]:
-        """Counts and the source's own figures."""
-        return {**self._stats.report(), **self._source.report()}
+    def report(self) -> NodeReport:
+        """Counts and the source's own figures, which may be of drops."""
+        own = dict(self._source.report())
+        dropped = own.pop("dropped", {})
+        return replace(self._stats.report(), dropped=dropped, own=own)
 
     def act(self, name: str) -> None:
         """Run an action of the source."""
@@ -120,7 +124,7 @@ class SourceThread:
 
     def _say_lost(self) -> None:
         """What could not be read; it is known at the end."""
-        for note in self._source.report().get("lost", {}).get("notes", ()):
+        for note in self.report().unread:
             log.warning("%s: %s", self.name, note)
 
     def _messages(self) -> Iterator[tuple[str, Any]]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-RATES = ("hz", "wall_hz")
-"""By the stamps, and by the wall clock."""
+from ros_visualise.runtime.report import NodeReport
+
 _KEPT = 4096
 """How many of the newest times are kept: rates and percentiles are taken from them."""
 
@@ -32,13 +32,13 @@ class TopicStats:
         self._wall.count(time.monotonic_ns())
         self._stamps.count(stamp_ns)
 
-    def rates(self, window_s: float | None) -> dict[str, Any]:
-        """``hz`` by the stamps and ``wall_hz``, of the whole run or of the last seconds."""
+    def rates(self, window_s: float | None) -> tuple[float | None, float | None]:
+        """Hz by the stamps and by the wall clock, of the whole run or of the last seconds."""
         if window_s is None:
-            return {"hz": self._stamps.mean(), "wall_hz": self._wall.mean()}
+            return self._stamps.mean(), self._wall.mean()
         start = time.monotonic_ns() - int(window_s * 1e9)
         recent = sum(1 for t in self._wall.times.copy() if t >= start)
-        return {"hz": self._stamps.mean_of_last(recent), "wall_hz": round(recent / window_s, 2)}
+        return self._stamps.mean_of_last(recent), round(recent / window_s, 2)
 
 
 class _Rate:
@@ -80,18 +80,18 @@ class NodeStats:
         self._latencies_ns.append(now_ns - arrival_ns)
         self._steps_ns.append(now_ns - started_ns)
 
-    def report(self) -> dict[str, Any]:
-        """Counts; ``p50_ms`` and ``p99_ms`` since the source; ``step_ms``, the median of a step."""
+    def report(self) -> NodeReport:
+        """Counts and latencies."""
         latencies_ms = np.array(self._latencies_ns.copy()) / 1e6
         steps_ms = np.array(self._steps_ns.copy()) / 1e6
-        return {
-            "received": self.received,
-            "processed": self.processed,
-            "dropped": dict(self.dropped),
-            "p50_ms": _percentile(latencies_ms, 50),
-            "p99_ms": _percentile(latencies_ms, 99),
-            "step_ms": _percentile(steps_ms, 50),
-        }
+        return NodeReport(
+            self.received,
+            self.processed,
+            dict(self.dropped),
+            p50_ms=_percentile(latencies_ms, 50),
+            p99_ms=_percentile(latencies_ms, 99),
+            step_ms=_percentile(steps_ms, 50),
+        )
 
 
 def _hz(steps: int, span_ns: int) -> float | None:
@@ -100,14 +100,3 @@ def _hz(steps: int, span_ns: int) -> float | None:
 
 def _percentile(values_ms: Any, percent: float) -> float | None:
     return round(float(np.percentile(values_ms, percent)), 3) if len(values_ms) else None
-
-
-def has_lost(report: dict[str, Any]) -> bool:
-    """Whether messages could not be read, played, processed or recorded, as they should have been.
-
-    What a node leaves out as it was asked to, or for want of time, is not lost.
-    """
-    nodes, recordings = report["nodes"].values(), report["recordings"].values()
-    return any(
-        node.get("lost") or node.get("unplayed") or node["dropped"].get("damaged") for node in nodes
-    ) or any(recording["dropped"] for recording in recordings)

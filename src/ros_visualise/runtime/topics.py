@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.report import TopicReport
 from ros_visualise.runtime.stats import TopicStats
 
 log = logging.getLogger(__name__)
@@ -135,6 +136,6 @@ class Topic:
         with self._lock:
             self._listeners = tuple(one for one in self._listeners if one is not listener)
 
-    def report(self, window_s: float | None) -> dict[str, Any]:
-        """Counts and rates."""
-        return {"messages": self._stats.messages, **self._stats.rates(window_s)}
+    def report(self, type_name: str, window_s: float | None) -> TopicReport:
+        """Counts and rates, as of messages of that type."""
+        return TopicReport(type_name, self._stats.messages, *self._stats.rates(window_s))

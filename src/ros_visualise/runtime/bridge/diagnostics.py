@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
@@ -10,6 +11,25 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.rate import Clock
 from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.report import NodeReport, figures_of
+
+GATE = "dropped as asked"
+"""The figure that names the reason for the drops that a node is there for."""
+
+
+@dataclass(frozen=True)
+class NodeStatus:
+    """What is told of a node: its report, its input topics, and what is counted of its outputs."""
+
+    report: NodeReport
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, Mapping[str, Any]]
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """All of it, which may be nested."""
+        report = figures_of(self.report)
+        return {**report, GATE: self.report.gate, "inputs": self.inputs, "topics": self.outputs}
 
 
 class Diagnostics:
@@ -21,21 +41,21 @@ class Diagnostics:
         self._clock: Clock = middleware.clock()
         self._lost: dict[str, int] = {}
 
-    def publish(self, nodes: Mapping[str, Mapping[str, Any]]) -> None:
-        """Publish the statuses: full name of a node -> its figures, which may be nested."""
+    def publish(self, nodes: Mapping[str, NodeStatus]) -> None:
+        """Publish the statuses of nodes, by their full names."""
         if not self._publisher.connections:
             return
-        statuses = tuple(self._status(name, report) for name, report in nodes.items())
+        statuses = tuple(self._status(name, told) for name, told in nodes.items())
         self._publisher.publish(DiagnosticArray(statuses, Header(self._clock.now_ns())))
 
-    def _status(self, name: str, report: Mapping[str, Any]) -> DiagnosticStatus:
-        lost = sum(n for why, n in report["dropped"].items() if why != "rate")
+    def _status(self, name: str, told: NodeStatus) -> DiagnosticStatus:
+        lost = told.report.lost
         new, self._lost[name] = lost - self._lost.get(name, 0), lost
         return DiagnosticStatus(
             name,
             Level.WARN if new else Level.OK,
             f"dropped {new} messages in the last second" if new else "OK",
-            {key: str(value) for key, value in _flat(report).items()},
+            {key: str(value) for key, value in _flat(told.figures).items()},
         )
 
 

@@ -6,7 +6,6 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import UsageError
@@ -15,14 +14,14 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.calibrating import offer_calibration
-from ros_visualise.runtime.bridge.diagnostics import Diagnostics
+from ros_visualise.runtime.bridge.diagnostics import Diagnostics, NodeStatus
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
 from ros_visualise.runtime.bridge.outputs import ImageOutput, Output, StaticTransformsOutput
 from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlaybackFollower
-from ros_visualise.runtime.stats import RATES
+from ros_visualise.runtime.report import RATES
 from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
@@ -95,7 +94,7 @@ class Process:
                 one.want_info(any(output.wants_info for output in outputs))
         if time.monotonic() - self._diagnosed_s >= _DIAGNOSTICS_S:
             self._diagnosed_s = time.monotonic()
-            self._diagnostics.publish(self._report())
+            self._diagnostics.publish(self._statuses())
 
     def subscribers(self, name: str) -> int:
         """How many there are of a topic of this process, called as a node calls it.
@@ -167,23 +166,22 @@ class Process:
         for output in self._outputs.values():
             output.wait_for_room(end_s - time.monotonic())
 
-    def _report(self) -> dict[str, dict[str, Any]]:
-        """Every node's figures, under its full name on the graph."""
+    def _statuses(self) -> dict[str, NodeStatus]:
+        """What is told of every node, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
         own = self._middleware.resolve("~").rstrip("/")
-        nodes: dict[str, dict[str, Any]] = {}
+        statuses = {}
         for node in self._graph.members:
-            figures = report["nodes"][node.name]
-            figures["inputs"] = node.inputs
-            figures["topics"] = {
+            outputs = {
                 topic: {
-                    **{rate: report["topics"].get(topic, {}).get(rate) for rate in RATES},
+                    **{rate: getattr(report.topics.get(topic), rate, None) for rate in RATES},
                     "dropped": self._outputs[topic].dropped,
                 }
                 for topic in node.outputs.values()
             }
-            nodes[f"{own}/{self._namespaces[node.name]}".rstrip("/")] = figures
-        return nodes
+            name = f"{own}/{self._namespaces[node.name]}".rstrip("/")
+            statuses[name] = NodeStatus(report.nodes[node.name], node.inputs, outputs)
+        return statuses
 
 
 def _resolved(graph: Graph, middleware: Middleware) -> Graph:

@@ -1,27 +1,19 @@
-"""What nodes elsewhere report on ``/diagnostics``, read back into the layout of the run report."""
+"""What nodes elsewhere report on ``/diagnostics``, read back as parts of the run report."""
 
 from __future__ import annotations
 
 import logging
 import time
 from collections.abc import Mapping
-from typing import Any
 
 from ros_visualise.data import DiagnosticArray
+from ros_visualise.runtime.bridge.diagnostics import GATE
 from ros_visualise.runtime.middleware import Middleware
-from ros_visualise.runtime.stats import RATES
+from ros_visualise.runtime.report import RATES, NodeReport
 
 log = logging.getLogger(__name__)
 
 _FRESH_S = 5.0
-_NUMBERS = ("received", "processed", "p50_ms", "p99_ms", "step_ms", "requested_hz", "achieved_hz")
-_BLANK: Mapping[str, Any] = {
-    "received": 0,
-    "processed": 0,
-    "p50_ms": None,
-    "p99_ms": None,
-    "step_ms": None,
-}
 
 
 class Figures:
@@ -33,19 +25,28 @@ class Figures:
             "/diagnostics", DiagnosticArray, self._take, lambda why: log.debug("%s", why)
         )
 
-    def node(self, name: str) -> dict[str, Any]:
+    def node(self, name: str) -> NodeReport:
         """A node's part of the run report; nothing but zeros where it reports nothing."""
         told = self._fresh(name)
-        report = dict(_BLANK)
-        report |= {key: n for key in _NUMBERS if (n := _number(told.get(key))) is not None}
         dropped = {k.removeprefix("dropped/"): n for k, n in told.items() if "dropped/" in k[:8]}
-        report["dropped"] = {why: int(n) for why, n in dropped.items() if n.isdecimal()}
-        return report
+        requested_hz = _number(told.get("requested_hz"))
+        return NodeReport(
+            received=int(_number(told.get("received")) or 0),
+            processed=int(_number(told.get("processed")) or 0),
+            dropped={why: int(n) for why, n in dropped.items() if n.isdecimal()},
+            p50_ms=_number(told.get("p50_ms")),
+            p99_ms=_number(told.get("p99_ms")),
+            step_ms=_number(told.get("step_ms")),
+            own={} if requested_hz is None else {"requested_hz": requested_hz},
+            publishes="achieved_hz" in told,
+            achieved_hz=_number(told.get("achieved_hz")),
+            gate=told.get(GATE),
+        )
 
-    def rates(self, name: str, topic: str) -> dict[str, float | None]:
+    def rates(self, name: str, topic: str) -> list[float | None]:
         """How often a node publishes a topic, by its stamps and each second, as it says itself."""
         told = self._fresh(name)
-        return {rate: _number(told.get(f"topics/{topic}/{rate}")) for rate in RATES}
+        return [_number(told.get(f"topics/{topic}/{rate}")) for rate in RATES]
 
     def outputs(self, name: str) -> set[str]:
         """The topics that a node has ever said to publish."""

@@ -14,6 +14,7 @@ from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.recording import RecorderThread
+from ros_visualise.runtime.report import TopicReport
 from ros_visualise.runtime.topics import Consumer, Topic
 
 
@@ -76,9 +77,9 @@ class Relay:
         for listener in tuple(self._listeners):
             self.disconnect(listener)
 
-    def report(self, window_s: float | None) -> dict[str, Any]:
+    def report(self, type_name: str, window_s: float | None) -> TopicReport:
         """Counts and rates of what was received."""
-        return self._topic.report(window_s)
+        return self._topic.report(type_name, window_s)
 
 
 class Arrivals:

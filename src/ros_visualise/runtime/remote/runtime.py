@@ -6,13 +6,14 @@ import logging
 import threading
 import time
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph
+from ros_visualise.graph import Graph, TopicSpec
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
@@ -26,6 +27,7 @@ from ros_visualise.runtime.remote.figures import Figures
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.remote.places import Place, places, to_graph
 from ros_visualise.runtime.remote.relay import Arrivals, Relay
+from ros_visualise.runtime.report import RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
 
 log = logging.getLogger(__name__)
@@ -92,16 +94,14 @@ class RemoteRuntime:
         """
         self._middleware.call(f"/{node}/{action}")
 
-    def report(self, window_s: float | None = None) -> dict[str, Any]:
+    def report(self, window_s: float | None = None) -> RunReport:
         """The run report: our nodes' own figures, and the rates of what is received here."""
         graph = self.graph
         nodes = {node.name: self._figures.node(f"/{node.name}") for node in graph.nodes}
         topics = {
-            name: self._topic_report(name, f"/{topic.publisher}", window_s)
-            for name, topic in graph.topics.items()
+            name: self._topic_report(name, topic, window_s) for name, topic in graph.topics.items()
         }
-        recordings = report_recordings(tuple(self._recordings))
-        return {"topics": topics, "nodes": nodes, "recordings": recordings}
+        return RunReport(topics, nodes, report_recordings(tuple(self._recordings)))
 
     def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
         """Record the topics that there are now, in the order and at the times of arrival.
@@ -181,13 +181,14 @@ class RemoteRuntime:
             return True
         return time.monotonic() - self._seen_s[place.name] > _PATIENCE_S
 
-    def _topic_report(self, name: str, publisher: str, window_s: float | None) -> dict[str, Any]:
+    def _topic_report(self, name: str, topic: TopicSpec, window_s: float | None) -> TopicReport:
         """What is received here; where nobody looks, how often its publisher says to publish."""
         relay = self._relay(name)
-        told = relay.report(window_s)
-        if not relay.is_open:
-            told |= self._figures.rates(publisher, name)
-        return {"type": self.graph.topics[name].ros.name, **told}
+        report = relay.report(topic.ros.name, window_s)
+        if relay.is_open:
+            return report
+        hz, wall_hz = self._figures.rates(f"/{topic.publisher}", name)
+        return replace(report, hz=hz, wall_hz=wall_hz)
 
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
         for recording in tuple(self._recordings):

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import viser
 
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
@@ -201,7 +201,7 @@ class Desk:
             self._show_frames()
             self._show_report(self._runtime.report(_WINDOW_S))
 
-    def _show_report(self, report: dict[str, Any]) -> None:
+    def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
             lines = way_lines(report) + loss_lines(report)
             self._table.content = topic_table(self._graph, report) + lines

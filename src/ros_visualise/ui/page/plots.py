@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import viser
 from viser import uplot
 
 from ros_visualise.graph import Graph
+from ros_visualise.runtime.report import RunReport
 
 _KEPT = 60
 _COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3bc9db")
@@ -30,12 +30,13 @@ class Plots:
         self._made = [name for name, node in self._publishers.items() if graph.node(node).inputs]
         self._latencies = _Plot(gui, "ms since the source", self._made)
 
-    def add(self, report: dict[str, Any]) -> None:
+    def add(self, report: RunReport) -> None:
         """Go on with the rates and latencies of a run report."""
         now_s = time.monotonic() - self._start_s
-        topics, nodes = report["topics"], report["nodes"]
-        self._rates.add(now_s, [topics.get(t, {}).get("wall_hz") or 0.0 for t in self._publishers])
-        self._latencies.add(now_s, [nodes[self._publishers[t]]["p50_ms"] for t in self._made])
+        rates = {name: topic.wall_hz or 0.0 for name, topic in report.topics.items()}
+        self._rates.add(now_s, [rates.get(topic, 0.0) for topic in self._publishers])
+        makers = [report.nodes[self._publishers[topic]] for topic in self._made]
+        self._latencies.add(now_s, [maker.p50_ms for maker in makers])
 
     def remove(self) -> None:
         """Take them off the page."""

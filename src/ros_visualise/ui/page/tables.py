@@ -4,62 +4,58 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from html import escape
-from typing import Any
 
 from ros_visualise.graph import Graph
+from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport, Way
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
-    '<th title="lost; what the rate control leaves out as asked does not count">'
+    '<th title="lost; what a node leaves out as asked does not count">'
     'drops<th title="median time since the source, until the node is done">ms</tr>'
 )
 
 
-def topic_table(graph: Graph, report: dict[str, Any]) -> str:
+def topic_table(graph: Graph, report: RunReport) -> str:
     """The topics of a run report as a table in HTML."""
     rows = [
-        _row(name, topic, report["nodes"][graph.topics[name].publisher])
-        for name, topic in report["topics"].items()
+        _row(name, topic, report.nodes[graph.topics[name].publisher])
+        for name, topic in report.topics.items()
     ]
     return f'<table class="rv-topics">{_HEAD}{"".join(rows)}</table>'
 
 
-def way_lines(report: dict[str, Any]) -> str:
+def way_lines(report: RunReport) -> str:
     """Distance and speeds, from the nodes of a run report that measure them, in HTML."""
-    ways = {name: _way(node) for name, node in report["nodes"].items() if "length_m" in node}
-    return _lines(ways.items())
+    return _lines((name, _told(node.way)) for name, node in report.nodes.items() if node.way)
 
 
-def loss_lines(report: dict[str, Any]) -> str:
+def loss_lines(report: RunReport) -> str:
     """What could not be read so far, from the nodes of a run report, in HTML."""
-    lost = {name: node["lost"]["notes"] for name, node in report["nodes"].items() if "lost" in node}
-    return _lines((name, note) for name, notes in lost.items() for note in notes)
+    return _lines((name, note) for name, node in report.nodes.items() for note in node.unread)
 
 
 def _lines(told: Iterable[tuple[str, str]]) -> str:
     return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in told)
 
 
-def _way(node: dict[str, Any]) -> str:
-    parts = [f"{node['length_m']:.1f} m in {node['duration_s']:.1f} s"]
-    for word, mps in (("mean", node["mean_mps"]), ("top", node["top_mps"])):
+def _told(way: Way) -> str:
+    parts = [f"{way.length_m:.1f} m in {way.duration_s:.1f} s"]
+    for word, mps in (("mean", way.mean_mps), ("top", way.top_mps)):
         if mps is not None:
             parts.append(f"{word} {mps:.2f} m/s")
-    if node["refused"]:
-        parts.append(f"{node['refused']} refused")
+    if way.refused:
+        parts.append(f"{way.refused} refused")
     return ", ".join(parts)
 
 
-def _row(name: str, topic: dict[str, Any], node: dict[str, Any]) -> str:
-    drops = node["dropped"]
-    lost = sum(count for reason, count in drops.items() if reason != "rate")
+def _row(name: str, topic: TopicReport, node: NodeReport) -> str:
     cells = (
-        f'<span title="{_number(topic["wall_hz"])} per second">{_number(topic["hz"])}</span>',
-        _number(node.get("requested_hz")),
-        f'<span title="{escape(_reasons(drops.items()))}">{lost}</span>',
-        _number(node["p50_ms"]),
+        f'<span title="{_number(topic.wall_hz)} per second">{_number(topic.hz)}</span>',
+        _number(node.requested_hz),
+        f'<span title="{escape(_reasons(node.dropped.items()))}">{node.lost}</span>',
+        _number(node.p50_ms),
     )
-    first = f"<td>{escape(name)}<small>{escape(topic['type'].replace('/msg/', '/'))}</small></td>"
+    first = f"<td>{escape(name)}<small>{escape(topic.type.replace('/msg/', '/'))}</small></td>"
     return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
