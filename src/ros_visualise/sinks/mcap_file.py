@@ -1,7 +1,10 @@
 """Recording to MCAP, as rosbag2, Foxglove and the rosbags library read it.
 
-Source: the specification at mcap.dev. Chunks are put together here, for the mcap library takes
-twice the time for small messages and copies large ones five times; it writes all other records.
+Source: the specification at mcap.dev. The mcap library makes all records but chunks. Its `Writer`
+keeps a chunk in memory until that is flushed. If the process is killed, what came before a silence
+is lost where stamps decide when to flush (a map that comes once, for example); and where the clock
+decides, the same messages make another file each time. For small messages it takes half as long
+again.
 """
 
 from __future__ import annotations
