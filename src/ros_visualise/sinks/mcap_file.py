@@ -3,8 +3,7 @@
 Source: the specification at mcap.dev. The mcap library makes all records but chunks. Its `Writer`
 keeps a chunk in memory until that is flushed. If the process is killed, what came before a silence
 is lost where stamps decide when to flush (a map that comes once, for example); and where the clock
-decides, the same messages make another file each time. For small messages it takes half as long
-again.
+decides, the same messages make another file each time. For small messages it takes twice as long.
 """
 
 from __future__ import annotations
