@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
@@ -53,15 +53,16 @@ class Hub:
         return self.topics.setdefault(name, Topic(type_name))
 
     @contextmanager
-    def running(self, name: str, **given: Any) -> Iterator[HubMiddleware]:
+    def running(self, name: str, *args: str, **given: Any) -> Iterator[HubMiddleware]:
         """One of our executables as a node of this graph, until the end of the block.
 
         Args:
             name: of the executable, and of the node.
+            args: what else stands on its command line.
             given: its private parameters, with ``__`` where those have a ``/``.
         """
         told = {key.replace("__", "/"): value for key, value in given.items()}
-        middleware = HubMiddleware(self, told)
+        middleware = HubMiddleware(self, told, args=args)
         statuses: list[object] = []
         thread = threading.Thread(target=_run, args=(name, middleware, statuses), name=name)
         thread.start()
@@ -85,12 +86,20 @@ class HubMiddleware:
         hub: what it is a node of.
         given: its private parameters.
         name: of the node, which `begin` gives as well.
+        args: what else stands on its command line.
     """
 
-    def __init__(self, hub: Hub, given: Mapping[str, Any] | None = None, name: str = "") -> None:
+    def __init__(
+        self,
+        hub: Hub,
+        given: Mapping[str, Any] | None = None,
+        name: str = "",
+        args: Sequence[str] = (),
+    ) -> None:
         self.name = f"/{name}"
         self._hub = hub
         self._given = dict(given or {})
+        self._args = list(args)
         self._over = threading.Event()
 
     def begin(self, name: str) -> None:
@@ -107,7 +116,7 @@ class HubMiddleware:
         return self._over.is_set()
 
     def arguments(self) -> list[str]:
-        return []
+        return self._args
 
     def option(self, name: str, default: Any) -> Any:
         return self._given.get(name, default)

@@ -1,16 +1,20 @@
-"""What a node of several inputs is given, by every runtime: sets by stamp, frames, calibrations."""
+"""What every runtime gives to a node of several inputs: sets by stamp, frames, calibrations.
+
+Whoever imports this gives a fixture ``world``: a `World` in which the node `own` runs.
+
+    from contract_of_nodes import *
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import pytest
-from ros_graph import Master, Nodes, wait_for
+from waiting import wait_for
 
 from ros_visualise.data import (
     CameraInfo,
@@ -25,12 +29,9 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.nodes import load
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
-from ros_visualise.runtime.ros1.middleware import Ros1
 
 STEP_NS = 40_000_000
 TURN = np.array([0.0, 0, 0, 1])
@@ -70,42 +71,37 @@ def transform(parent: str, child: str, x: float, stamp_ns: int) -> Transforms:
     return Transforms((TransformStamped(child, at, TURN, Header(stamp_ns, parent)),))
 
 
-class LocalWorld:
-    """The node in this process; its images have their calibration as those of sources do."""
-
-    def __init__(self, own: Path) -> None:
-        self.runtime = LocalRuntime(alone(load(str(own), "locator")), None)
+class World(Protocol):
+    """The node, and the topics around it."""
 
     def give(self, topic: str, message: Any) -> None:
-        self.runtime.publish(topic, message)
+        """Publish a message."""
 
     def give_image(self, image: Image, info: CameraInfo | None) -> None:
-        self.give("/picture", replace(image, camera_info=info))
-
-    def wait(self) -> None:
-        self.runtime.start()
+        """Publish an image of a camera whose calibration this is."""
 
     def subscribe(self) -> Subscription:
-        return self.runtime.subscribe("/locator", depth=100)
-
-    def end(self) -> None:
-        self.runtime.stop()
+        """Listen to the node's answers."""
 
 
-class Ros1World:
-    """The node as a process of its own; calibrations come on their own topic."""
+class GraphWorld:
+    """The node runs elsewhere on a graph; calibrations come on their own topic.
 
-    def __init__(self, own: Path, master: Master) -> None:
-        self._ros, self._publishers = Ros1(), {}
+    Args:
+        middleware: of another node of the graph.
+    """
+
+    def __init__(self, middleware: Middleware) -> None:
         kinds = {"/picture": Image, "/found": PoseArray, "/tf": Transforms}
         kinds |= {"/tf_static": Transforms, INFO: CameraInfo}
-        for topic, kind in kinds.items():
-            qos = LATCHED if topic == "/tf_static" else VOLATILE
-            made = TopicType(type_name(kind), qos=qos)
-            self._publishers[topic] = self._ros.advertise(topic, made)
-        self._nodes = Nodes(master)
-        self._nodes.start("node", f"{own}:locator", node="locator")
-        self._remote = RemoteRuntime(self._ros)
+        self._publishers = {
+            topic: middleware.advertise(
+                topic,
+                TopicType(type_name(kind), qos=LATCHED if topic == "/tf_static" else VOLATILE),
+            )
+            for topic, kind in kinds.items()
+        }
+        self._remote = RemoteRuntime(middleware)
 
     def give(self, topic: str, message: Any) -> None:
         self._publishers[topic].publish(message)
@@ -116,6 +112,7 @@ class Ros1World:
             self.give(INFO, replace(info, header=image.header))
 
     def wait(self) -> None:
+        """Wait until the node listens, and can be listened to."""
         for publisher in self._publishers.values():
             wait_for(lambda p=publisher: p.connections, publisher.name)
         wait_for(lambda: "/locator" in self._remote.graph.topics, "/locator")
@@ -123,26 +120,18 @@ class Ros1World:
     def subscribe(self) -> Subscription:
         return self._remote.subscribe("/locator", depth=100)
 
-    def end(self) -> None:
+    def close(self) -> None:
         self._remote.close()
-        self._nodes.stop()
         for publisher in self._publishers.values():
             publisher.close()
 
 
-World = LocalWorld | Ros1World
-
-
-@pytest.fixture(params=["local", "ros1"])
-def world(request: pytest.FixtureRequest, tmp_path: Path, ros_master: Master) -> Iterator[World]:
-    own = tmp_path / "own.py"
-    own.write_text(LOCATOR)
-    made = LocalWorld(own) if request.param == "local" else Ros1World(own, ros_master)
-    try:
-        made.wait()
-        yield made
-    finally:
-        made.end()
+@pytest.fixture
+def own(tmp_path: Path) -> Path:
+    """The file with the node ``locator``."""
+    path = tmp_path / "own.py"
+    path.write_text(LOCATOR)
+    return path
 
 
 def places(world: World, info: CameraInfo | None, count: int) -> list[PoseStamped]:
@@ -171,7 +160,7 @@ def places(world: World, info: CameraInfo | None, count: int) -> list[PoseStampe
     return found
 
 
-def test_sets_come_by_stamp_with_the_frames_of_their_time_and_the_calibration(world):
+def test_sets_come_by_stamp_with_the_frames_of_their_time_and_the_calibration(world: World):
     info = CameraInfo(4, 6, K=np.diag([FOCAL_PX, FOCAL_PX, 1.0]))
     found = places(world, info, 10)
     for place in found:
@@ -183,6 +172,6 @@ def test_sets_come_by_stamp_with_the_frames_of_their_time_and_the_calibration(wo
         assert focal_px == FOCAL_PX
 
 
-def test_without_a_calibration_it_goes_on(world):
+def test_without_a_calibration_it_goes_on(world: World):
     found = places(world, None, 3)
     assert {place.position_xyz[1] for place in found} == {-1}

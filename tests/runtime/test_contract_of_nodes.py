@@ -1,0 +1,50 @@
+"""The contract of nodes with several inputs: in this process, and over a middleware of no ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from contract_of_nodes import *  # noqa: F403  # the tests themselves
+from contract_of_nodes import GraphWorld, World
+from hub import Hub, HubMiddleware
+
+from ros_visualise.data import CameraInfo, Image
+from ros_visualise.nodes import load
+from ros_visualise.pipelines import alone
+from ros_visualise.runtime.base import Subscription
+from ros_visualise.runtime.local import LocalRuntime
+
+
+class LocalWorld:
+    """The node in this process; its images have their calibration as those of sources do."""
+
+    def __init__(self, own: Path) -> None:
+        self.runtime = LocalRuntime(alone(load(str(own), "locator")), None)
+
+    def give(self, topic: str, message: Any) -> None:
+        self.runtime.publish(topic, message)
+
+    def give_image(self, image: Image, info: CameraInfo | None) -> None:
+        self.give("/picture", replace(image, camera_info=info))
+
+    def subscribe(self) -> Subscription:
+        return self.runtime.subscribe("/locator", depth=100)
+
+
+@pytest.fixture(params=["local", "hub"])
+def world(request: pytest.FixtureRequest, own: Path) -> Iterator[World]:
+    if request.param == "local":
+        made = LocalWorld(own)
+        made.runtime.start()
+        yield made
+        made.runtime.stop()
+        return
+    hub = Hub()
+    with hub.running("node", f"{own}:locator"), closing(GraphWorld(HubMiddleware(hub))) as graph:
+        graph.wait()
+        yield graph
