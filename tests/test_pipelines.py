@@ -6,13 +6,12 @@ from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import parse_insertion
 from ros_visualise.joining import Latest
-from ros_visualise.nodes import choose_node, find, load, node
+from ros_visualise.nodes import choose_node, find, find_node, load, node
 from ros_visualise.pipelines import (
     alone,
     demo_pipeline,
     image_pipeline,
     known_topics,
-    path_pipeline,
     simulation_pipeline,
 )
 
@@ -65,7 +64,7 @@ def test_only_the_overlay_is_made_on_demand():
 
 
 def test_the_path_is_made_of_odometry_from_outside():
-    graph = path_pipeline()
+    graph = alone(find_node("path"))
     ports = ["odom", "pose", "pose_cov", "fix", "tf", "tf_static"]
     assert topics_of(graph) == {"path": ({port: f"/{port}" for port in ports}, {"path": "/path"})}
     assert graph.inputs["/odom"] is Odometry

@@ -229,11 +229,6 @@ def _choose(
     return wanted or None
 
 
-def path_pipeline() -> Graph:
-    """The topic ``/odom`` -> path."""
-    return alone(find_node("path"))
-
-
 def alone(declared: NodeType | SourceType) -> Graph:
     """One node by itself, on the topics that it has in the pipelines.
 

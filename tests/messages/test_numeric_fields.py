@@ -6,7 +6,7 @@ from through import HEADER, ROS1, ROS2, through_ros1, through_ros2
 
 from ros_visualise.data import Imu, Odometry, PointCloud, Text, Transforms
 from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.numeric_fields import field_paths, numeric_fields
+from ros_visualise.messages.numeric_fields import numeric_fields
 
 IMU = Imu(
     [0, 0, 0.6, 0.8], [1, 2, 3], [4, 5, np.nan], angular_covariance=np.arange(9).reshape(3, 3)
@@ -37,7 +37,7 @@ def test_short_arrays_are_taken_apart():
 
 
 def test_paths_stand_in_the_order_of_the_definition():
-    paths = field_paths(through_ros2(IMU))
+    paths = list(numeric_fields(through_ros2(IMU)))
     assert paths[:5] == ["header.stamp", *(f"orientation.{axis}" for axis in "xyzw")]
     assert paths[5] == "orientation_covariance[0]"
     assert paths[-1] == "linear_acceleration_covariance[8]"

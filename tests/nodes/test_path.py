@@ -25,8 +25,9 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.messages import from_message
+from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathNode, PathParams
-from ros_visualise.pipelines import path_pipeline
+from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 
 EACH = PathParams(min_distance=0, min_angle=0, rate=0)
@@ -385,12 +386,12 @@ def test_transforms_that_are_none_are_left_out_and_counted(runtime):
     runtime.publish("/tf", transforms(("map", "base_link", math.nan, 1)))
     runtime.publish("/tf", transforms(("map", "base_link", 1, 2)))
     np.testing.assert_array_equal(subscription.take(5).positions_xyz, [[1, 0, 0]])
-    assert runtime.report()["nodes"]["path"]["dropped"] == {"wrong tf": 1}
+    assert runtime.report().nodes["path"].dropped == {"wrong tf": 1}
 
 
 @pytest.fixture
 def runtime():
-    graph = path_pipeline().configured({"path": vars(EACH)})
+    graph = alone(find_node("path")).configured({"path": vars(EACH)})
     runtime = LocalRuntime(graph, None)
     runtime.start()
     yield runtime

@@ -120,14 +120,6 @@ def to_rpy(quat_xyzw: npt.ArrayLike) -> Floats:
     return np.stack([roll, np.arcsin(sine), yaw], axis=-1)
 
 
-def angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Floats:
-    """The angle (...) in radians, 0 to pi, of the rotation that takes one to the other."""
-    difference = multiply(inverse(normalise(a)), normalise(b))
-    sine = np.linalg.norm(difference[..., :3], axis=-1)
-    angle: Floats = 2 * np.arctan2(sine, np.abs(difference[..., 3]))
-    return angle
-
-
 def slerp(a: npt.ArrayLike, b: npt.ArrayLike, fraction: npt.ArrayLike) -> Floats:
     """Rotations (..., 4) on the shortest way from ``a`` to ``b`` at an even rate.
 

@@ -43,7 +43,7 @@ def numeric_fields(message: Any) -> dict[str, float]:
     """Each number of a message by its path, such as ``pose.pose.position.x`` or ``covariance[3]``.
 
     Numbers, truth values as 0 and 1, times and durations in seconds, and arrays of up to nine of
-    them; longer arrays and lists of messages are left out.
+    them, in the order of its definition; longer arrays and lists of messages are left out.
     """
     plan = _PLANS.get(type(message))
     if plan is None:
@@ -52,11 +52,6 @@ def numeric_fields(message: Any) -> dict[str, float]:
     for (path, add), value in zip(plan.leaves, plan.read(message), strict=True):
         add(found, path, value)
     return found
-
-
-def field_paths(message: Any) -> list[str]:
-    """The paths of a message's numbers, in the order of its definition."""
-    return list(numeric_fields(message))
 
 
 def _plan(message: Any) -> _Plan:
