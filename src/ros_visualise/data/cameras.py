@@ -34,6 +34,11 @@ class CameraInfo(Message):
     distortion_model: str = "plumb_bob"
     header: Header = Header()
 
+    @property
+    def projection(self) -> npt.NDArray[np.float64]:
+        """``P``, or where it is not given, ``K`` and a column of zeros."""
+        return np.column_stack([self.K, np.zeros(3)]) if self.P is None else self.P
+
     @classmethod
     def uncalibrated(cls, height: int, width: int) -> CameraInfo:
         """What ROS says of a camera that nobody has calibrated: its size, and ``K`` all zero."""
@@ -42,8 +47,7 @@ class CameraInfo(Message):
 
     def fields(self) -> dict[str, Any]:
         """The fields of a sensor_msgs/msg/CameraInfo."""
-        P = np.column_stack([self.K, np.zeros(3)]) if self.P is None else self.P
-        matrices = {"d": self.D, "k": self.K, "r": self.R, "p": P}
+        matrices = {"d": self.D, "k": self.K, "r": self.R, "p": self.projection}
         whole_image = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0)
         return {
             "header": header(self.header),

@@ -44,7 +44,7 @@ def check(info: CameraInfo, size: Size) -> None:
             f"it is for images of {info.width}x{info.height}, and the camera's are"
             f" {size[0]}x{size[1]}"
         )
-    arrays = (info.K, info.D, info.R, np.zeros(0) if info.P is None else info.P)
+    arrays = (info.K, info.D, info.R, info.projection)
     if not all(np.isfinite(array).all() for array in arrays):
         raise UsageError("it holds what is no number")
     if not (info.K[0, 0] > 0 and info.K[1, 1] > 0):
@@ -86,7 +86,6 @@ def save(info: CameraInfo, path: Path, name: str) -> None:
 
 def to_yaml(info: CameraInfo, name: str) -> str:
     """A calibration as camera_calibration_parsers writes it, with every digit."""
-    P = np.column_stack([info.K, np.zeros(3)]) if info.P is None else info.P
     lines = [
         f"image_width: {info.width}",
         f"image_height: {info.height}",
@@ -95,7 +94,7 @@ def to_yaml(info: CameraInfo, name: str) -> str:
         f"distortion_model: {info.distortion_model or 'plumb_bob'}",
         *_matrix("distortion_coefficients", info.D[None]),
         *_matrix("rectification_matrix", info.R),
-        *_matrix("projection_matrix", P),
+        *_matrix("projection_matrix", info.projection),
     ]
     return "\n".join(lines) + "\n"
 
