@@ -18,7 +18,7 @@ from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
-from ros_visualise.ui.page.tables import loss_lines, topic_table, way_lines
+from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.worker import Worker
 
 
@@ -150,7 +150,7 @@ def worker_of(said, tick=lambda: None):
 
 def test_the_way_that_was_gone_is_told():
     gone = {"length_m": 12.34, "duration_s": 10.0, "mean_mps": 1.234, "top_mps": None, "refused": 2}
-    told = way_lines(RunReport({}, {"player": NodeReport(), "path": NodeReport(own=gone)}))
+    told = travel_lines(RunReport({}, {"player": NodeReport(), "path": NodeReport(own=gone)}))
     assert "path: 12.3 m in 10.0 s, mean 1.23 m/s, 2 refused" in told
     assert "player" not in told
 

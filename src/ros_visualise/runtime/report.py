@@ -21,7 +21,7 @@ class TopicReport:
 
 
 @dataclass(frozen=True)
-class Way:
+class TravelReport:
     """How far and how fast a robot went, and how many of its poses were refused."""
 
     length_m: float
@@ -38,8 +38,8 @@ class NodeReport:
     Attributes:
         received, processed: messages.
         dropped: reason -> messages that it did not process, or answered with nothing.
-        p50_ms, p99_ms: since the source let a message go, until the node was done with it.
-        step_ms: the median of a step alone.
+        p50_ms, p99_ms: median and 99th percentile of the time from the source to the end of a step.
+        step_ms: the median of a step by itself.
         own: figures of the node's own.
         publishes: whether it has outputs.
         achieved_hz: the rate of the first of them, by the stamps.
@@ -68,11 +68,12 @@ class NodeReport:
         return self.own.get("requested_hz")
 
     @property
-    def way(self) -> Way | None:
-        """The way gone, where the node follows one."""
-        names = Way.__dataclass_fields__
-        has_way = names.keys() <= self.own.keys()
-        return Way(**{name: self.own[name] for name in names}) if has_way else None
+    def travel(self) -> TravelReport | None:
+        """How far a robot went, where the node follows one."""
+        names = TravelReport.__dataclass_fields__
+        if not names.keys() <= self.own.keys():
+            return None
+        return TravelReport(**{name: self.own[name] for name in names})
 
     @property
     def unread(self) -> Sequence[str]:

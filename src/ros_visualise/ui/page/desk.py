@@ -21,7 +21,7 @@ from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
-from ros_visualise.ui.page.tables import loss_lines, topic_table, way_lines
+from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
@@ -203,7 +203,7 @@ class Desk:
 
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            lines = way_lines(report) + loss_lines(report)
+            lines = travel_lines(report) + loss_lines(report)
             self._table.content = topic_table(self._graph, report) + lines
             self._plots.add(report)
 

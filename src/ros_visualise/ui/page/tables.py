@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from html import escape
 
 from ros_visualise.graph import Graph
-from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport, Way
+from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport, TravelReport
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
@@ -24,9 +24,10 @@ def topic_table(graph: Graph, report: RunReport) -> str:
     return f'<table class="rv-topics">{_HEAD}{"".join(rows)}</table>'
 
 
-def way_lines(report: RunReport) -> str:
+def travel_lines(report: RunReport) -> str:
     """Distance and speeds, from the nodes of a run report that measure them, in HTML."""
-    return _lines((name, _told(node.way)) for name, node in report.nodes.items() if node.way)
+    nodes = report.nodes.items()
+    return _lines((name, _told(node.travel)) for name, node in nodes if node.travel)
 
 
 def loss_lines(report: RunReport) -> str:
@@ -38,13 +39,13 @@ def _lines(told: Iterable[tuple[str, str]]) -> str:
     return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in told)
 
 
-def _told(way: Way) -> str:
-    parts = [f"{way.length_m:.1f} m in {way.duration_s:.1f} s"]
-    for word, mps in (("mean", way.mean_mps), ("top", way.top_mps)):
+def _told(travel: TravelReport) -> str:
+    parts = [f"{travel.length_m:.1f} m in {travel.duration_s:.1f} s"]
+    for word, mps in (("mean", travel.mean_mps), ("top", travel.top_mps)):
         if mps is not None:
             parts.append(f"{word} {mps:.2f} m/s")
-    if way.refused:
-        parts.append(f"{way.refused} refused")
+    if travel.refused:
+        parts.append(f"{travel.refused} refused")
     return ", ".join(parts)
 
 
