@@ -44,7 +44,7 @@ class Hub:
 
     def __init__(self) -> None:
         self.topics: dict[str, Topic] = {}
-        self.services: dict[str, Callable[[], None]] = {}
+        self.services: dict[str, Callable[[], str | None]] = {}
         self.parameters: dict[str, tuple[str, Parameters[Any]]] = {}  # by name: of which node
         self.lock = threading.RLock()
 
@@ -149,7 +149,7 @@ class HubMiddleware:
     ) -> Subscriber:
         return Subscriber(self._hub, self.name, self.resolve(topic), kind, take, refuse)
 
-    def offer(self, service: str, act: Callable[[], None]) -> Offered:
+    def offer(self, service: str, act: Callable[[], str | None]) -> Offered:
         return Offered(self._hub.services, self.resolve(service), act)
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Offered:

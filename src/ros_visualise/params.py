@@ -32,6 +32,7 @@ def param(
     slider: tuple[float, float] | None = None,
     restart: bool = False,
     group: str = "",
+    saved: bool = True,
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -42,9 +43,10 @@ def param(
         slider: a smaller range for the slider than the hard limits.
         restart: a change reopens the source.
         group: the folder that it is kept in on the page; none: always in view.
+        saved: whether it is saved with the others; what is played, and how, is not.
     """
     metadata = {"help": help, "min": min, "max": max, "slider": slider}
-    metadata |= {"restart": restart, "group": group}
+    metadata |= {"restart": restart, "group": group, "saved": saved}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -61,6 +63,7 @@ class Spec:
     slider: tuple[float, float] | None
     restart: bool
     group: str
+    saved: bool
 
     @property
     def choices(self) -> tuple[str, ...]:

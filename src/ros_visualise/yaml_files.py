@@ -6,6 +6,7 @@ values, which programs then look at one by one.
 
 from __future__ import annotations
 
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,16 @@ def parse_yaml(data: bytes) -> Any:
         raise BadYaml(f"{error.problem}{line}") from None
     except (YAMLError, ValueError, RecursionError):  # such as a number of a million digits
         raise BadYaml("give a text file of keys and values") from None
+
+
+def to_yaml(values: Any) -> str:
+    """Values as a text that readers of YAML 1.1, as ROS has, and of 1.2 read alike."""
+    yaml = YAML(typ="safe", pure=True)
+    yaml.version = (1, 1)
+    yaml.default_flow_style = False
+    text = StringIO()
+    yaml.dump(values, text)
+    return text.getvalue()
 
 
 class _Composer(Composer):

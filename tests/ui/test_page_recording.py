@@ -9,6 +9,7 @@ from rosbags.highlevel import AnyReader
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.sinks.names import in_folder, record_folder
 from ros_visualise.ui.page import Page
+from ros_visualise.yaml_files import load_yaml
 
 ELSEWHERE = [
     "",
@@ -94,5 +95,35 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     client.read_until(lambda: client.values["file"].startswith("record-"))
     with AnyReader([folder / "fine.mcap"]) as reader:
         assert set(reader.topics) == {"/edges", "/parameter_events"}
+    client.socket.close()
+    page.close()
+
+
+def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
+    runtime.parameters["filters"].update({"blur": "median"})
+    (tmp_path / "old.yaml").write_text("precious")
+    page = Page(port=port, record_dir=tmp_path)
+    page.open(runtime)
+    client = Client(port)
+    client.read_until(lambda: "save parameters" in client.values)
+    refused = {
+        "../away.yaml": "give a name alone",
+        "p.mcap": "give a name that ends in .yaml",
+        "p.yaml@/edges": "give a name that ends in .yaml",
+        "old.yaml": "exists",
+    }
+    for name, said in refused.items():
+        client.html.clear()
+        client.set("parameters", name)
+        client.set("save parameters", True)
+        client.read_until(lambda said=said: any(said in html for html in client.html))
+    assert [path.name for path in tmp_path.iterdir()] == ["old.yaml"]
+
+    client.set("parameters", "mine.yaml")
+    client.set("save parameters", True)
+    client.read_until(lambda: client.values["parameters"].startswith("parameters-"))
+    saved = load_yaml(tmp_path / "mine.yaml")
+    assert saved["filters"]["blur"] == "median"
+    assert set(saved) == {member.name for member in runtime.graph.members}
     client.socket.close()
     page.close()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import partial
 
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.executables.options import (
@@ -14,11 +16,12 @@ from ros_visualise.executables.options import (
     choose_view,
 )
 from ros_visualise.executables.player import run_player
-from ros_visualise.executables.running import run_graph
+from ros_visualise.executables.running import offer_saving, run_graph
 from ros_visualise.nodes import NodeType, SourceType, choose, choose_node, find
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
+from ros_visualise.runtime.saving import live_parameters
 from ros_visualise.ui import open_view
 from ros_visualise.ui.watching import watch
 
@@ -75,13 +78,15 @@ def _run_viewer(middleware: Middleware) -> int:
     """Show what nodes elsewhere on the graph publish, and their parameters."""
     name, options = choose_view(middleware, "web")
     runtime = RemoteRuntime(middleware, choose_image_transport(middleware))
+    parameters = partial(live_parameters, runtime)
     try:
-        watch(
-            runtime,
-            lambda: open_view(name, options),
-            middleware.is_over,
-            reopens=name == "windows",
-        )
+        with closing(offer_saving(middleware, parameters, options.record_dir)):
+            watch(
+                runtime,
+                lambda: open_view(name, options),
+                middleware.is_over,
+                reopens=name == "windows",
+            )
     finally:
         runtime.close()
     return 0

@@ -7,18 +7,21 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import choose_image_transport, choose_view, seconds
 from ros_visualise.graph import Graph, M
-from ros_visualise.params import update
+from ros_visualise.params import Parameters, update
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.process import Process
-from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
+from ros_visualise.runtime.saving import save_anew
 from ros_visualise.sources.calibration_store import locate
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui import View, open_view
+from ros_visualise.ui import View, ViewOptions, open_view
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +63,8 @@ def run_graph(
         options: private parameters that may stand beside those of the nodes.
         conduct: surrounds its running.
     """
-    view = _open_view(middleware)
+    name, shown = choose_view(middleware, "none")
+    view = _open_view(name, shown)
     try:
         graph = _configured(middleware, graph, namespaces, options)
         playback = _playback(middleware, graph, view.stays)
@@ -73,7 +77,8 @@ def run_graph(
         view.open(process.runtime)
         with conduct(middleware, process):
             process.start()
-            _spin(middleware, process, view)
+            with closing(offer_saving(middleware, lambda: process.parameters, shown.record_dir)):
+                _spin(middleware, process, view)
     finally:
         view.close()
         process.stop()
@@ -134,9 +139,21 @@ def _clock(middleware: Middleware, makes_time: bool) -> Clock:
     return clock
 
 
-def _open_view(middleware: Middleware) -> View:
+def offer_saving(
+    middleware: Middleware, parameters: Callable[[], Mapping[str, Parameters[Any]]], folder: Path
+) -> Handle:
+    """The service ``~save_parameters``, which answers with the file that it has written.
+
+    Args:
+        middleware: what it is offered on.
+        parameters: gives what there is to save then.
+        folder: of the files.
+    """
+    return middleware.offer("~save_parameters", lambda: str(save_anew(parameters(), folder)))
+
+
+def _open_view(name: str, options: ViewOptions) -> View:
     """What ``~view`` asks for; without a screen for it the node runs all the same."""
-    name, options = choose_view(middleware, "none")
     try:
         return open_view(name, options)
     except OpenError as error:

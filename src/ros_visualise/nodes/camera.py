@@ -20,7 +20,10 @@ class CameraParams:
     """Which camera, and how."""
 
     uri: str = param(
-        "0", "device (/dev/video0 or 0), URL, test (a test pattern), or lavfi:GRAPH", restart=True
+        "0",
+        "device (/dev/video0 or 0), URL, test (a test pattern), or lavfi:GRAPH",
+        restart=True,
+        saved=False,
     )
     size: str = param(
         "", "size of the images, WIDTHxHEIGHT; empty leaves it to the camera", restart=True
@@ -42,7 +45,10 @@ class CameraParams:
         restart=True,
     )
     camera_info_url: str = param(
-        "", "calibration of the camera, a YAML file of ROS: a path or file:///PATH", restart=True
+        "",
+        "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
+        restart=True,
+        saved=False,
     )
 
 

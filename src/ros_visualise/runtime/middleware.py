@@ -178,8 +178,14 @@ class Middleware(Protocol):
             UsageError: the middleware has no such type of messages.
         """
 
-    def offer(self, service: str, act: Callable[[], None]) -> Handle:
-        """Offer a std_srvs/Trigger; an error of this package that is raised becomes its answer."""
+    def offer(self, service: str, act: Callable[[], str | None]) -> Handle:
+        """Offer a std_srvs/Trigger.
+
+        Args:
+            service: its name.
+            act: is run. What it returns is the answer's message; an error of this package that it
+                raises becomes an answer without success.
+        """
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
         """Offer a sensor_msgs/SetCameraInfo, as `offer`; ``take`` gets what is to be set."""

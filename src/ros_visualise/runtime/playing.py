@@ -16,7 +16,7 @@ from ros_visualise.sources.playback import Playback
 class LiveParams:
     """How a live source is shown; its own parameters come beside these."""
 
-    paused: bool = param(False, "stop at the image shown now")
+    paused: bool = param(False, "stop at the image shown now", saved=False)
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,14 @@ class PlayingParams(LiveParams):
     """How a recording is played; a source's own parameters come beside these."""
 
     rate: float = param(
-        1.0, "speed of playing; 0 is as fast as it goes", min=0, max=MAX_RATE, slider=(0, 4)
+        1.0,
+        "speed of playing; 0 is as fast as it goes",
+        min=0,
+        max=MAX_RATE,
+        slider=(0, 4),
+        saved=False,
     )
-    loop: bool = param(False, "start over at the end")
+    loop: bool = param(False, "start over at the end", saved=False)
 
 
 def playing_params(source: SourceType) -> type:

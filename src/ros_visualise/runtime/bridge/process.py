@@ -6,6 +6,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import UsageError
@@ -13,6 +14,7 @@ from ros_visualise.graph import Graph, M
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.params import Parameters
 from ros_visualise.runtime.bridge.calibrating import offer_calibration
 from ros_visualise.runtime.bridge.diagnostics import Diagnostics, NodeStatus
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
@@ -106,6 +108,13 @@ class Process:
             if self._declared[topic] == name.removeprefix("/"):
                 return output.connections
         raise UsageError(f"no topic {name} here; there is {', '.join(self._declared.values())}")
+
+    @property
+    def parameters(self) -> dict[str, Parameters[Any]]:
+        """The live parameters of its nodes, by what launch files and ``params:=`` call those."""
+        own = self._middleware.resolve("~").rstrip("/").rpartition("/")[2]
+        there = self.runtime.parameters.items()
+        return {self._namespaces[name] or own: parameters for name, parameters in there}
 
     def stop(self) -> None:
         """End now; what was published last still goes out."""

@@ -99,7 +99,14 @@ def _make(description: ConfigDescription) -> Declaration:
             kind, value = _choice(told.name, sent, value)
         limits = _limits(told.type, low[there], high[there])
         grouped = group.name if group.id else ""
-        declared = param(value, told.description, min=limits[0], max=limits[1], group=grouped)
+        declared = param(
+            value,
+            told.description,
+            min=limits[0],
+            max=limits[1],
+            group=grouped,
+            saved=name == there and not sent,  # else it is called or written otherwise here
+        )
         fields.append((name, kind, declared))
     params = make_dataclass("Params", fields, frozen=True)
     return Declaration(params, choices=choices)

@@ -77,7 +77,7 @@ class Ros1:
 
         return Subscriber(topic, message_class(type_name(kind)), taken)
 
-    def offer(self, service: str, act: Callable[[], None]) -> TriggerService:
+    def offer(self, service: str, act: Callable[[], str | None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""
         return TriggerService(service, act)
 

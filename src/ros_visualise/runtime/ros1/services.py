@@ -15,19 +15,18 @@ class TriggerService:
 
     Args:
         name: of the service.
-        act: is run; an error that it raises is the answer.
+        act: is run; what it returns, or an error that it raises, is the answer.
     """
 
-    def __init__(self, name: str, act: Callable[[], None]) -> None:
+    def __init__(self, name: str, act: Callable[[], str | None]) -> None:
         self._act = act
         self._service = rospy.Service(name, Trigger, self._answer)
 
     def _answer(self, _: TriggerRequest) -> TriggerResponse:
         try:
-            self._act()
+            return TriggerResponse(True, self._act() or "")
         except RosVisualiseError as error:
             return TriggerResponse(False, str(error))
-        return TriggerResponse(True, "")
 
     def close(self) -> None:
         """Offer it no longer."""

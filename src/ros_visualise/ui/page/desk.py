@@ -19,6 +19,7 @@ from ros_visualise.ui.page.layout import Choice, arrange
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.recorder import Recorder
+from ros_visualise.ui.page.saver import Saver
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
@@ -101,6 +102,7 @@ class Desk:
         self._choice = Choice(gui, self._windows_folder, self._worker)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker, self._record_dir)
+            Saver(gui, self._runtime, self._worker, self._record_dir)
         with gui.add_folder("graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("plots", expand_by_default=False)

@@ -1,0 +1,84 @@
+"""Saving the parameters of nodes as YAML, which ``--params`` and launch files load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import datetime
+from enum import Enum
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.params import Parameters, specs
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.sinks.files import TargetFile
+from ros_visualise.yaml_files import to_yaml
+
+
+def live_parameters(runtime: Runtime) -> dict[str, Parameters[Any]]:
+    """The parameters of the nodes that there are now, by the nodes' names."""
+    names = [member.name for member in runtime.graph.members]
+    return {name: runtime.parameters[name] for name in names if name in runtime.parameters}
+
+
+def save(parameters: Mapping[str, Parameters[Any]], path: Path) -> None:
+    """Write the values that parameters have now to a new file.
+
+    Args:
+        parameters: by the name of their node; with a ``/`` in it, one mapping is in another.
+        path: of the file.
+
+    Raises:
+        UsageError: its name does not end in .yaml, or there is nothing to save.
+        OpenError: it is there, or cannot be written.
+        RecordingError: it could not be written to its end.
+    """
+    if path.suffix != ".yaml":
+        raise UsageError(f"{path.name}: give a name that ends in .yaml")
+    values = _values(parameters)
+    if not values:
+        raise UsageError("no node here has parameters to save")
+    target = TargetFile(path, overwrite=False)
+    try:
+        data = to_yaml(values).encode()
+        target.require_room(len(data))
+        target.write(data)
+        target.close()
+    except OSError as error:
+        raise target.give_up(error, 0) from None
+
+
+def save_anew(parameters: Mapping[str, Parameters[Any]], folder: Path) -> Path:
+    """Write as `save` does, to a name that nothing has yet; gives that file."""
+    first = folder.absolute() / new_name()
+    for number in count(1):
+        path = first if number == 1 else first.with_stem(f"{first.stem}-{number}")
+        try:
+            save(parameters, path)
+            return path
+        except OpenError:
+            if not path.exists():
+                raise
+    raise AssertionError
+
+
+def new_name() -> str:
+    """A name that tells the time, as that of a recording."""
+    return f"parameters-{datetime.now():%Y%m%d-%H%M%S}.yaml"
+
+
+def _values(parameters: Mapping[str, Parameters[Any]]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for node, live in parameters.items():
+        current = live.current
+        saved = [spec.name for spec in specs(current) if spec.saved]
+        place = values
+        for part in node.split("/") if saved else ():
+            place = place.setdefault(part, {})
+        place |= {name: _plain(getattr(current, name)) for name in saved}
+    return values
+
+
+def _plain(value: Any) -> Any:
+    return str(value.value) if isinstance(value, Enum) else value
