@@ -63,7 +63,7 @@ class Terminal:
 def wait_for_messages(process, path):
     """Until something stands in a recording."""
     give_up = time.monotonic() + PATIENCE_S
-    while not (path.exists() and path.stat().st_size > 100_000):
+    while not (path.exists() and path.stat().st_size > 20_000):
         assert process.poll() is None
         assert time.monotonic() < give_up
         time.sleep(0.02)
@@ -145,12 +145,12 @@ def test_output_to_a_terminal_that_is_gone_harms_no_recording(tmp_path):
 
 def test_a_run_that_ends_by_itself_needs_no_terminal(tmp_path):
     path = tmp_path / "out.mcap"
-    record = ["--frames", "60", "--record", path]
+    record = ["--frames", "120", "--record", path]
     terminal = Terminal("env", "--ignore-signal=HUP", *COMMAND, *CAMERA, *record)
     wait_for_messages(terminal.process, path)
     terminal.close()
     assert terminal.wait() == 0
-    assert count(path) > 60
+    assert count(path) > 120
 
 
 def test_a_second_ctrl_c_disturbs_nothing(tmp_path):

@@ -26,7 +26,12 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def home(ros_master) -> Any:
-    """Where calibrations are kept; empty again after the test."""
+    """Where calibrations are kept; empty again after the test.
+
+    Nodes that were launched before leave their parameters behind, and with them another place.
+    """
+    if rospy.has_param("/streamer"):
+        rospy.delete_param("/streamer")
     folder = Path(ros_master.environment["ROS_HOME"]) / "camera_info"
     yield folder
     for file in folder.glob("*"):
