@@ -11,15 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data.fields import Either, Fields, header
+from ros_visualise.data.found import Found, FoundArray
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.hypotheses import (
-    Found,
-    Hypothesis,
-    read_header_of,
-    read_hypotheses,
-    write_hypotheses,
-)
-from ros_visualise.data.message import Message
+from ros_visualise.data.hypotheses import Hypothesis, read_hypotheses, write_hypotheses
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,63 +55,47 @@ class Detection(Found):
         corners: Floats = self.center_uv + half @ np.array([[c, s], [-s, c]])
         return corners
 
-
-@dataclass(frozen=True, eq=False)
-class Detections(Message):
-    """What was found in one image: the header is that of the image.
-
-    A message of ROS 1 has numbers alone for classes and no ``id``, none has ``corners_uv``.
-    """
-
-    type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
-    plotted: ClassVar[bool] = False
-    renamed: ClassVar[bool] = True
-
-    detections: tuple[Detection, ...]
-    header: Header = Header()
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a vision_msgs/msg/Detection2DArray, of ROS 1 and of ROS 2.
-
-        Raises:
-            ValueError: it is for ROS 1 and a class is no number.
-        """
-        kind = "vision_msgs/msg/Detection2D"
-        found = [Fields(kind, self._fields_of(one)) for one in self.detections]
-        return {"header": header(self.header), "detections": found}
-
-    @classmethod
-    def read(cls, message: Any) -> Detections:
-        """What was found by a vision_msgs/msg/Detection2DArray."""
-        found = tuple(map(_read_detection, message.detections))
-        return cls(found, read_header_of(message))
-
-    def _fields_of(self, one: Detection) -> dict[str, Any]:
-        x, y = one.center_uv.tolist()
-        flat = Fields("geometry_msgs/msg/Pose2D", {"x": x, "y": y, "theta": one.theta})
+    def fields(self, found_in: Header) -> dict[str, Any]:
+        """The fields of a vision_msgs/msg/Detection2D."""
+        x, y = self.center_uv.tolist()
+        flat = Fields("geometry_msgs/msg/Pose2D", {"x": x, "y": y, "theta": self.theta})
         position = Fields("vision_msgs/msg/Point2D", {"x": x, "y": y})
-        center = Fields("vision_msgs/msg/Pose2D", {"position": position, "theta": one.theta})
-        size = dict(zip(("size_x", "size_y"), one.size_uv.tolist(), strict=True))
+        center = Fields("vision_msgs/msg/Pose2D", {"position": position, "theta": self.theta})
+        size = dict(zip(("size_x", "size_y"), self.size_uv.tolist(), strict=True))
         box = Fields("vision_msgs/msg/BoundingBox2D", {"center": Either(center, flat), **size})
         no_image: dict[str, Any] = dict.fromkeys(("height", "width", "is_bigendian", "step"), 0)
         no_image |= {"header": header(Header()), "encoding": "", "data": np.zeros(0, np.uint8)}
         return {
-            "header": header(self.header),
-            "results": write_hypotheses(one.hypotheses),
+            "header": header(found_in),
+            "results": write_hypotheses(self.hypotheses),
             "bbox": box,
-            "id": one.id,
+            "id": self.id,
             "source_img": Fields("sensor_msgs/msg/Image", no_image),
         }
 
+    @classmethod
+    def read(cls, message: Any) -> Detection:
+        """The thing in a vision_msgs/msg/Detection2D."""
+        box = message.bbox
+        # before ROS 2 Humble the centre was a geometry_msgs/Pose2D
+        center = getattr(box.center, "position", box.center)
+        return cls(
+            np.array([center.x, center.y], np.float64),
+            np.array([box.size_x, box.size_y], np.float64),
+            float(box.center.theta),
+            read_hypotheses(message.results),
+            str(getattr(message, "id", "")),
+        )
 
-def _read_detection(message: Any) -> Detection:
-    box = message.bbox
-    # before ROS 2 Humble the centre was a geometry_msgs/Pose2D
-    center = getattr(box.center, "position", box.center)
-    return Detection(
-        np.array([center.x, center.y], np.float64),
-        np.array([box.size_x, box.size_y], np.float64),
-        float(box.center.theta),
-        read_hypotheses(message.results),
-        str(getattr(message, "id", "")),
-    )
+
+@dataclass(frozen=True, eq=False)
+class Detections(FoundArray):
+    """What was found in one image: the header is that of the image.
+
+    In messages of ROS 1 a class is a number, and there is no ``id``; none has ``corners_uv``.
+    """
+
+    type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
+    kind: ClassVar[type[Found]] = Detection
+
+    detections: tuple[Detection, ...]

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.data.fields import Fields, field_names, read_header
-from ros_visualise.data.header import Floats, Header, keep
+from ros_visualise.data.fields import Fields, field_names
+from ros_visualise.data.header import Floats, keep
 from ros_visualise.data.vectors import pose_fields, xyz, xyzw
 
 _LEVEL = np.array([0.0, 0, 0, 1])
@@ -31,29 +31,6 @@ class Hypothesis:
 
     def __post_init__(self) -> None:
         keep(self, position_xyz=(3,), quat_xyzw=(4,), covariance=(6, 6))
-
-
-class Found:
-    """What a detection in an image and one in space have in common."""
-
-    hypotheses: tuple[Hypothesis, ...]
-    id: str
-
-    @property
-    def label(self) -> str:
-        """What a person reads of it: class, score and id, as far as they are known."""
-        score = f"{self.score:.2f}" if self.hypotheses else ""
-        return " ".join(part for part in (self.class_id, score, self.id and f"#{self.id}") if part)
-
-    @property
-    def class_id(self) -> str:
-        """The likeliest class; empty without any."""
-        return max(self.hypotheses, key=_score, default=_NOTHING).class_id
-
-    @property
-    def score(self) -> float:
-        """Of the likeliest class; 0 without any."""
-        return max(self.hypotheses, key=_score, default=_NOTHING).score
 
 
 class _HypothesisFields(dict[str, Any]):
@@ -109,16 +86,5 @@ def _read_hypothesis(message: Any) -> Hypothesis:
     )
 
 
-def read_header_of(message: Any) -> Header:
-    """Of the array; some detectors fill in that of each detection alone."""
-    found = read_header(message.header)
-    if found == Header() and len(message.detections):
-        return read_header(message.detections[0].header)
-    return found
-
-
-def _score(one: Hypothesis) -> float:
-    return one.score
-
-
-_NOTHING = Hypothesis("", 0.0)
+NO_HYPOTHESIS = Hypothesis("", 0.0)
+"""Of what nobody can say what it is."""
