@@ -200,8 +200,8 @@ def test_quaternions_are_normalised(tree):
     ("wrong", "why"),
     [
         (at(0, "map", "robot", quat=(0, 0, 0, 0)), "'map' -> 'robot' has a quaternion of zeros"),
-        (at(0, "map", "robot", quat=(0, 0, 0, np.nan)), "holds what is no number"),
-        (at(0, "map", "robot", (np.inf, 0, 0)), "holds what is no number"),
+        (at(0, "map", "robot", quat=(0, 0, 0, np.nan)), "holds a value that is not a number"),
+        (at(0, "map", "robot", (np.inf, 0, 0)), "holds a value that is not a number"),
         (at(0, "", "robot"), "lacks the name of a frame"),
         (at(0, "map", "/"), "lacks the name of a frame"),
         (at(0, "map", "/map"), "is a frame in itself"),

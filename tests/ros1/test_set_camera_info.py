@@ -84,7 +84,7 @@ def test_nonsense_is_refused_and_nothing_written(start, video, home):
     assert answer.status_message.startswith("it is for images of 320x120, and the camera's are 160")
     answer = call("set_camera_info", calibration(float("nan")))
     assert not answer.success
-    assert "no number" in answer.status_message
+    assert "not a number" in answer.status_message
     assert not list(home.glob("*"))
 
 

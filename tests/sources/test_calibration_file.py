@@ -75,7 +75,7 @@ def test_a_path_may_be_a_url(write, prefix):
     [
         ("missing.yaml", r"missing\.yaml: No such file or directory; give a calibration as camera"),
         (".", r"\.: Is a directory"),
-        ("package://mine/cam.yaml", "packages are found by ROS alone; give the file's path"),
+        ("package://mine/cam.yaml", "only ROS finds packages; give the file's path"),
         ("http://host/cam.yaml", r"http://host/cam.yaml: give a path or file:///PATH"),
         ("file://host/cam.yaml", r"file://host/cam.yaml: give a path or file:///PATH"),
     ],
@@ -96,9 +96,12 @@ def test_an_address_without_a_file_is_refused(url, expected):
         (OST.replace("image_height: 480", "image_height: 0"), "its image_height is 0"),
         (OST.replace("[500, 0,", "[500,"), "its projection_matrix has 11 numbers, not 12"),
         (OST.replace("535.92", "0"), "its camera_matrix has no focal lengths"),
-        (OST.replace("535.92", ".nan"), "its camera_matrix holds what is no number"),
-        (OST.replace("[1, 0, 0, 0", "[[1], 0, 0, 0"), "rectification_matrix holds what is no"),
-        (OST.replace("-0.26637", "much"), "distortion_coefficients holds what is no number"),
+        (OST.replace("535.92", ".nan"), "its camera_matrix holds a value that is not a number"),
+        (OST.replace("[1, 0, 0, 0", "[[1], 0, 0, 0"), "rectification_matrix holds a value"),
+        (
+            OST.replace("-0.26637", "much"),
+            "distortion_coefficients holds a value that is not a number",
+        ),
         (OST.replace("rectification_matrix", "R"), "it has no rectification_matrix with data"),
     ],
 )

@@ -248,5 +248,5 @@ def test_transforms_that_are_none_are_counted_by_what_is_wrong_with_them():
         "transforms: would make a loop": 1,
         "transforms: lacks the name of a frame": 1,
         "transforms: has a quaternion of zeros": 1,
-        "transforms: holds what is no number": 1,
+        "transforms: holds a value that is not a number": 1,
     }

@@ -65,7 +65,7 @@ def test_a_scan_without_points_sends_none_and_hides_those_before(scene, look, ra
 
 def test_a_pose_that_is_no_number_is_said(scene, look):
     draw(scene, odom=odometry([np.nan, 0, 0]), tf=tf(transform("map", "odom", [1, 0, 0], 1)))
-    assert "no number" in scene.problems["/odom"]
+    assert "not a number" in scene.problems["/odom"]
     turned = Odometry(np.zeros(3), LEVEL * np.nan, header=Header(S, "odom"))
     draw(scene, odom=turned)
     assert "no rotation" in scene.problems["/odom"]
@@ -90,7 +90,7 @@ def test_odd_transforms_are_said_once_with_their_topic(scene, caplog):
         "/tf: 'self' -> '/self' is a frame in itself (said once)",
         "/tf: '' -> 'nameless' lacks the name of a frame (said once)",
         "/tf: 'map' -> 'flat' has a quaternion of zeros (said once)",
-        "/tf: 'map' -> 'nowhere' holds what is no number (said once)",
+        "/tf: 'map' -> 'nowhere' holds a value that is not a number (said once)",
         "/tf: 'box' is in several frames: map and odom (said once)",
     ]
 

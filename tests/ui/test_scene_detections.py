@@ -39,6 +39,6 @@ def test_what_is_not_found_any_more_goes_with_its_label(scene, look):
 
 def test_a_box_that_is_none_is_said(scene):
     draw(scene, found=found(thing([np.nan, 0, 0])))
-    assert "no number" in scene.problems["/found"]
+    assert "not a number" in scene.problems["/found"]
     draw(scene, found=found(thing([1, 0, 0], quat=np.zeros(4)), stamp_s=2.0))
     assert "quaternion" in scene.problems["/found"]

@@ -138,10 +138,10 @@ def test_a_mesh_is_drawn_in_its_size_and_color(scene, look, package):
     [
         ("package://robot/../secret.stl", "not in its package"),
         ("package://robot/%2e%2e/secret.stl", "not in its package"),
-        ("package://robot/base.dae", "stl files alone"),
+        ("package://robot/base.dae", "only meshes in .stl files"),
         ("package://robot/torn.stl", "holds no mesh"),
         ("package://robot/none.stl", "no such file"),
-        ("file:///dev/zero", "stl files alone"),
+        ("file:///dev/zero", "only meshes in .stl files"),
         ("http://127.0.0.1/a.stl", "package://PACKAGE/FILE"),
         ("", "package://PACKAGE/FILE"),
     ],
@@ -217,7 +217,7 @@ def test_a_marker_of_an_unknown_frame_is_said_and_drawn_when_that_is_there(scene
     ("wrong", "said"),
     [
         (marker(99, id=1), "type 99"),
-        (marker(xyz=[np.nan, 0, 0], id=1), "no number"),
+        (marker(xyz=[np.nan, 0, 0], id=1), "not a number"),
         (marker(MarkerType.TRIANGLE_LIST, id=1), "three points"),
         (marker(MarkerType.MESH_RESOURCE, id=1, mesh_resource="package://no/a.stl"), "no is not"),
     ],

@@ -133,7 +133,7 @@ def duration(length_ns: int) -> Fields:
     """
     sec, nanosec = divmod(length_ns, _NS)
     if not -_SECONDS <= sec < _SECONDS:
-        raise ValueError(f"a duration of {sec} s: ROS holds 68 years alone")
+        raise ValueError(f"a duration of {sec} s: ROS holds 68 years at most")
     return Fields("builtin_interfaces/msg/Duration", {"sec": sec, "nanosec": nanosec})
 
 

@@ -34,7 +34,7 @@ class Hypothesis:
 
 
 class _HypothesisFields(dict[str, Any]):
-    """The class as a number is made for ROS 1 alone, which has no names."""
+    """Makes a number of the class when asked: only ROS 1 does, which has no names of classes."""
 
     def __missing__(self, name: str) -> Any:
         if name != "id":
@@ -44,7 +44,7 @@ class _HypothesisFields(dict[str, Any]):
             return int(class_id)
         except ValueError:
             raise ValueError(
-                f"class {class_id!r}: vision_msgs of ROS 1 holds numbers alone; give its number"
+                f"class {class_id!r}: in vision_msgs of ROS 1 classes are numbers; give its number"
             ) from None
 
 
@@ -87,4 +87,4 @@ def _read_hypothesis(message: Any) -> Hypothesis:
 
 
 NO_HYPOTHESIS = Hypothesis("", 0.0)
-"""Of what nobody can say what it is."""
+"""Of a thing that may be anything."""

@@ -18,7 +18,7 @@ Colors = npt.NDArray[np.float32]
 
 
 class MarkerType(IntEnum):
-    """What a marker is; the last is of ROS 2 alone."""
+    """What a marker is; only ROS 2 has the last one."""
 
     ARROW = 0
     CUBE = 1

@@ -22,13 +22,13 @@ def pose(translation_xyz: Floats, quat_xyzw: Floats) -> Pose:
     """The motion, its quaternion normalised.
 
     Raises:
-        ValueError: the quaternion is zero, or something is no number.
+        ValueError: the quaternion is zero, or a value is not a number.
     """
     x, y, z = translation_xyz.tolist()
     a, b, c, d = quat_xyzw.tolist()
     norm = math.sqrt(a * a + b * b + c * c + d * d)
     if not math.isfinite(x + y + z + norm):
-        raise ValueError("holds what is no number")
+        raise ValueError("holds a value that is not a number")
     if norm < _SMALLEST:
         raise ValueError("has a quaternion of zeros")
     return x, y, z, a / norm, b / norm, c / norm, d / norm

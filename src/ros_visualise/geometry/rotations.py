@@ -23,7 +23,9 @@ def normalise(quat_xyzw: npt.ArrayLike) -> Floats:
     quat = np.asarray(quat_xyzw, np.float64)
     norm = np.linalg.norm(quat, axis=-1, keepdims=True)
     if not (np.isfinite(norm) & (norm > 1e-9)).all():
-        raise ValueError("a quaternion of zeros, or of what is no number, is no rotation")
+        raise ValueError(
+            "a quaternion of zeros, or with a value that is not a number, is no rotation"
+        )
     unit: Floats = quat / norm
     return unit
 

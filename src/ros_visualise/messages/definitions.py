@@ -121,7 +121,7 @@ class Definitions:
         """The message in the bytes.
 
         Raises:
-            DamagedMessage: they are not one, or nobody knows the type.
+            DamagedMessage: they are not one, or its type is unknown.
         """
         store = self._store
         read = store.deserialize_ros1 if self.encoding == "ros1" else store.deserialize_cdr

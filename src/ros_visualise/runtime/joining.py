@@ -112,7 +112,7 @@ class _Together:
 
     Where nothing is dropped, packets are taken in the order of their source numbers, so that the
     same input makes the same sets, and shows the node the same frames, however the threads run.
-    Live, they are taken as they come, and of sets with images the newest alone.
+    Live, they are taken as they come, and of sets with images only the newest.
     """
 
     def __init__(self, graph: Graph, runner: NodeRunner) -> None:
@@ -164,7 +164,7 @@ class _Together:
             yield self._ask(self._last._replace(number=END), held.packets)
 
     def _take_newest(self, packet: Packet | None, inbox: Inbox) -> list[Question]:
-        """All that waits; of several sets with images the newest alone."""
+        """All that waits; of several sets with images only the newest."""
         questions: list[Question] = []
         for _ in range(_ROUND):
             if packet is None:

@@ -61,7 +61,7 @@ class Ordering:
 
     @property
     def answered(self) -> int:
-        """The newest number that all have answered, as far as it went to them."""
+        """The newest number that all have answered to whom it went."""
         return min(self._begun, *(owed[0] - 1 for owed in self._owed.values() if owed), END)
 
     def waits(self, topic: str) -> bool:

@@ -1,4 +1,4 @@
-"""Playing a source on a ROS graph: its playback as parameters of the node."""
+"""The playback of a source as live parameters of its node, for graphs without a page."""
 
 from __future__ import annotations
 

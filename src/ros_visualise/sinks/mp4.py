@@ -82,7 +82,7 @@ class Mp4Recorder:
         """A video holds one topic: others are let go."""
 
     def add_extra(self, extra: Extra) -> None:
-        """A video holds images alone: what else there is is let go."""
+        """Leave it out: a video holds only images."""
 
     def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
         """Record an image at its stamp; as `ros_visualise.sinks.Recorder`."""

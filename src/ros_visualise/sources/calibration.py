@@ -131,7 +131,7 @@ def path_of(url: str) -> Path:
         return Path(url)
     parts = urlsplit(url)
     if parts.scheme == "package":
-        raise OpenError(f"{url}: packages are found by ROS alone; give the file's path")
+        raise OpenError(f"{url}: only ROS finds packages; give the file's path")
     if parts.scheme != "file" or parts.netloc not in ("", "localhost"):
         raise OpenError(f"{url}: give a path or file:///PATH")
     return Path(unquote(parts.path))
@@ -177,7 +177,7 @@ def _numbers(values: Mapping[str, Any], name: str) -> Floats:
     except (TypeError, ValueError):
         numbers = np.array([np.nan])
     if numbers.ndim != 1 or not np.isfinite(numbers).all():
-        raise ValueError(f"its {name} holds what is no number")
+        raise ValueError(f"its {name} holds a value that is not a number")
     return numbers
 
 

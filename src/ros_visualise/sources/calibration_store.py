@@ -37,7 +37,7 @@ def check(info: CameraInfo, size: Size) -> None:
     """Refuse what cannot be the calibration of images of that size.
 
     Raises:
-        UsageError: says why.
+        UsageError: the message says why.
     """
     if (info.width, info.height) != size:
         raise UsageError(
@@ -46,7 +46,7 @@ def check(info: CameraInfo, size: Size) -> None:
         )
     arrays = (info.K, info.D, info.R, info.projection)
     if not all(np.isfinite(array).all() for array in arrays):
-        raise UsageError("it holds what is no number")
+        raise UsageError("it holds a value that is not a number")
     if not (info.K[0, 0] > 0 and info.K[1, 1] > 0):
         raise UsageError("its K has no focal lengths")
     try:

@@ -65,7 +65,7 @@ def apply_controls(device: str, wanted: Mapping[str, int], ioctl: Ioctl = fcntl.
         ioctl: what asks the kernel.
 
     Raises:
-        OpenError: the device lacks one, it does not take that value, or it refuses it now.
+        OpenError: the device lacks one, or refuses a value.
     """
     if not wanted:
         return

@@ -126,7 +126,7 @@ def _distortion(info: CameraInfo) -> tuple[bool, Floats]:
     """Whether it is a fisheye's, and the coefficients.
 
     Raises:
-        UnsupportedImage: nobody knows the model, or it has other coefficients.
+        UnsupportedImage: the model is unknown, or it has another number of coefficients.
     """
     name = info.distortion_model or "plumb_bob"
     allowed = _COEFFICIENTS.get(name)

@@ -45,7 +45,7 @@ class Calibrator:
         """Keep a calibration; the source's next image has it.
 
         Raises:
-            UsageError: it is none of these images, or there is no place for it.
+            UsageError: it is not a calibration of these images, or there is no place for it.
             RecordingError: it cannot be written.
         """
         check(info, self._size())

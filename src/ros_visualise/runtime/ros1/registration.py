@@ -105,7 +105,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             log.debug("%s is not unregistered: %s", name, error)
 
     def wake(self) -> None:
-        """Spare the end of the process the half second until the manager looks by itself."""
+        """Wake the manager, which else looks after half a second, as the process ends."""
         with self._manager.cond:
             self._manager.cond.notify_all()
 

@@ -73,7 +73,7 @@ def _parse(path: Path, data: bytes) -> Floats:
     if len(numbers) != len(_AT):
         raise DamagedFile(path, f"{len(numbers)} of {len(_AT)} numbers")
     if not np.isfinite(numbers).all() or abs(numbers[_AT["lat"]]) >= 90:
-        raise DamagedFile(path, "a value is no number, or no place on the Earth")
+        raise DamagedFile(path, "a value is not a number, or not a place on the Earth")
     return numbers
 
 

@@ -40,7 +40,7 @@ class DetectedBoxes(Drawing):
             raise DamagedMessage(f"Detections3D: {error}") from None
         sizes = np.array([one.size_xyz for one in several]).reshape(-1, 3)
         if not (np.isfinite(T).all() and np.isfinite(sizes).all()):
-            raise DamagedMessage("Detections3D: a box holds what is no number")
+            raise DamagedMessage("Detections3D: a box holds a value that is not a number")
         colors = np.array([color_of(one.class_id) for one in several]).reshape(-1, 3) / 255
         rgba = np.column_stack([colors, np.full(len(several), _ALPHA)])
         self._boxes.show([(T, sizes, rgba)])

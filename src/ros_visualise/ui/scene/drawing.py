@@ -74,10 +74,10 @@ class Drawing:
         raise NotImplementedError
 
     def gather(self, message: Any, now_ns: int) -> None:
-        """Of what ``gathers``: take a message in, at that time of the data."""
+        """Take in a message at that time of the data; called where it ``gathers``."""
 
     def update(self, frames: Frames, now_ns: int) -> str:
-        """Of what ``gathers``: draw it as it is at that time; why some of it is not drawn."""
+        """Draw what was gathered as it is at that time; says why some of it is not drawn."""
         return ""
 
     def frame_of(self, message: Any, frames: Frames) -> str:

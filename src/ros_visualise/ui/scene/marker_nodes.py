@@ -1,4 +1,4 @@
-"""Markers that are no solids: lines, points, texts and meshes, each in a node of its own."""
+"""Markers that are not made of solids: lines, points, texts and meshes, each in its own node."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _HAIR_PX = 1.0  # of a line whose width is 0
 
 
 def add_node(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """Draw a marker in its own frame; nothing of one that is made of solids.
+    """Draw a marker in its own frame; one that is made of solids is drawn elsewhere.
 
     Raises:
         ValueError: it cannot be drawn.
     """
     if marker.type not in set(MarkerType):
-        raise ValueError(f"nobody knows the type {marker.type}")
+        raise ValueError(f"unknown type {marker.type}")
     draw = _DRAWN.get(MarkerType(marker.type))
     if draw is not None:
         draw(scene, name, marker)
 
 
 def looks_like(one: Marker, other: Marker) -> bool:
-    """Whether two markers differ in their places at most."""
+    """Whether two markers look the same; they may be at different places."""
     return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in _LOOKS)
 
 
@@ -76,7 +76,7 @@ def _add_points(scene: viser.SceneApi, name: str, marker: Marker) -> None:
 
 
 def _add_text(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """The height of a capital letter is the third of the scales; the page has one colour of it."""
+    """A capital letter is as high as the third scale; the page has one colour for texts."""
     height = float(marker.scale_xyz[2])
     if marker.text and height > 0:
         scene.add_label(
@@ -89,10 +89,10 @@ def _add_text(scene: viser.SceneApi, name: str, marker: Marker) -> None:
 
 
 def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """Coloured by corner or by triangle, whichever there are colours for."""
+    """Coloured by corner or by triangle, by how many colours there are."""
     count = len(marker.points_xyz) // 3
     if not count:
-        raise ValueError("has no three points for a triangle")
+        raise ValueError("has fewer than three points")
     if len(marker.colors_rgba) == count:
         rgba = marker.colors_rgba.repeat(3, axis=0)
     else:

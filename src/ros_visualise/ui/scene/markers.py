@@ -27,7 +27,7 @@ _KINDS = ("cube", "sphere", "cylinder", "cone")
 
 @dataclass
 class _Kept:
-    """A marker that is there: until when, where, and what it hangs below if it is no solids."""
+    """A marker that is there: until when, where, and its node if it is not made of solids."""
 
     marker: Marker
     until_ns: float
@@ -102,7 +102,7 @@ class Markers(Drawing):
         self._clear("")
 
     def _place(self, key: tuple[str, int], one: _Kept, frames: Frames) -> None:
-        """Say where a marker's frame is, unless that was said for good."""
+        """Find out where a marker's frame is, unless that is known for good."""
         before = one.T_fixed_frame
         if before is not None and one.tries >= _TRIES and not one.follows:
             return
@@ -186,14 +186,14 @@ def _locate(one: _Kept, frames: Frames) -> Floats:
 
 
 def pose_of(marker: Marker) -> Floats:
-    """T_frame_marker, 4x4; a quaternion of zeros, which many programs send, is no rotation.
+    """T_frame_marker, 4x4; a quaternion of zeros, which many programs send, means no rotation.
 
     Raises:
-        ValueError: something of it is no number.
+        ValueError: a value is not a number.
     """
     parts = (marker.position_xyz, marker.quat_xyzw, marker.scale_xyz, marker.points_xyz.ravel())
     if not np.isfinite(np.concatenate(parts)).all():
-        raise ValueError("holds what is no number")
+        raise ValueError("holds a value that is not a number")
     quat_xyzw = marker.quat_xyzw if marker.quat_xyzw.any() else _LEVEL
     return transforms.from_pose(marker.position_xyz, quat_xyzw)
 

@@ -1,7 +1,7 @@
-"""Meshes that a message names: files of this machine, which only STL is read of.
+"""Meshes that a message names: STL files of this machine.
 
-A message may come from anybody. What it names is read if it is a small STL file and nothing else;
-no other format is, since they name further files.
+A message may come from anybody, so only small files are read, and only STL: files of other formats
+name further files.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ def load_mesh(resource: str) -> Mesh:
     """The mesh of a ``package://`` or ``file://`` address.
 
     Raises:
-        ValueError: it is none that is read; the message says why.
+        ValueError: it cannot be read; the message says why.
     """
     path = _path_of(resource)
     if path.suffix.lower() != ".stl":
-        raise ValueError(f"{resource}: meshes are read of .stl files alone")
+        raise ValueError(f"{resource}: only meshes in .stl files are read")
     if not path.is_file():
         raise ValueError(f"{resource}: there is no such file")
     if path.stat().st_size > _LARGEST:

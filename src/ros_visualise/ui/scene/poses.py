@@ -72,7 +72,9 @@ def pose_of(message: Posed) -> Floats:
     except ValueError as error:
         raise DamagedMessage(f"{type(message).__name__}: {error}") from None
     if not np.isfinite(T_frame_body).all():
-        raise DamagedMessage(f"{type(message).__name__}: its pose holds what is no number")
+        raise DamagedMessage(
+            f"{type(message).__name__}: its pose holds a value that is not a number"
+        )
     return T_frame_body
 
 

@@ -51,7 +51,7 @@ def mesh_of(kind: str) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.uint32]]
 
 
 def solids_of(marker: Marker) -> list[Solids]:
-    """Of what a marker is made; nothing for lines, points, texts, triangles and meshes."""
+    """What a marker is made of; nothing for lines, points, texts, triangles and meshes."""
     if marker.type in _SINGLE:
         middle = np.zeros((1, 3))
         return [_copies(_SINGLE[MarkerType(marker.type)], middle, marker)]

@@ -44,7 +44,7 @@ def is_split_bag(files: Sequence[Path]) -> bool:
 
 
 def _parts(folder: Path, loss: Loss) -> list[Path]:
-    """Those of a folder in their order; what lacks between them is a loss.
+    """Those of a folder in their order; a missing one between them is a loss.
 
     ``rosbag record --max-splits`` deletes the first ones.
     """

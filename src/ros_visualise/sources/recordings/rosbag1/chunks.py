@@ -19,7 +19,7 @@ ENTRY = np.dtype([("stamp_ns", "<i8"), ("connection", "<u4"), ("offset", "<u4")]
 _INDEXED = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _NS = 1_000_000_000
 _LOADED_BYTES = 32 << 20  # of a chunk that is not compressed; a larger one is read bit by bit
-_LARGE_BYTES = 4096  # of a message: what it takes to read it alone is then nothing to speak of
+_LARGE_BYTES = 4096  # of a message: reading each by itself then costs little
 
 
 class Chunk(NamedTuple):
