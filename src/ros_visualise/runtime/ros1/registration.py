@@ -44,7 +44,7 @@ def wait_for_master() -> None:
         say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
     while not rosgraph.is_master_online():
         time.sleep(_CHECK_S)
-    rospy.core._xmlrpc_cache[uri] = rospy.core._LockedServerProxy(uri, transport=_Transport())
+    rospy.core._xmlrpc_cache[uri] = rospy.core._LockedServerProxy(uri, transport=BoundedTransport())
 
 
 def set_param(name: str, value: Any) -> None:
@@ -152,7 +152,7 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
             self._manager.publisher_update(name, publishers)
 
 
-class _Transport(xmlrpc.client.Transport):
+class BoundedTransport(xmlrpc.client.Transport):
     """Does not wait for ever for an answer, as where the machine of the other one is gone."""
 
     _patience_s = _PATIENCE_S

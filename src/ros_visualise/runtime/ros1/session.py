@@ -6,7 +6,6 @@ import logging
 import os
 import sys
 import threading
-import time
 from typing import Any
 
 import rospkg
@@ -14,11 +13,11 @@ import rospy
 
 from ros_visualise.errors import OpenError
 from ros_visualise.printing import Shown
+from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.runtime.ros1.transport import global_name
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
-_CLOCK_S = 1.5  # as long as nodes that are launched together take to start
 _PACKAGE = "package://"
 
 _log = logging.getLogger(__name__)
@@ -52,7 +51,7 @@ def begin(name: str) -> None:
     log.addHandler(to_rosout)
     log.setLevel(logging.INFO)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
-    threading.Thread(target=_watch_clock, name="clock watch", daemon=True).start()
+    threading.Thread(target=watch_clock, args=(is_over,), name="clock watch", daemon=True).start()
 
 
 def arguments() -> list[str]:
@@ -118,13 +117,3 @@ def _say_alone() -> None:
 def _end_without_master() -> None:
     _log.warning("the ROS master is gone: this node ends")
     _wish.asked = True
-
-
-def _watch_clock() -> None:
-    """Say that no time passes, as after a launch file that left ``/use_sim_time`` behind."""
-    time.sleep(_CLOCK_S)
-    if not is_over() and not rospy.rostime.is_wallclock() and not rospy.get_time():
-        _log.warning(
-            "/use_sim_time is set, and nobody publishes /clock: no time passes. If nobody is going"
-            " to: rosparam delete /use_sim_time, and start this node again"
-        )

@@ -1,0 +1,62 @@
+"""Simulated time that nobody publishes is said; where the launch file starts a clock, it is not."""
+
+import subprocess
+
+import pytest
+import rospy
+from ros_graph import end, wait_for
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
+
+from ros_visualise.data import Text
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sinks import open_recorder
+
+LAUNCH = """<launch>
+  <param name="/use_sim_time" value="true"/>
+  <node name="fps_control" pkg="ros_visualise" type="fps_control" output="screen"/>
+  <node name="player" pkg="ros_visualise" type="player" output="screen" launch-prefix="{late}">
+    <param name="path" type="str" value="{bag}"/>
+  </node>
+</launch>"""
+LATE = "sh -c 'sleep 5; exec &quot;$0&quot; &quot;$@&quot;'"
+WORDS = "nobody publishes /clock"
+
+
+@pytest.fixture
+def launched(workspace, tmp_path):
+    bag = tmp_path / "words.bag"
+    with open_recorder(str(bag), {"/words": TopicType("std_msgs/msg/String")}) as recorder:
+        for second in range(1, 30):
+            recorder.write("/words", Text(str(second)), second * 10**9)
+    launch = tmp_path / "late.launch"
+    launch.write_text(LAUNCH.format(bag=bag, late=LATE))
+    process = subprocess.Popen(
+        ["roslaunch", str(launch)],
+        env=workspace.environment,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
+    yield process
+    end(process)
+    rospy.delete_param("/use_sim_time")
+
+
+def test_a_clock_that_starts_late_is_waited_for(launched, hear):
+    clock, words = hear("/clock", Clock), hear("/words", String)
+    clock.wait(3)
+    words.wait(1)
+    assert WORDS not in end(launched)
+
+
+def test_a_clock_that_is_none_is_said(start, workspace):
+    rospy.set_param("/use_sim_time", True)
+    rospy.set_param("/roslaunch/uris/gone__1", "http://127.0.0.1:9/")  # as a killed one leaves it
+    try:
+        node = start("filters")
+        line = wait_for(lambda: next((one for one in node.stdout if WORDS in one), ""), WORDS)
+        assert "rosparam delete /use_sim_time" in line
+    finally:
+        rospy.delete_param("/use_sim_time")
+        rospy.delete_param("/roslaunch/uris/gone__1")
