@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
@@ -67,7 +67,8 @@ class SourceType:
     simulation; else they are stamped with the time that there is. ``ros`` are the types of those
     outputs for which their class does not say it, as of a recording. ``velocity_axes`` are those of
     `VELOCITY_AXES` along which it follows a Twist: only a robot has any. ``seamless`` where its end
-    leads back to its start, so that it is looped while somebody looks on.
+    leads back to its start, so that it is looped while somebody looks on. ``extend`` is the name of
+    a parameter that brings more of them, and what gives the parameters with these.
     """
 
     name: str
@@ -84,6 +85,7 @@ class SourceType:
     makes_time: bool = False
     velocity_axes: tuple[str, ...] = ()
     seamless: bool = False
+    extend: tuple[str, Callable[[Any], Any]] | None = None
 
 
 class Source(Protocol):
@@ -97,6 +99,9 @@ class Source(Protocol):
 
     def receive(self, port: str, message: Any) -> None:
         """Take a message of an input; may be called from any thread."""
+
+    def configure(self, params: Any, changed: Collection[str]) -> None:
+        """Take over changed parameters, or raise ParameterError; may be called from any thread."""
 
     def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
         """Make costly messages only while ``is_wanted``, asked with the output's name, says so."""
@@ -118,6 +123,9 @@ class _Optional:
         return None
 
     def receive(self, port: str, message: Any) -> None:
+        pass
+
+    def configure(self, params: Any, changed: Collection[str]) -> None:
         pass
 
     def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
@@ -200,6 +208,7 @@ def source(
     makes_time: bool = False,
     velocity_axes: tuple[str, ...] = (),
     seamless: bool = False,
+    extend: tuple[str, Callable[[Any], Any]] | None = None,
 ) -> Callable[[T], T]:
     """Declare the decorated class as a source; see `SourceType`.
 
@@ -226,6 +235,7 @@ def source(
             makes_time=makes_time,
             velocity_axes=velocity_axes,
             seamless=seamless,
+            extend=extend,
         )
         return target
 

@@ -52,7 +52,7 @@ class UsageError(RosVisualiseError):
 
 
 class ParameterError(UsageError):
-    """An unknown parameter, or a value of the wrong type or out of its range."""
+    """An unknown parameter, or a value of the wrong type, out of its range, or refused."""
 
 
 class OpenError(UsageError):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from ros_visualise import params
 from ros_visualise.declarations import TRANSFORMS
@@ -79,6 +79,16 @@ class SourceNode(Member):
     """What a graph starts from."""
 
     type: SourceType
+
+    def configured(self, changes: Mapping[str, Any]) -> SourceNode:
+        """The same with other starting parameters; one of them may bring more of them."""
+        decisive, extend = self.type.extend or ("", None)
+        if extend is None or decisive not in changes:
+            return super().configured(changes)
+        decided = super().configured({decisive: changes[decisive]})
+        params = extend(decided.params)
+        more = replace(decided, type=replace(self.type, params=type(params)), params=params)
+        return Member.configured(more, changes)
 
     def _topic(self, port: str) -> TopicSpec:
         topic = super()._topic(port)
@@ -260,31 +270,6 @@ def place(
     single = len(declared.outputs) == 1
     named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
     return Node(declared.name, declared, declared.params(), inputs, outputs or named)
-
-
-class Insertion(NamedTuple):
-    """A node, what it comes after, and topics for its inputs; None where it does not say."""
-
-    node: str
-    after: str | None
-    topics: dict[str, str]
-
-
-def parse_insertion(text: str) -> Insertion:
-    """``NODE[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
-
-    NODE is as `ros_visualise.nodes.choose_node` takes it.
-
-    Raises:
-        UsageError: it is not of that form.
-    """
-    path, colon, rest = text.rpartition(":")
-    name, *chosen = rest.split(",")
-    name, _, after = name.partition("@")
-    topics = dict(one.partition("=")[::2] for one in chosen)
-    if not all(topics.values()):
-        raise UsageError(f"{text}: give a node as NODE, NODE@AFTER or NODE@AFTER,INPUT=/topic")
-    return Insertion(path + colon + name, after or None, topics)
 
 
 def _rewired(node: Node, before: str, now: str) -> Node:

@@ -163,11 +163,13 @@ def update(params: P, changes: Mapping[str, Any]) -> P:
 class Parameters(Generic[P]):
     """A node's live parameters: a frozen object that is swapped as a whole, never changed.
 
-    ``current`` may be read from any thread without a lock.
+    ``current`` may be read from any thread without a lock. ``accept`` is asked before each change,
+    and raises ParameterError where it cannot be made.
     """
 
     def __init__(self, initial: P) -> None:
         self.current = initial
+        self.accept: Callable[[P, Mapping[str, Value]], None] = lambda *_: None
         self._lock = threading.RLock()
         self._listeners: list[Callable[[P, Mapping[str, Value]], None]] = []
 
@@ -175,7 +177,7 @@ class Parameters(Generic[P]):
         """Apply all changes or none; listeners are told what really changed.
 
         Raises:
-            ParameterError: as `update`.
+            ParameterError: as `update`, or ``accept`` refuses it.
         """
         with self._lock:
             before = self.current
@@ -183,6 +185,7 @@ class Parameters(Generic[P]):
             values = {name: getattr(after, name) for name in changes}
             changed = {n: v for n, v in values.items() if v != getattr(before, n)}
             if changed:
+                self.accept(after, changed)
                 self.current = after
                 for listener in tuple(self._listeners):
                     listener(after, changed)

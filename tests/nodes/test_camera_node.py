@@ -52,15 +52,3 @@ def test_it_is_live() -> None:
     declared = find("camera")
     assert isinstance(declared, SourceType)
     assert declared.live
-
-
-@pytest.mark.parametrize(
-    ("controls", "expected"),
-    [
-        ("brightness=1", "camera test: only a device, /dev/video0, has controls"),
-        ("bright", "give NAME=NUMBER"),
-    ],
-)
-def test_controls_that_cannot_be_set_are_refused(controls: str, expected: str) -> None:
-    with pytest.raises(OpenError, match=expected):
-        CameraSource(CameraParams(uri="test", controls=controls), Playback())

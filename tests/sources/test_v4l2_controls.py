@@ -1,104 +1,92 @@
 """Controls of V4L2 devices, against a kernel made for the tests; no device was at hand."""
 
-import errno
-import struct
+import fcntl
+from enum import Enum
 
 import pytest
+from v4l2_kernel import (
+    APERTURE_PRIORITY,
+    AUTO,
+    BRIGHTNESS,
+    EXPOSURE,
+    FOCUS,
+    FOCUS_AUTO,
+    LINK,
+    MANUAL,
+    WHITE_BALANCE,
+    Kernel,
+)
 
-from ros_visualise.errors import OpenError
-from ros_visualise.sources.v4l2_controls import apply_controls, parse_controls
+from ros_visualise.errors import ParameterError
+from ros_visualise.sources.v4l2_controls import control_params, set_controls
 
-# as a C program with linux/videodev2.h prints them on 64 bits
-VIDIOC_QUERYCTRL, VIDIOC_S_CTRL = 0xC0445624, 0xC008561C
-INTEGER, BOOLEAN, MENU, BUTTON, CLASS = 1, 2, 3, 4, 6
-
-
-class Kernel:
-    """Answers as a webcam's driver does, and keeps what was set."""
-
-    def __init__(self) -> None:
-        self.set: list[tuple[int, int]] = []
-        self.manual = False
-        self._controls = {
-            0x00980001: ("User Controls", CLASS, 0, 0, 4),
-            0x00980900: ("Brightness", INTEGER, -64, 64, 0),
-            0x0098090C: ("White Balance, Automatic", BOOLEAN, 0, 1, 0),
-            0x0098091B: ("Gamma", INTEGER, 1, 9, 1),  # disabled
-            0x009A0901: ("Auto Exposure", MENU, 0, 3, 0),
-            0x009A0902: ("Exposure Time, Absolute", INTEGER, 1, 5000, 0x10),
-            0x009A0920: ("Reset", BUTTON, 0, 0, 0),
-            0x009A0921: ("Privacy", BOOLEAN, 0, 1, 4),  # read-only
-        }
-
-    def ioctl(self, file: int, request: int, data: bytearray) -> int:
-        if request == VIDIOC_QUERYCTRL:
-            self._query(data)
-        elif request == VIDIOC_S_CTRL:
-            assert len(data) == 8
-            number, value = struct.unpack("<Ii", data)
-            if number == 0x009A0901:
-                self.manual = value == 1
-            if number == 0x009A0902 and not self.manual:
-                raise OSError(errno.EACCES, "Permission denied")
-            self.set.append((number, value))
-        else:
-            raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
-        return 0
-
-    def _query(self, data: bytearray) -> None:
-        assert len(data) == 68
-        (asked,) = struct.unpack_from("<I", data)
-        assert asked & 0x80000000
-        later = [number for number in self._controls if number > asked & 0x7FFFFFFF]
-        if not later:
-            raise OSError(errno.EINVAL, "Invalid argument")
-        name, kind, minimum, maximum, flags = self._controls[later[0]]
-        struct.pack_into("<II", data, 0, later[0], kind)
-        data[8:40] = name.encode().ljust(32, b"\0")
-        struct.pack_into("<iiiiI", data, 40, minimum, maximum, 1, 0, flags)
+DEVICE = "/dev/null"
 
 
 @pytest.fixture
-def kernel() -> Kernel:
-    return Kernel()
+def kernel(monkeypatch: pytest.MonkeyPatch) -> Kernel:
+    made = Kernel()
+    monkeypatch.setattr(fcntl, "ioctl", made.ioctl)
+    return made
 
 
-def apply(text: str, kernel: Kernel) -> None:
-    apply_controls("/dev/null", parse_controls(text), kernel.ioctl)
-
-
-def test_controls_are_set_by_their_names_in_their_order(kernel):
-    apply("brightness=-10, auto_exposure=1,exposure_time_absolute=200", kernel)
-    assert kernel.set == [(0x00980900, -10), (0x009A0901, 1), (0x009A0902, 200)]
-
-
-def test_nothing_asked_for_touches_nothing(kernel):
-    apply("", kernel)
-    apply_controls("/dev/none", {}, kernel.ioctl)
+def test_a_control_is_a_parameter_with_the_value_that_it_has(kernel: Kernel) -> None:
+    found = {name: (kind, field) for name, kind, field in control_params(DEVICE)}
+    assert list(found) == [
+        *("brightness", "white_balance_automatic", "auto_exposure", "exposure_time_absolute"),
+        *("focus_absolute", "focus_automatic_continuous", "link_frequency"),
+    ]
+    kind, brightness = found["brightness"]
+    assert (kind, brightness.default) == (int, 5)
+    assert (brightness.metadata["min"], brightness.metadata["max"]) == (-64, 64)
+    assert not brightness.metadata["restart"]
+    kind, white_balance = found["white_balance_automatic"]
+    assert (kind, white_balance.default) == (bool, True)
     assert kernel.set == []
+
+
+def test_a_menu_is_a_choice_of_its_entries(kernel: Kernel) -> None:
+    found = {name: (kind, field) for name, kind, field in control_params(DEVICE)}
+    kind, exposure = found["auto_exposure"]
+    assert issubclass(kind, Enum)
+    assert [one.value for one in kind] == ["manual_mode", "aperture_priority_mode"]
+    assert exposure.default.value == "aperture_priority_mode"
+    kind, _ = found["link_frequency"]
+    assert [one.value for one in kind] == ["450000000", "900000000"]
+    set_controls(DEVICE, {"auto_exposure": "manual_mode", "link_frequency": "900000000"})
+    assert kernel.set == [(AUTO, MANUAL), (LINK, 1)]
+
+
+def test_what_decides_on_a_number_is_set_before_it(kernel: Kernel) -> None:
+    wanted = {"focus_absolute": 7, "exposure_time_absolute": 200, "auto_exposure": "manual_mode"}
+    set_controls(DEVICE, {"brightness": -10, **wanted, "focus_automatic_continuous": False})
+    assert sorted(kernel.set[:2]) == [(AUTO, MANUAL), (FOCUS_AUTO, 0)]
+    assert kernel.set[2:] == [(BRIGHTNESS, -10), (FOCUS, 7), (EXPOSURE, 200)]
 
 
 @pytest.mark.parametrize(
-    ("text", "expected"),
+    ("name", "value", "expected"),
     [
-        ("focus=3", "no control 'focus'; there is brightness, white_balance_automatic, auto_exp"),
-        ("gamma=3", "no control 'gamma'"),
-        ("reset=1", "no control 'reset'"),
-        ("privacy=1", "no control 'privacy'"),
-        ("brightness=65", "/dev/null: brightness=65: must be from -64 to 64"),
-        ("exposure_time_absolute=9", "=9: Permission denied; switch off first what sets it by it"),
-        ("brightness", "controls=brightness: give NAME=NUMBER,... as `v4l2-ctl -l` lists them"),
-        ("brightness=high", "give NAME=NUMBER"),
+        ("exposure_time_absolute", 9, "=9: Permission denied; switch off first what sets it by it"),
+        ("gamma", 3, "/dev/null: no control 'gamma'"),
+        ("reset", 1, "no control 'reset'"),
+        ("privacy", True, "no control 'privacy'"),
+        ("auto_exposure", "auto", "auto_exposure=auto: choose one of manual_mode, aperture_pri"),
     ],
 )
-def test_what_the_device_does_not_take_is_refused_in_one_line(text, expected, kernel):
-    with pytest.raises(OpenError, match=expected):
-        apply(text, kernel)
-    assert kernel.set == []
+def test_what_the_device_does_not_take_is_told_and_the_rest_is_set(
+    kernel: Kernel, name: str, value: int | str, expected: str
+) -> None:
+    with pytest.raises(ParameterError, match=expected):
+        set_controls(DEVICE, {name: value, "white_balance_automatic": False})
+    assert kernel.set == [(WHITE_BALANCE, 0)]
+    assert kernel.values[AUTO] == APERTURE_PRIORITY
 
 
-def test_a_device_that_is_none_is_refused():
-    with pytest.raises(OpenError, match=r"/dev/none: No such file.*; its controls cannot be set"):
-        apply_controls("/dev/none", {"brightness": 1})
-    with pytest.raises(OpenError, match="no control 'brightness'; there is none"):
-        apply_controls("/dev/null", {"brightness": 1})
+def test_what_has_no_controls_has_no_parameters() -> None:
+    assert control_params("/dev/null") == control_params("/dev/none") == []
+    set_controls("/dev/none", {})
+    with pytest.raises(ParameterError, match=r"/dev/none: No such file.*; its controls cannot be"):
+        set_controls("/dev/none", {"brightness": 1})
+    with pytest.raises(ParameterError, match="/dev/null: no control 'brightness'"):
+        set_controls("/dev/null", {"brightness": 1})

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from typing import Any
 
+from ros_visualise.commands.insertion import parse_insertion
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, ParameterError, UsageError
-from ros_visualise.graph import Graph, parse_insertion
+from ros_visualise.graph import Graph
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (

@@ -95,6 +95,7 @@ def _configured(
     middleware: Middleware, graph: Graph, namespaces: Mapping[str, str], options: Iterable[str]
 ) -> Graph:
     """The graph with the parameters that launch files and command line gave to its nodes."""
+    graph = _extended(middleware, graph, namespaces)
     source = graph.source
 
     def configured(member: M) -> M:
@@ -109,6 +110,17 @@ def _configured(
         return replace(member, params=update(kind(), values))
 
     return graph.changed(configured)
+
+
+def _extended(middleware: Middleware, graph: Graph, namespaces: Mapping[str, str]) -> Graph:
+    """The graph with the parameters that its source has by one of them, such as its device."""
+    source = graph.source
+    if source is None or source.type.extend is None:
+        return graph
+    decisive, _ = source.type.extend
+    name = f"{namespaces[source.name]}/{decisive}".lstrip("/")
+    value = middleware.option(name, getattr(source.params, decisive))
+    return graph.configured({source.name: {decisive: value}})
 
 
 def _playback(middleware: Middleware, graph: Graph, stays: bool) -> Playback | None:

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, make_dataclass, replace
+from typing import Any, cast
 
 from ros_visualise.data import Header, Image
+from ros_visualise.errors import ParameterError
 from ros_visualise.nodes import source
-from ros_visualise.params import param
+from ros_visualise.params import param, specs
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.camera import Camera
+from ros_visualise.sources.live import parse_address
 from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.v4l2_controls import GROUP, control_params
 from ros_visualise.sources.video_pixels import parse_size
 
 
@@ -39,11 +43,6 @@ class CameraParams:
         restart=True,
     )
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
-    controls: str = param(
-        "",
-        "what to set of the device, as `v4l2-ctl -l` names it: brightness=128,auto_exposure=1",
-        restart=True,
-    )
     camera_info_url: str = param(
         "",
         "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
@@ -52,7 +51,23 @@ class CameraParams:
     )
 
 
-@source("camera", params=CameraParams, outputs={"image": Image}, live=True)
+def with_controls(params: CameraParams) -> CameraParams:
+    """The same parameters, and the controls of the device, with the values that they have."""
+    own = {spec.name: getattr(params, spec.name) for spec in specs(CameraParams)}
+    address = parse_address(params.uri)
+    found = control_params(address.name) if address.is_device else []
+    controls = [field for field in found if field[0] not in own]
+    made = make_dataclass("CameraParams", controls, bases=(CameraParams,), frozen=True)
+    return cast(CameraParams, made(**own))
+
+
+@source(
+    "camera",
+    params=CameraParams,
+    outputs={"image": Image},
+    live=True,
+    extend=("uri", with_controls),
+)
 class CameraSource:
     """Show a live camera."""
 
@@ -60,13 +75,28 @@ class CameraSource:
         self._params, self._playback = params, playback
         self._calibration = Calibration(params.camera_info_url)
         size = parse_size(params.size)
-        self._camera = Camera(params.uri, size, params.fps, params.timeout, params.controls)
+        controls = [spec for spec in specs(params) if spec.group == GROUP]
+        self._controls = {spec.name for spec in controls}
+        asked = {s.name: v for s in controls if (v := getattr(params, s.name)) != s.default}
+        self._camera = Camera(params.uri, size, params.fps, params.timeout, asked)
 
     def messages(self) -> Iterator[tuple[str, Image]]:
         """The images as they come."""
         for stamp_ns, image in self._playback.follow(self._camera.images()):
             stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
             yield "image", self._calibration.add_to(stamped)
+
+    def configure(self, params: CameraParams, changed: Collection[str]) -> None:
+        """Set the changed controls; where one is refused, those beside it are set back."""
+        names = self._controls.intersection(changed)
+        before = self._params
+        try:
+            self._camera.set_controls({name: getattr(params, name) for name in names})
+        except ParameterError:
+            with suppress(ParameterError):
+                self._camera.set_controls({name: getattr(before, name) for name in names})
+            raise
+        self._params = replace(before, **{name: getattr(params, name) for name in names})
 
     def report(self) -> dict[str, Any]:
         """The images that came faster than they were taken."""

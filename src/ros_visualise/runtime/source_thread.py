@@ -12,7 +12,7 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
-from ros_visualise.params import Parameters
+from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.rate import Steady
 from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
@@ -60,7 +60,9 @@ class SourceThread:
         self._steady = Steady()
         self._begun = self._reopened = 0
         self._epochs = Epochs(node.type.latched)
+        self._opened_with: Any = parameters.current
         self._source = self._open()
+        parameters.accept = self._configure
 
     def run(self) -> None:
         """Until the source ends or the playback is closed."""
@@ -149,6 +151,12 @@ class SourceThread:
         else:
             self._source.close()
             self._source = source
+
+    def _configure(self, current: Any, changed: Mapping[str, Value]) -> None:
+        """Hand changed parameters to the source before they hold."""
+        self._source.configure(current, changed)
+        live = {spec.name for spec in specs(current) if not spec.restart} & changed.keys()
+        self._opened_with = replace(self._opened_with, **{name: changed[name] for name in live})
 
     def _open(self) -> Source:
         current = self._parameters.current

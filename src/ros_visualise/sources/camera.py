@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.params import Value
 from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
-from ros_visualise.sources.v4l2_controls import apply_controls, parse_controls
+from ros_visualise.sources.v4l2_controls import set_controls
 from ros_visualise.sources.video_pixels import FrameConverter, Size
 
 log = logging.getLogger(__name__)
@@ -34,7 +35,7 @@ class Camera:
         size: (width, height) to scale to; a device is asked for it.
         fps: frame rate to ask a device for; 0 leaves it to the device.
         timeout_s: after that long without an image it has failed.
-        controls: of a device, set whenever it is opened; see `v4l2_controls`.
+        controls: of a device: name -> value, set whenever it is opened; see `v4l2_controls`.
         clock: what tells the time.
 
     Raises:
@@ -47,15 +48,11 @@ class Camera:
         size: Size | None = None,
         fps: float = 0,
         timeout_s: float = 2.0,
-        controls: str = "",
+        controls: Mapping[str, Value] | None = None,
         clock: Clock | None = None,
     ) -> None:
         self._address = parse_address(uri, size, fps)
-        self._controls = parse_controls(controls)
-        if self._controls and not self._address.is_device:
-            raise OpenError(
-                f"camera {self._address.name}: only a device, /dev/video0, has controls"
-            )
+        self._controls = dict(controls or {})
         self._timeout_s = timeout_s
         self._clock = clock or WallClock()
         self._converter = FrameConverter(size)
@@ -81,6 +78,15 @@ class Camera:
                 # its read has no time-out, as that of a stream has
                 self._report(f"no image for {self._timeout_s:g} s")
             yield newest
+
+    def set_controls(self, controls: Mapping[str, Value]) -> None:
+        """Set controls of the device now, and whenever it is opened again.
+
+        Raises:
+            ParameterError: it does not take them now.
+        """
+        set_controls(self._address.name, controls)
+        self._controls = {**self._controls, **controls}
 
     def close(self) -> None:
         """End it, without waiting for a read that blocks: that ends by its own timeout."""
@@ -122,7 +128,7 @@ class Camera:
         """Read until it fails; returns why."""
         try:
             with closing(open_live(self._address, self._timeout_s)) as container:
-                apply_controls(self._address.file, self._controls)
+                self._restore_controls()
                 self._note(opened=True)
                 stamps, start_ns = Stamps(self._address), self._clock.monotonic_ns()
                 for frame in container.decode(video=0):
@@ -142,6 +148,12 @@ class Camera:
         except FFmpegError as error:
             return what_failed(error)
         return "it ended"
+
+    def _restore_controls(self) -> None:
+        try:
+            set_controls(self._address.name, self._controls)
+        except ParameterError as error:
+            log.warning("camera %s", error)
 
     def _publish(self, stamp_ns: int, frame: VideoFrame) -> None:
         image = self._converter.image(frame)

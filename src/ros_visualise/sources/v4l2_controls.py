@@ -1,24 +1,32 @@
 """The controls of a V4L2 device, such as brightness and exposure, by the names of v4l2-ctl.
 
-Source: linux/videodev2.h, VIDIOC_QUERYCTRL and VIDIOC_S_CTRL.
+Source: linux/videodev2.h, VIDIOC_QUERYCTRL, VIDIOC_QUERYMENU, VIDIOC_G_CTRL and VIDIOC_S_CTRL.
 """
 
 from __future__ import annotations
 
+import errno
 import fcntl
+import keyword
 import os
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from enum import Enum
+from typing import Any, NamedTuple
 
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import ParameterError
+from ros_visualise.params import Value, param
+
+GROUP = "device"
+"""The group of the parameters that are controls."""
 
 _QUERY = struct.Struct("=II32siiiiI8x")  # id, type, name, minimum, maximum, step, default, flags
-_SET = struct.Struct("=Ii")  # id, value
+_MENU_QUERY = struct.Struct("=II32s4x")  # id, index, name or, of a menu of numbers, the number
+_VALUE = struct.Struct("=Ii")  # id, value
 _NEXT = 0x80000000
-_SETTABLE = (1, 2, 3, 8, 9)  # whole numbers, switches, menus and bits; no buttons, no texts
+_INTEGER, _BOOLEAN, _MENU, _INTEGER_MENU = 1, 2, 3, 9
 _DISABLED, _READ_ONLY = 0x1, 0x4
 
 
@@ -28,99 +36,137 @@ def _both_ways(number: int, size: int) -> int:
 
 
 QUERYCTRL = _both_ways(36, _QUERY.size)
-S_CTRL = _both_ways(28, _SET.size)
-
-Ioctl = Callable[[int, int, bytearray], object]
+QUERYMENU = _both_ways(37, _MENU_QUERY.size)
+G_CTRL = _both_ways(27, _VALUE.size)
+S_CTRL = _both_ways(28, _VALUE.size)
 
 
 class Control(NamedTuple):
-    """A control of a device: its number there, and the values that it takes, both included."""
+    """A control of a device: its number and type there, and the values from and to that it takes.
+
+    ``choices`` are the entries of a menu: text -> value.
+    """
 
     id: int
+    type: int
     minimum: int
     maximum: int
+    choices: Mapping[str, int]
 
 
-def parse_controls(text: str) -> dict[str, int]:
-    """``auto_exposure=1,exposure_time_absolute=200`` as name -> value, in that order.
+def control_params(device: str) -> list[tuple[str, type, Any]]:
+    """The controls of a device as fields of a params class, with the values that they have now.
 
-    Raises:
-        OpenError: it is not of that form.
+    There are none where it cannot be opened: whoever opens it says why.
     """
-    found = {}
-    for pair in filter(None, (one.strip() for one in text.split(","))):
-        match = re.fullmatch(r"(\w+)\s*=\s*(-?\d+)", pair)
-        if match is None:
-            raise OpenError(f"controls={text}: give NAME=NUMBER,... as `v4l2-ctl -l` lists them")
-        found[match[1]] = int(match[2])
-    return found
+    with suppress(OSError), _opened(device) as file:
+        there = _controls_of(file).items()
+        return [field for item in there if (field := _field(file, *item)) is not None]
+    return []
 
 
-def apply_controls(device: str, wanted: Mapping[str, int], ioctl: Ioctl = fcntl.ioctl) -> None:
-    """Set controls of a device one after the other; the others stay as they are.
+def set_controls(device: str, wanted: Mapping[str, Value]) -> None:
+    """Set controls of a device that may be streaming; the others stay as they are.
 
-    Args:
-        device: such as ``/dev/video0``; somebody may be streaming from it.
-        wanted: name -> value.
-        ioctl: what asks the kernel.
+    Switches and menus come first: they decide whether a number may be set, as that of an exposure.
 
     Raises:
-        OpenError: the device lacks one, or refuses a value.
+        ParameterError: it does not take some of them now; the rest are set.
     """
     if not wanted:
         return
-    with _opened(device) as file:
-        there = controls_of(file, ioctl)
-        for name, value in wanted.items():
-            _set(file, device, there, name, value, ioctl)
+    try:
+        with _opened(device) as file:
+            there = _controls_of(file)
+            known = {name: there[name] for name in wanted if name in there}
+            order = sorted(known, key=lambda name: known[name].type == _INTEGER)
+            refused = [f"no control {name!r}" for name in wanted if name not in known]
+            refused += [_set(file, known[name], name, wanted[name]) for name in order]
+    except OSError as error:
+        raise ParameterError(f"{device}: {error.strerror}; its controls cannot be set") from None
+    if any(refused):
+        raise ParameterError(f"{device}: {'; '.join(filter(None, refused))}")
 
 
-def controls_of(file: int, ioctl: Ioctl = fcntl.ioctl) -> dict[str, Control]:
-    """The controls of an open device that can be set, by name."""
+def _controls_of(file: int) -> dict[str, Control]:
+    """The controls that can be set, by name."""
     found: dict[str, Control] = {}
     last = 0
     while True:
         query = bytearray(_QUERY.pack(last | _NEXT, 0, b"", 0, 0, 0, 0, 0))
         try:
-            ioctl(file, QUERYCTRL, query)
-        except OSError:  # that was the last
-            return found
+            fcntl.ioctl(file, QUERYCTRL, query)
+        except OSError as error:
+            if error.errno in (errno.EINVAL, errno.ENOTTY):  # that was the last, or it has none
+                return found
+            raise
         last, kind, name, minimum, maximum, _, _, flags = _QUERY.unpack(query)
-        if kind in _SETTABLE and not flags & (_DISABLED | _READ_ONLY):
-            found[_short(name)] = Control(last, minimum, maximum)
+        if minimum >= maximum or flags & (_DISABLED | _READ_ONLY):
+            continue
+        choices: dict[str, int] = {}
+        if kind in (_MENU, _INTEGER_MENU):
+            choices = _choices(file, last, kind, range(minimum, maximum + 1))
+        if choices or kind in (_INTEGER, _BOOLEAN):  # no buttons, texts, bits
+            found[_short(name)] = Control(last, kind, minimum, maximum, choices)
 
 
-def _set(
-    file: int, device: str, there: Mapping[str, Control], name: str, value: int, ioctl: Ioctl
-) -> None:
-    control = there.get(name)
-    if control is None:
-        known = ", ".join(there) or "none"
-        raise OpenError(f"{device} has no control {name!r}; there is {known}")
-    if not control.minimum <= value <= control.maximum:
-        limits = f"from {control.minimum} to {control.maximum}"
-        raise OpenError(f"{device}: {name}={value}: must be {limits}")
+def _choices(file: int, id: int, kind: int, values: range) -> dict[str, int]:
+    """The entries of a menu, which may have gaps."""
+    found: dict[str, int] = {}
+    for value in values:
+        query = bytearray(_MENU_QUERY.pack(id, value, b""))
+        with suppress(OSError):
+            fcntl.ioctl(file, QUERYMENU, query)
+            _, _, entry = _MENU_QUERY.unpack(query)
+            number = int.from_bytes(entry[:8], "little", signed=True)
+            found.setdefault(_short(entry) if kind == _MENU else str(number), value)
+    return found
+
+
+def _field(file: int, name: str, control: Control) -> tuple[str, type, Any] | None:
+    """A control as a field; None where it does not tell its value."""
+    value = bytearray(_VALUE.pack(control.id, 0))
     try:
-        ioctl(file, S_CTRL, bytearray(_SET.pack(control.id, value)))
+        fcntl.ioctl(file, G_CTRL, value)
+    except OSError:
+        return None
+    _, now = _VALUE.unpack(value)
+    help = f"{name.replace('_', ' ')} of the device"
+    if control.type == _BOOLEAN:
+        return name, bool, param(bool(now), help, group=GROUP)
+    if control.type == _INTEGER:
+        low, high = control.minimum, control.maximum
+        return name, int, param(min(max(now, low), high), help, min=low, max=high, group=GROUP)
+    members = [(f"CHOICE_{value}", text) for text, value in control.choices.items()]
+    kind: Any = Enum(name, members)  # type: ignore[misc]  # known only now
+    chosen = next((text for text, value in control.choices.items() if value == now), members[0][1])
+    return name, kind, param(kind(chosen), help, group=GROUP)
+
+
+def _set(file: int, control: Control, name: str, value: Value) -> str:
+    """Set a control; what there is to say of its refusal, else an empty text."""
+    shown = str(value.value) if isinstance(value, Enum) else value
+    if control.choices and shown not in control.choices:
+        return f"{name}={shown}: choose one of {', '.join(control.choices)}"
+    number = control.choices[str(shown)] if control.choices else int(shown)
+    try:
+        fcntl.ioctl(file, S_CTRL, bytearray(_VALUE.pack(control.id, number)))
     except OSError as error:
-        raise OpenError(
-            f"{device}: {name}={value}: {error.strerror}; switch off first what sets it by itself,"
-            " such as auto_exposure"
-        ) from None
+        hint = "switch off first what sets it by itself, such as auto_exposure"
+        return f"{name}={shown}: {error.strerror}; {hint}"
+    return ""
 
 
 def _short(name: bytes) -> str:
-    """``Exposure, Auto`` as v4l2-ctl calls it, ``exposure_auto``."""
+    """``Exposure, Auto`` as v4l2-ctl calls it, ``exposure_auto``, so that a field may be named."""
     text = name.partition(b"\0")[0].decode("ascii", "replace").lower()
-    return re.sub(r"[^a-z0-9]+", "_", text).strip("_")
+    short = re.sub(r"[^a-z0-9]+", "_", text).strip("_")
+    return short if short.isidentifier() and not keyword.iskeyword(short) else f"control_{short}"
 
 
 @contextmanager
 def _opened(device: str) -> Iterator[int]:
-    try:
-        file = os.open(device, os.O_RDWR | os.O_NONBLOCK)
-    except OSError as error:
-        raise OpenError(f"{device}: {error.strerror}; its controls cannot be set") from None
+    file = os.open(device, os.O_RDWR | os.O_NONBLOCK)
     try:
         yield file
     finally:
