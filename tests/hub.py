@@ -102,6 +102,8 @@ class HubMiddleware:
         self._args = list(args)
         self._over = threading.Event()
 
+    flag = "{}={}"
+
     def begin(self, name: str) -> None:
         self.name = f"/{name}"
 
@@ -138,7 +140,7 @@ class HubMiddleware:
 
     def resolve(self, name: str) -> str:
         if name.startswith("~"):
-            return f"{self.name}/{name[1:]}"
+            return f"{self.name}/{name[1:]}".rstrip("/")
         return name if name.startswith("/") else f"/{name}"
 
     def advertise(self, topic: str, type: TopicType) -> Publisher:
@@ -162,7 +164,7 @@ class HubMiddleware:
         act()
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Offered:
-        name = self.resolve(f"~{namespace}").rstrip("/")
+        name = self.resolve(f"~{namespace}")
         return Offered(self._hub.parameters, name, (self.name, parameters))
 
     def follow_parameters(self, node: str, listener: ParametersListener) -> ParametersClient:
@@ -183,6 +185,7 @@ class HubMiddleware:
                 ],
                 {name: of.type_name for name, of in topics},
                 places,
+                (),
             )
 
     def clock(self) -> Clock:

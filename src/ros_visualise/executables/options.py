@@ -11,7 +11,7 @@ from ros_visualise.ui import ViewOptions
 
 OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock", "max_memory", "end_with_master"),
+    *("image_transport", "start", "duration", "clock", "max_memory"),
 )
 """Those that every executable reads."""
 
@@ -37,7 +37,7 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
         origins=named_in(middleware, "allow_origin", "none"),
         record_dir=Path(middleware.find_file(str(middleware.option("record_dir", ".")))),
         place=str(middleware.option("window", "")),
-        flag="{0}:={1} (of an executable: _{0}:={1})",
+        flag=middleware.flag,
     )
     return str(middleware.option("view", default)), options
 

@@ -33,7 +33,7 @@ def run_player(middleware: Middleware) -> int:
     """Play a recording, with its time on ``/clock``; the exit status."""
     path = middleware.find_file(str(middleware.option("path", "")))
     if not path:
-        raise OpenError("give the recording, _path:=FILE")
+        raise OpenError(f"give the recording: {middleware.flag.format('path', 'FILE')}")
     recording = open_recording(path)
     topics = named_in(middleware, "topics", "all")
     declared = player(recording, topics, without=_NOT_PLAYED)

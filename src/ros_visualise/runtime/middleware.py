@@ -1,4 +1,4 @@
-"""The seam between our nodes and a middleware, such as ROS 1: all that is asked of one.
+"""The seam between our nodes and a middleware, such as a ROS graph: all that is asked of one.
 
 ``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
 looks at nodes elsewhere, by these methods alone. A middleware lives in a folder of its own beside
@@ -7,7 +7,7 @@ this file, and what it needs is imported there alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from ros_visualise.data import CameraInfo
@@ -62,14 +62,16 @@ class Listing(NamedTuple):
         publishers: topic and the nodes that publish it.
         subscribers: topic and the nodes that subscribe to it.
         types: topic -> its type, such as ``sensor_msgs/msg/Image``.
-        parameters: node -> the names under which it has live parameters; several where a process
-            holds several nodes.
+        parameters: node -> the names under which it has live parameters: its own, ``/pipeline``,
+            and those of the nodes that share its process, such as ``/pipeline/filters``.
+        onlookers: nodes that only look on, such as rviz.
     """
 
     publishers: Sequence[tuple[str, Sequence[str]]]
     subscribers: Sequence[tuple[str, Sequence[str]]]
     types: Mapping[str, str]
     parameters: Mapping[str, Sequence[str]]
+    onlookers: Collection[str]
 
 
 class ParametersListener(Protocol):
@@ -106,24 +108,39 @@ class ParametersClient(Handle, Protocol):
 class Middleware(Protocol):
     """What carries messages between processes.
 
-    Names may be relative to the node's namespace, or begin with ``~`` for its private one; they
-    are remapped as the node was told to.
+    Names may be relative to the node's namespace, ``odom``, or to its own name, ``~clear``; they
+    are remapped as the node was told to. All methods may be called from any thread.
+
+    Attributes:
+        flag: how a person gives a private parameter: its name and its value go in.
     """
 
+    flag: str
+
     def begin(self, name: str) -> None:
-        """Become a node of the graph, and send what this package logs to the graph's log."""
+        """Become a node of the graph, and send what this package logs to the graph's log.
+
+        From then on Ctrl-C and SIGTERM interrupt nothing: they are noted for `is_over`, see
+        `ros_visualise.signals.note`.
+
+        Args:
+            name: of the node, unless the command line gives it another one.
+        """
 
     def end(self, reason: str) -> None:
-        """Leave the graph."""
+        """Leave the graph; what is still offered or listened to ends, too."""
 
     def is_over(self) -> bool:
-        """Whether this node has to end."""
+        """Whether this node has to end: it was asked to, or the graph wants it to."""
 
     def arguments(self) -> list[str]:
-        """What stands on the command line beside remappings and parameters."""
+        """What stands on the command line beside remappings and parameters; before `begin`, too."""
 
     def option(self, name: str, default: Any) -> Any:
-        """A private parameter that is read once."""
+        """A private parameter that is read once, of the type that it was written as.
+
+        Who does not know its type before makes do with text: ``8080`` may be an int or a str.
+        """
 
     def starting_values(
         self, params: type, namespace: str = "", known: Iterable[str] = ()
@@ -133,7 +150,7 @@ class Middleware(Protocol):
         Args:
             params: the dataclass that declares them.
             namespace: below the node's private one.
-            known: other names that may stand there.
+            known: other names that may stand there; any more are worth a warning.
 
         Raises:
             ParameterError: a value is of the wrong type or out of its range.
@@ -147,10 +164,16 @@ class Middleware(Protocol):
         """
 
     def resolve(self, name: str) -> str:
-        """A topic's full name on the graph."""
+        """The full name on the graph of a topic or a service; for ``~`` that of the node itself."""
 
     def advertise(self, topic: str, type: TopicType) -> Publisher:
         """Publish a topic, with the type's quality of service.
+
+        Args:
+            topic: its name.
+            type: of what is published: messages of `ros_visualise.data`, or, where it has
+                ``definitions``, recorded ones. `ros_visualise.sinks.encoding.Encoder` makes bytes
+                of both.
 
         Raises:
             UsageError: the middleware has no such type of messages.
@@ -166,11 +189,16 @@ class Middleware(Protocol):
     ) -> Handle:
         """Listen to a topic, whatever quality of service its publishers offer.
 
-        Both are called on threads of the middleware's. A publisher may have to wait meanwhile.
+        What publishers keep for those who come late comes first.
+
+        ``take`` and ``refuse`` are called one after the other on a thread that this subscription
+        has for itself. They may wait there, also for a message of another subscription; the
+        publisher may have to wait meanwhile, or the middleware drops the oldest messages.
 
         Args:
-            topic: its name.
-            kind: the class of ours that its messages become.
+            topic: its name; its publishers may come later.
+            kind: the class of ours that its messages become, by
+                `ros_visualise.messages.from_message`.
             take: gets each message.
             refuse: is told why a message is left out that contradicts itself.
 
@@ -183,15 +211,15 @@ class Middleware(Protocol):
 
         Args:
             service: its name.
-            act: is run. What it returns is the answer's message; an error of this package that it
-                raises becomes an answer without success.
+            act: is run, which may take long, and by several threads at once. What it returns is the
+                answer's message; a `RosVisualiseError` becomes an answer without success.
         """
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
         """Offer a sensor_msgs/SetCameraInfo, as `offer`; ``take`` gets what is to be set."""
 
     def call(self, service: str) -> None:
-        """Call a std_srvs/Trigger.
+        """Call a std_srvs/Trigger, by its full name, and wait for the answer.
 
         Raises:
             RosVisualiseError: it cannot be asked, or has answered that it did not.
@@ -199,6 +227,10 @@ class Middleware(Protocol):
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Handle:
         """Offer a node's live parameters to the graph.
+
+        They are declared by ``ros_visualise.params.specs(parameters.current)``. A request is
+        applied by ``parameters.update``, and refused if that raises; what changes here, the graph
+        is told, see ``parameters.on_change``, whose listeners must not wait.
 
         Args:
             parameters: what is offered.
@@ -214,7 +246,7 @@ class Middleware(Protocol):
         """
 
     def look(self) -> Listing:
-        """What the graph holds now.
+        """What the graph holds now; asked twice a second, so it should not wait for other nodes.
 
         Raises:
             ConnectionError: nobody can be asked at the moment.
@@ -224,4 +256,4 @@ class Middleware(Protocol):
         """The graph's time: simulated where that is used, else the time of day."""
 
     def publish_clock(self, now_ns: Callable[[], int]) -> Handle:
-        """Be the one who tells the graph the time."""
+        """Tell the graph the time, from now on, a hundred times a second."""

@@ -60,7 +60,7 @@ class Process:
     ) -> None:
         self._middleware = middleware
         self._namespaces = namespaces
-        names = [name.removeprefix("/") for name in (*graph.inputs, *graph.topics)]
+        names = [_outside(name) for name in (*graph.inputs, *graph.topics)]
         self._declared = {middleware.resolve(name): name for name in names}
         self.runtime = LocalRuntime(_resolved(graph, middleware), playback)
         self._graph = self.runtime.graph
@@ -105,7 +105,7 @@ class Process:
             UsageError: there is no such topic.
         """
         for topic, output in self._outputs.items():
-            if self._declared[topic] == name.removeprefix("/"):
+            if self._declared[topic] == _outside(name):
                 return output.connections
         raise UsageError(f"no topic {name} here; there is {', '.join(self._declared.values())}")
 
@@ -151,7 +151,7 @@ class Process:
     def _is_as_recorded(self, name: str) -> bool:
         """Whether a topic is played under its own name; else it takes the place of a camera's."""
         source = self._graph.source
-        return source is not None and f"/{self._declared[name]}" in source.type.ros
+        return source is not None and self._declared[name] in map(_outside, source.type.ros)
 
     def _is_in_haste(self, is_camera: bool) -> bool:
         """A source that plays as fast as it goes goes as fast as it is listened to."""
@@ -178,7 +178,7 @@ class Process:
     def _statuses(self) -> dict[str, NodeStatus]:
         """What is told of every node, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
-        own = self._middleware.resolve("~").rstrip("/")
+        own = self._middleware.resolve("~")
         statuses = {}
         for node in self._graph.members:
             outputs = {
@@ -193,11 +193,20 @@ class Process:
         return statuses
 
 
+def _outside(topic: str) -> str:
+    """A topic's name for the middleware: relative to the namespace, so that several robots fit.
+
+    But ``/tf`` is the same for all: whatever their namespace, all robots have one tree of frames.
+    """
+    name = topic.removeprefix("/")
+    return f"/{name}" if name in ("tf", "tf_static") else name
+
+
 def _resolved(graph: Graph, middleware: Middleware) -> Graph:
     """The graph on the names that its topics have around it."""
 
     def resolve(topics: Mapping[str, str]) -> dict[str, str]:
-        return {port: middleware.resolve(name.removeprefix("/")) for port, name in topics.items()}
+        return {port: middleware.resolve(_outside(name)) for port, name in topics.items()}
 
     def on_resolved(member: M) -> M:
         return replace(member, inputs=resolve(member.inputs), outputs=resolve(member.outputs))

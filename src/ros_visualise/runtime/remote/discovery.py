@@ -18,8 +18,6 @@ from ros_visualise.runtime.middleware import Listing
 
 _COMPRESSED = type_name(CompressedImage)
 _SHOWN = set(MESSAGES) - {DiagnosticArray, ParameterEvent, Text}
-_ASIDE = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
-"""How the names of nodes begin that only look on."""
 
 
 class Peer(NamedTuple):
@@ -60,9 +58,9 @@ def survey(listing: Listing) -> Sight:
             name,
             tuple(topic for topic, node in published if node == name and topic in shown),
             tuple(topic for topic, node in taken if node == name and topic in shown),
-            tuple(_own(listing.parameters.get(name, ()), shown)),
+            tuple(listing.parameters.get(name, ())),
         )
-        if _matters(peer, shown):
+        if _matters(peer, shown, listing.onlookers):
             peers.append(peer)
     return Sight(tuple(peers), shown, frozenset(compressed))
 
@@ -73,13 +71,8 @@ def _base(topic: str, compressed: Collection[str]) -> str:
     return base if topic.endswith("/compressed") and base in compressed else topic
 
 
-def _own(places: Collection[str], images: Collection[str]) -> list[str]:
-    """Where a node has parameters; those of image_transport's plugins are not its own."""
-    return [name for name in places if name.rpartition("/")[0] not in images]
-
-
-def _matters(peer: Peer, shown: Mapping[str, type]) -> bool:
+def _matters(peer: Peer, shown: Mapping[str, type], onlookers: Collection[str]) -> bool:
     if any(shown[topic] is Image for topic in peer.publishes):
         return True
-    aside = peer.name.rpartition("/")[2].startswith(_ASIDE)
-    return not aside and bool(peer.publishes or peer.takes or peer.parameters)
+    does_something = bool(peer.publishes or peer.takes or peer.parameters)
+    return does_something and peer.name not in onlookers

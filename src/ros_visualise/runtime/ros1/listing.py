@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from http.client import HTTPException
 from xmlrpc.client import Error as XmlRpcError
 
@@ -12,8 +12,11 @@ import rospy
 
 from ros_visualise.runtime.middleware import Listing
 
+_IMAGE = "sensor_msgs/Image"
 _DESCRIPTION = "dynamic_reconfigure/ConfigDescription"
 _SUFFIX = "/parameter_descriptions"
+_ONLOOKERS = ("rosout", "rviz", "rqt", "record", "rostopic", "dynparam")
+"""How the names of nodes begin that only look on."""
 
 
 def look() -> Listing:
@@ -45,15 +48,24 @@ def list_graph(
     parameters = defaultdict(list)
     publishers, subscribers = _seen_from(own, publishers), _seen_from(own, subscribers)
     for topic, nodes in sorted(publishers):
-        if type_of.get(topic) == _DESCRIPTION and topic.endswith(_SUFFIX):
+        if type_of.get(topic) != _DESCRIPTION or not topic.endswith(_SUFFIX):
+            continue
+        if _is_of_a_node(topic, type_of):
             for node in nodes:
                 parameters[node].append(topic.removesuffix(_SUFFIX))
+    seen = {node for _, nodes in (*publishers, *subscribers) for node in nodes}
     return Listing(
         publishers,
         subscribers,
         {topic: kind.replace("/", "/msg/") for topic, kind in types},
         parameters,
+        {node for node in seen if node.rpartition("/")[2].startswith(_ONLOOKERS)},
     )
+
+
+def _is_of_a_node(description: str, type_of: Mapping[str, str]) -> bool:
+    """Whether parameters are a node's own, and not those of image_transport's plugins."""
+    return type_of.get(description.removesuffix(_SUFFIX).rpartition("/")[0]) != _IMAGE
 
 
 def _seen_from(own: str, ends: Sequence[tuple[str, list[str]]]) -> list[tuple[str, list[str]]]:

@@ -24,6 +24,8 @@ from ros_visualise.runtime.ros1.types import message_class
 class Ros1:
     """The ROS graph of the master that ``ROS_MASTER_URI`` names, with this process as a node."""
 
+    flag = "{0}:={1} (of an executable: _{0}:={1})"
+
     def begin(self, name: str) -> None:
         """Become a node."""
         session.begin(name)

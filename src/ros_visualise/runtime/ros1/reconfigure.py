@@ -19,6 +19,8 @@ from ros_visualise.runtime.ros1.registration import set_param
 log = logging.getLogger(__name__)
 
 _CLOSE_S = 0.5
+_OF_ALL = ("end_with_master",)
+"""Other private parameters that every node has here."""
 
 
 class ReconfigureServer:
@@ -137,7 +139,7 @@ def starting_values(
     declared = {spec.name: spec for spec in specs(params_class)}
     there = rospy.get_param(_private(namespace), {})
     given: Mapping[str, Any] = there if isinstance(there, dict) else {}
-    _warn_of_unknown(given, [*declared, *known], namespace)
+    _warn_of_unknown(given, [*declared, *known, *_OF_ALL], namespace)
     values = {}
     for name, spec in declared.items():
         if name in given:

@@ -15,7 +15,6 @@ from ros_visualise.errors import OpenError
 from ros_visualise.printing import Shown
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
-from ros_visualise.runtime.ros1.transport import global_name
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
 _PACKAGE = "package://"
@@ -65,8 +64,8 @@ def option(name: str, default: Any) -> Any:
 
 
 def resolve(name: str) -> str:
-    """A topic's name on the graph, remapped as this node was told to."""
-    return str(rospy.resolve_name(global_name(name)))
+    """A topic's name on the graph, remapped as this node was told to; the node's own for ``~``."""
+    return str(rospy.resolve_name(name)) if name != "~" else str(rospy.get_name())
 
 
 def find_file(url: str) -> str:

@@ -45,11 +45,6 @@ _SAY_AGAIN_S = 10
 _LOOK_AGAIN_S = 0.002
 
 
-def global_name(topic: str) -> str:
-    """``/tf`` for ``tf``: whatever their namespace, all robots have one tree of frames."""
-    return f"/{topic}" if topic in ("tf", "tf_static") else topic
-
-
 class Publisher:
     """Publishes messages of one class; each subscriber gets the newest one that it has time for.
 
@@ -66,7 +61,6 @@ class Publisher:
     """
 
     def __init__(self, topic: str, message_class: Any, *, latch: bool = False) -> None:
-        topic = global_name(topic)
         self.name = str(rospy.resolve_name(topic))
         with get_topic_manager().lock:
             _provide(Registration.PUB, topic, message_class, latch)
@@ -154,7 +148,6 @@ class Subscriber:
     """
 
     def __init__(self, topic: str, message_class: Any, callback: Callable[[Any], None]) -> None:
-        topic = global_name(topic)
         self.name = str(rospy.resolve_name(topic))
         with get_topic_manager().lock:
             ours = _provide(Registration.SUB, topic, message_class)
