@@ -112,7 +112,7 @@ class Process:
     @property
     def parameters(self) -> dict[str, Parameters[Any]]:
         """The live parameters of its nodes, by what launch files and ``params:=`` call those."""
-        own = self._middleware.resolve("~").rstrip("/").rpartition("/")[2]
+        own = self._middleware.resolve("~").rpartition("/")[2]
         there = self.runtime.parameters.items()
         return {self._namespaces[name] or own: parameters for name, parameters in there}
 
