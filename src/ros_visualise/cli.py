@@ -93,6 +93,25 @@ def _add_playing(commands: Any) -> None:
     playing = argparse.ArgumentParser(add_help=False)
     add_playing_options(playing)
     playing.set_defaults(module="play")
+    robots = _add_robots(commands, playing)
+    video = commands.add_parser("video", parents=[playing], help="play a video file")
+    video.add_argument("input", metavar="FILE", help="any video that FFmpeg can read")
+    camera = commands.add_parser("camera", parents=[playing], help="show a live camera")
+    camera.add_argument(
+        "input",
+        metavar="DEVICE|URL|test",
+        nargs="?",
+        default="0",
+        help="path or number of a device (default: 0), URL of a stream, or test for a test pattern",
+    )
+    for command in (*robots, video, camera):
+        command.add_argument(
+            "--size", metavar="WxH", default="", help="scale the images to this size"
+        )
+    _add_recordings(commands, playing)
+
+
+def _add_robots(commands: Any, playing: argparse.ArgumentParser) -> tuple[Any, Any]:
     demo = commands.add_parser(
         "demo", parents=[playing], help="play a simulated quadrotor: the quickest way to see it all"
     )
@@ -116,21 +135,7 @@ def _add_playing(commands: Any) -> None:
     sim.add_argument(
         "--seed", type=seed, default=0, help="seed of all random errors (default: %(default)s)"
     )
-    video = commands.add_parser("video", parents=[playing], help="play a video file")
-    video.add_argument("input", metavar="FILE", help="any video that FFmpeg can read")
-    camera = commands.add_parser("camera", parents=[playing], help="show a live camera")
-    camera.add_argument(
-        "input",
-        metavar="DEVICE|URL|test",
-        nargs="?",
-        default="0",
-        help="path or number of a device (default: 0), URL of a stream, or test for a test pattern",
-    )
-    for command in (demo, sim, video, camera):
-        command.add_argument(
-            "--size", metavar="WxH", default="", help="scale the images to this size"
-        )
-    _add_recordings(commands, playing)
+    return demo, sim
 
 
 def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from typing import Any
 
@@ -124,9 +124,7 @@ def recording_pipeline(
     pair = _find_pair(recording, declared, odom) if odom else None
     odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
     added = [find_node(name) for name in IMAGE_NODES] if image else []
-    made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
-    made |= {info_topic(topic) for topic in made} | ({"/path"} if odom else set())
-    outputs = {name: f"/recorded{name}" if name in made else name for name in declared.outputs}
+    outputs = _kept_apart(declared.outputs, added, {"/path"} if odom else set())
     source = SourceNode("player", declared, declared.params(), {}, outputs)
     nodes = _chained(added, outputs[image]) if image else ()
     if pair:
@@ -135,6 +133,15 @@ def recording_pipeline(
         port = _PATH_INPUTS[declared.outputs[odom]]
         nodes += (place(find_node("path"), {port: outputs[odom]}),)
     return Graph(source, nodes)
+
+
+def _kept_apart(
+    recorded: Iterable[str], added: Sequence[NodeType], also_made: Collection[str]
+) -> dict[str, str]:
+    """Recorded topic -> its name in the graph, which none that is made there has."""
+    made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
+    made |= {info_topic(topic) for topic in made} | set(also_made)
+    return {name: f"/recorded{name}" if name in made else name for name in recorded}
 
 
 def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -> Graph:

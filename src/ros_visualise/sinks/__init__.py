@@ -186,7 +186,12 @@ def open_recorder(
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
         wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
-    settings = Settings(encoding, compression, overwrite, live)
+    return _open_chunked(path, kind, wanted, Settings(encoding, compression, overwrite, live))
+
+
+def _open_chunked(
+    path: Path, kind: Kind, wanted: Mapping[str, TopicType], settings: Settings
+) -> Recorder:
     if kind == "bag":
         from ros_visualise.sinks.bag import BagRecorder
 
