@@ -17,7 +17,7 @@ from ros_visualise.params import param
 @dataclass(frozen=True)
 class NearestParams:
     clearance: float = param(
-        0.2, "metres over the robot's base; what is lower counts not", min=-1, max=2
+        0.2, "metres over the robot's base; lower points do not count", min=-1, max=2
     )
     soon: float = param(3.0, "seconds of driving on to what is drawn in red", min=0, max=60)
 
@@ -37,7 +37,7 @@ def nearest(
     stamp_ns, base = points.header.stamp_ns, odom.child_frame_id
     T_base_lidar = frames.lookup(base, points.header.frame_id, stamp_ns)
     xyz = points.xyz @ T_base_lidar[:3, :3].T + T_base_lidar[:3, 3]
-    xyz = xyz[xyz[:, 2] > params.clearance]  # NaN is left out by this, too
+    xyz = xyz[xyz[:, 2] > params.clearance]  # this leaves out NaN, too
     if not len(xyz):
         return None
     found = xyz[np.argmin(np.linalg.norm(xyz, axis=1))]
