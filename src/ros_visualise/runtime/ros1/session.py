@@ -14,7 +14,6 @@ import rospy
 from ros_visualise.errors import OpenError
 from ros_visualise.printing import Shown
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
-from ros_visualise.runtime.ros1.names import global_name
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 

@@ -29,7 +29,6 @@ from rospy.exceptions import TransportTerminated
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.impl.tcpros_base import TCPROSTransport
 
-from ros_visualise.runtime.ros1.names import global_name
 from ros_visualise.runtime.ros1.outbox import Outbox
 from ros_visualise.runtime.ros1.wire import BrokenStream, Stream, as_bytes, decode, encode, is_large
 
