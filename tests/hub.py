@@ -18,10 +18,10 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.nodes import find_all
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.sinks.encoding import Encoder
 
@@ -178,11 +178,8 @@ class HubMiddleware:
                 for node, _ in self._hub.parameters.values()
             }
             return Listing(
-                [(name, [n for n in of.publishers if n != self.name]) for name, of in topics],
-                [
-                    (name, [one.node for one in of.subscribers if one.node != self.name])
-                    for name, of in topics
-                ],
+                [(name, tuple(of.publishers)) for name, of in topics],
+                [(name, [one.node for one in of.subscribers]) for name, of in topics],
                 {name: of.type_name for name, of in topics},
                 places,
                 (),
@@ -328,5 +325,5 @@ class ParametersClient:
 
 def _our_own(params: type) -> Any:
     names = [spec.name for spec in specs(params)]
-    kinds = [node for node in find_all() if [spec.name for spec in specs(node.params)] == names]
-    return kinds[0] if kinds and names else None
+    found = (node for kind, node in offered() if [spec.name for spec in specs(kind)] == names)
+    return next(found, None)

@@ -114,7 +114,7 @@ def test_the_survey_finds_images_and_parameters_and_leaves_out_who_looks_on():
     types = [(t, "sensor_msgs/Image") for t in ("/image_raw", "/edges", "/drawn")]
     types += [(t, description) for t, _ in publishers if t.endswith("descriptions")]
     types += [("/image_raw/compressed", "sensor_msgs/CompressedImage"), ("/scan", "a/Scan")]
-    sight = survey(list_graph(publishers, subscribers, types, "/own"))
+    sight = survey(list_graph(publishers, subscribers, types), "/own")
     assert sight.peers == (
         Peer("/camera", ("/image_raw",), (), ()),
         Peer("/edge_detector", ("/edges",), ("/image_raw",), ("/edge_detector",)),

@@ -62,7 +62,7 @@ def test_a_page_shows_the_nodes_of_its_namespace():
     types = [(topic, "sensor_msgs/Image") for topic, _ in published]
 
     def seen_by(own):
-        return {peer.name for peer in survey(list_graph(published, [], types, own)).peers}
+        return {peer.name for peer in survey(list_graph(published, [], types), own).peers}
 
     assert seen_by("/uav1/viewer") == {"/uav1/filters", "/map_server", "/uav1/arm/camera"}
     assert seen_by("/viewer") == set(nodes)

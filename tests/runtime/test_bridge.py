@@ -31,6 +31,7 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
 
 IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))
@@ -180,3 +181,19 @@ def test_a_video_is_played_for_whoever_subscribes(hub: Hub, peer: Peer, tmp_path
         heard = peer.hear("/image_raw", Image)
         wait_for(lambda: len(heard) > 5, "images")
     assert {(image.height, image.width, image.encoding) for image in heard} == {(48, 64, "bgr8")}
+
+
+def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
+    hub: Hub, tmp_path: Path
+) -> None:
+    looker = HubMiddleware(hub, name="uav1/viewer")
+    for place in ("", "uav1/", "uav2/"):
+        other = HubMiddleware(hub, name=f"{place}cam")
+        other.advertise(f"/{place}image_raw", TopicType(type_name(Image)))
+    video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
+    with hub.running("streamer", path=str(video)), closing(RemoteRuntime(looker)) as remote:
+        streamer = wait_for(lambda: remote.parameters.get("streamer"), "the streamer")
+        wait_for(lambda: streamer.node, "its parameters")
+        assert streamer.node.name == "streamer"
+        assert {"cam", "uav1/cam"} <= set(remote.parameters)
+        assert "uav2/cam" not in remote.parameters

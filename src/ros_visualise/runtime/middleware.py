@@ -56,7 +56,7 @@ class Publisher(Handle, Protocol):
 
 
 class Listing(NamedTuple):
-    """What a graph holds at one moment, by full names, without this process.
+    """What a graph holds at one moment, by full names.
 
     Attributes:
         publishers: topic and the nodes that publish it.
@@ -82,7 +82,7 @@ class ParametersListener(Protocol):
 
         Args:
             params: a dataclass of them: our own node's, or one that was made for the node.
-            node: our own node, if it is one.
+            node: our own node, if it is one: see `ros_visualise.runtime.playing.offered`.
         """
 
     def told(self, values: Mapping[str, Any]) -> None:

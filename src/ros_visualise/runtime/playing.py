@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, make_dataclass
 from typing import Any
 
-from ros_visualise.nodes import SourceType
+from ros_visualise.nodes import NodeType, SourceType, find_all
 from ros_visualise.params import Parameters, Value, param, specs
 from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playback import Playback
@@ -38,6 +38,15 @@ def playing_params(source: SourceType) -> type:
     """A source's parameters and those of its playback as one declaration."""
     bases = (LiveParams if source.live else PlayingParams, source.params)
     return make_dataclass(source.params.__name__, [], bases=bases, frozen=True)
+
+
+def offered() -> Iterator[tuple[type, NodeType | SourceType]]:
+    """The parameters that our own nodes may have on a graph, each time with the node."""
+    for node in find_all():
+        kinds = [node.params]
+        if isinstance(node, SourceType):
+            kinds.append(playing_params(node))
+        yield from ((kind, node) for kind in kinds if specs(kind))
 
 
 class PlaybackFollower:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 from ros_visualise.data import (
@@ -41,19 +41,22 @@ class Sight(NamedTuple):
     compressed: frozenset[str]
 
 
-def survey(listing: Listing) -> Sight:
-    """What a graph's lists tell, without the nodes that only look on."""
+def survey(listing: Listing, own: str) -> Sight:
+    """What a graph's lists tell, without the nodes that only look on.
+
+    Args:
+        listing: all of the graph.
+        own: full name of the node that looks: it sees the others in its namespace, and those above
+            or below it, but not those of the robot next to it, nor itself.
+    """
     kinds = listing.types.items()
     shown = {topic: cls for topic, kind in kinds if (cls := data_class(kind)) in _SHOWN and cls}
     compressed = {t.rpartition("/")[0] for t, kind in kinds if kind == _COMPRESSED} & shown.keys()
-    published = [(topic, node) for topic, nodes in sorted(listing.publishers) for node in nodes]
-    taken = [
-        (_base(topic, compressed), node)
-        for topic, nodes in sorted(listing.subscribers)
-        for node in nodes
-    ]
+    published = _pairs(listing.publishers)
+    taken = [(_base(topic, compressed), node) for topic, node in _pairs(listing.subscribers)]
+    there = {node for _, node in published + taken} | listing.parameters.keys()
     peers = []
-    for name in sorted({node for _, node in published + taken} | listing.parameters.keys()):
+    for name in sorted(name for name in there if _is_seen(name, own)):
         peer = Peer(
             name,
             tuple(topic for topic, node in published if node == name and topic in shown),
@@ -63,6 +66,15 @@ def survey(listing: Listing) -> Sight:
         if _matters(peer, shown, listing.onlookers):
             peers.append(peer)
     return Sight(tuple(peers), shown, frozenset(compressed))
+
+
+def _pairs(ends: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, str]]:
+    return [(topic, node) for topic, nodes in sorted(ends) for node in nodes]
+
+
+def _is_seen(node: str, own: str) -> bool:
+    here, there = own.rpartition("/")[0] + "/", node.rpartition("/")[0] + "/"
+    return node != own and (here.startswith(there) or there.startswith(here))
 
 
 def _base(topic: str, compressed: Collection[str]) -> str:

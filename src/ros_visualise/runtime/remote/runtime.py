@@ -147,7 +147,7 @@ class RemoteRuntime:
     def _look(self) -> None:
         """See who is there; the graph changes only if something about it has."""
         try:
-            self._sight = survey(self._middleware.look())
+            self._sight = survey(self._middleware.look(), self._middleware.resolve("~"))
         except ConnectionError as error:
             log.debug("the graph cannot be looked at: %s", error)
             return

@@ -14,9 +14,9 @@ from typing import Any
 from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescription
 
-from ros_visualise.nodes import NodeType, SourceType, find_all
+from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import Spec, Value, param, specs
-from ros_visualise.runtime.playing import playing_params
+from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.ros1.description import Plain, describe
 
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
@@ -76,13 +76,7 @@ def declare(description: ConfigDescription) -> Declaration:
 @cache
 def our_own() -> list[tuple[ConfigDescription, Declaration]]:
     """Our own nodes, each with its description; the first call takes a second of imports."""
-    found = []
-    for node in find_all():
-        kinds = [node.params]
-        if isinstance(node, SourceType):
-            kinds.append(playing_params(node))
-        found += [(describe(specs(kind)), Declaration(kind, node)) for kind in kinds if specs(kind)]
-    return found
+    return [(describe(specs(kind)), Declaration(kind, node)) for kind, node in offered()]
 
 
 def _make(description: ConfigDescription) -> Declaration:
