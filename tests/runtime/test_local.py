@@ -1,5 +1,6 @@
 """The local runtime, on small graphs of nodes made for it."""
 
+import sys
 import threading
 import time
 from dataclasses import dataclass, replace
@@ -225,6 +226,18 @@ def test_parameters_change_between_messages():
     run.runtime.stop()
     (before, header, _), (after, again, _) = seen[:2]
     assert (after - before, again) == (49, header)  # while paused, the same image once more
+
+
+def test_a_node_that_calls_exit_loses_that_message_and_this_is_said(caplog):
+    @node("leaves", inputs={"image": Image}, outputs={"image": Image})
+    def leaves(image, params):
+        sys.exit(7)
+
+    run = Run(graph_of(leaves))
+    report = run.to_the_end()
+    assert report.nodes["leaves"].dropped == {"error": FRAMES}
+    assert run.runtime.failed
+    assert [record.getMessage() for record in caplog.records] == ["leaves: 7 (said once)"]
 
 
 def test_a_node_that_raises_loses_that_message_alone(caplog):

@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
 
+_ERRORS = (Exception, SystemExit)  # exit() would end the node's thread alone, without a word
 _PATIENCE_S = 0.2  # of who asks for figures, with a step that takes long
 
 
@@ -74,7 +75,7 @@ class NodeRunner:
             self.stats.dropped["no transform"] += 1
             self._say(error)
             return NOTHING
-        except Exception as error:
+        except _ERRORS as error:
             self.stats.dropped["error"] += 1
             self._fail(error)
             return NOTHING
@@ -101,7 +102,7 @@ class NodeRunner:
         if self._at_state.acquire(timeout=_PATIENCE_S):
             try:
                 self._figures = self._state.report()
-            except Exception as error:
+            except _ERRORS as error:
                 self._figures = {}
                 self._fail(error)
             finally:
@@ -113,7 +114,7 @@ class NodeRunner:
         try:
             with self._at_state:
                 return self._by_output(ask())
-        except Exception as error:
+        except _ERRORS as error:
             self._fail(error)
             return NOTHING
 
@@ -162,11 +163,11 @@ class NodeRunner:
             self._state.reset()
         self._epoch = packet.epoch
 
-    def _fail(self, error: Exception) -> None:
+    def _fail(self, error: BaseException) -> None:
         self.failed = True
         self._say(error)
 
-    def _say(self, error: Exception, topic: str = "") -> None:
+    def _say(self, error: BaseException, topic: str = "") -> None:
         origin = traceback.extract_tb(error.__traceback__)[-1]
         kind = (type(error), origin.filename, origin.lineno)
         if kind not in self._said:

@@ -97,7 +97,7 @@ class SourceThread:
         except RosVisualiseError as error:
             log.error("%s", error)
             self.failed = True
-        except Exception:
+        except (Exception, SystemExit):  # exit() would end this thread alone, without a word
             log.exception("%s broke", self.name)
             self.failed = True
 
