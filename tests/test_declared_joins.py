@@ -49,9 +49,44 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
             {"inputs": {"image": Image}, "join": Approx(0.1)},
             r"node locator: Approx\(slop_s=0.1\) joins several inputs; there is image",
         ),
-        (type("Empty", (), {}), {}, "node locator: the class Empty has no method step"),
+        (
+            lambda image, boxes, params: None,
+            {"join": Exact},
+            r"node locator: join=.*Exact.*: give Each\(\), Exact\(\), Approx",
+        ),
+        (
+            lambda image, params: None,
+            {"inputs": {"image": 3}},
+            "node locator: 3 is no message; there is CameraInfo",
+        ),
+        (
+            lambda params, **_: None,
+            {"inputs": {"the image": Image}},
+            "node locator: the image: a name is made of letters",
+        ),
+        (
+            lambda params: None,
+            {"inputs": {"params": Image}},
+            "node locator: its step is given params already; rename the input",
+        ),
+        (
+            type("Empty", (), {"__init__": lambda self, params: None}),
+            {},
+            "node locator: the class Empty has no method step",
+        ),
+        (
+            type("Bare", (), {"step": lambda self, params, image=None, boxes=None: None}),
+            {},
+            "node locator: its __init__ is given params, but takes nothing",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said_when_it_is_declared(step, options, says):
     with pytest.raises(UsageError, match=says):
         declared(step, **options)
+
+
+@pytest.mark.parametrize("name", ["", "a b", "uav1/locator", "1st", "localisée"])
+def test_a_node_has_a_name_that_a_topic_may_have(name):
+    with pytest.raises(UsageError, match="a name is made of letters, digits and _"):
+        node(name, inputs={"image": Image}, outputs={"image": Image})

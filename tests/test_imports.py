@@ -16,7 +16,7 @@ LAYERS = [
         *("limits", "yaml_files", "printing", "signals"),
     },
     {"messages", "vision"},
-    {"declarations", "sources", "sinks"},
+    {"declaration_checks", "declarations", "sources", "sinks"},
     {"simulation"},
     {"nodes"},
     {"graph"},

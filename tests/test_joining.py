@@ -127,6 +127,7 @@ def test_after_a_jump_the_latest_is_what_is_older_than_the_new_time():
     assert work.put("image", 4, "image") == [{"image": "image", "map": "map", "pose": "pose"}]
 
 
-def test_a_slop_is_no_less_than_nothing():
-    with pytest.raises(ValueError, match=r"Approx\(-1\): give the seconds as 0 or more"):
-        Approx(-1)
+@pytest.mark.parametrize("slop_s", [-1, float("nan"), float("inf"), "0.1", None])
+def test_a_slop_is_a_time_that_is_no_less_than_nothing(slop_s):
+    with pytest.raises(ValueError, match=r"Approx\(.*\): give the seconds as 0 or more"):
+        Approx(slop_s)

@@ -7,9 +7,16 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
-from ros_visualise.data import MESSAGES, Message, Transforms
+from ros_visualise.data import Message, Transforms
+from ros_visualise.declaration_checks import (
+    check_join,
+    check_kinds,
+    check_made,
+    check_name,
+    check_step,
+)
 from ros_visualise.errors import UsageError
-from ros_visualise.joining import EACH, Join, Latest
+from ros_visualise.joining import EACH, Join
 from ros_visualise.messages.recorded import TopicType
 
 T = TypeVar("T")
@@ -157,22 +164,23 @@ def node(
     """Declare the decorated function or class as a node; see `NodeType`.
 
     Raises:
-        UsageError: an input or output is not a message of `ros_visualise.data`, there is no such
-            output, nothing to join, or the step does not take what it is given.
+        UsageError: the name is none that ROS takes too, an input or output is not a message of
+            `ros_visualise.data`, there is no such output, nothing to join, or the class or its
+            step does not take what it is given.
     """
+    check_name(f"node {name}", name)
     for port in (*on_demand, *latched):
         if port not in outputs:
             raise UsageError(f"node {name}: no output {port!r}; there is {', '.join(outputs)}")
-    for kind in (*inputs.values(), *outputs.values()):
-        if kind not in MESSAGES:
-            there = ", ".join(message.__name__ for message in MESSAGES)
-            raise UsageError(f"node {name}: {kind.__name__} is no message; there is {there}")
-    _check_join(name, join, inputs)
+    check_kinds(name, inputs)
+    check_kinds(name, outputs)
+    check_join(name, join, inputs)
     extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
 
     def declare(target: T) -> T:
+        check_made(name, target)
         for given in [[port] for port in inputs] if join == EACH else [[*inputs]]:
-            _check_step(name, target, [*given, *extras])
+            check_step(name, target, [*given, *extras])
         target.declared = NodeType(  # type: ignore[attr-defined]
             name,
             _completed(target) if isinstance(target, type) else lambda _: _Function(target),  # type: ignore[arg-type]
@@ -213,8 +221,10 @@ def source(
     """Declare the decorated class as a source; see `SourceType`.
 
     Raises:
-        UsageError: one of ``velocity_axes`` is none of `VELOCITY_AXES`.
+        UsageError: the name is none that ROS takes too, or one of ``velocity_axes`` is none of
+            `VELOCITY_AXES`.
     """
+    check_name(f"source {name}", name)
     for axis in velocity_axes:
         if axis not in VELOCITY_AXES:
             there = ", ".join(VELOCITY_AXES)
@@ -254,29 +264,6 @@ def action(help: str) -> Callable[[T], T]:
         return method
 
     return declare
-
-
-def _check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
-    if join != EACH and len(inputs) < 2:
-        raise UsageError(f"node {name}: {join} joins several inputs; there is {', '.join(inputs)}")
-    if isinstance(join, Latest) and join.trigger not in inputs:
-        raise UsageError(f"node {name}: no input {join.trigger!r}; there is {', '.join(inputs)}")
-
-
-def _check_step(name: str, target: Any, given: list[str]) -> None:
-    """Refuse a step that does not take what it is given by name."""
-    is_class = isinstance(target, type)
-    step = getattr(target, "step", None) if is_class else target
-    if step is None:
-        raise UsageError(f"node {name}: the class {target.__name__} has no method step")
-    signature = inspect.signature(step)
-    try:
-        signature.bind(*([None] if is_class else []), **dict.fromkeys(given))
-    except TypeError:
-        takes = ", ".join(one for one in signature.parameters if not (is_class and one == "self"))
-        raise UsageError(
-            f"node {name}: its step is given {', '.join(given)}, but takes {takes or 'nothing'}"
-        ) from None
 
 
 def _completed(cls: type) -> type:

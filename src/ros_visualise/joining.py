@@ -6,6 +6,7 @@ from bisect import insort
 from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any, NamedTuple, Protocol
 
 _KEPT = 100
@@ -29,7 +30,7 @@ class Approx:
     slop_s: float
 
     def __post_init__(self) -> None:
-        if not self.slop_s >= 0:
+        if not (isinstance(self.slop_s, int | float) and 0 <= self.slop_s < inf):
             raise ValueError(f"Approx({self.slop_s}): give the seconds as 0 or more")
 
 
