@@ -381,6 +381,25 @@ def test_two_nodes_of_ones_own_stand_in_the_order_of_the_line(video, tmp_path):
     assert nodes == ["streamer", "fps_control", "filters", "first", "second", "edge_detector"]
 
 
+def test_a_node_comes_after_the_last_that_passes_images_on(video, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text(
+        "from ros_visualise.data import Image\n"
+        "from ros_visualise.nodes import node\n"
+        "@node('sink', inputs={'image': Image}, outputs={})\n"
+        "def sink(image, params):\n"
+        "    return None\n"
+        "@node('passing', inputs={'image': Image}, outputs={'image': Image})\n"
+        "def passing(image, params):\n"
+        "    return image\n"
+    )
+    sink = ["--node", f"{own}:sink"]
+    done = run("video", video, *QUICK, "--json", *sink, "--node", f"{own}:passing")
+    assert json.loads(done.stdout)["topics"]["/passing"]["messages"] > 0
+    said = refused("video", video, *QUICK, *sink, "--node", f"{own}:passing@sink")
+    assert "passing: sink publishes nothing; choose another @AFTER" in said
+
+
 def test_recordings_are_all_opened_or_none(video, tmp_path):
     (tmp_path / "b.mcap").touch()
     targets = ["--record", tmp_path / "a.mcap", "--record", tmp_path / "b.mcap"]

@@ -215,7 +215,7 @@ def test_an_input_that_nothing_fits_is_named_with_what_there_is():
         husky.insert(locator.declared, "filters", {"boxes": "/odom"})
 
 
-@pytest.mark.parametrize("text", ["own.py:N,image", "own.py:N,image=", "rectify@camera,image"])
+@pytest.mark.parametrize("text", ["own.py:N,image", "own.py:N,image=", "rectify,image=/a,image=/b"])
 def test_inputs_are_chosen_by_name_and_topic(text):
     with pytest.raises(UsageError, match=r"give a node as NODE, NODE@AFTER or .*INPUT=/topic"):
         parse_insertion(text)

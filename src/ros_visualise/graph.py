@@ -229,6 +229,10 @@ class Graph:
     def _main_output(self, added: NodeType, before: Member) -> tuple[str, TopicSpec]:
         """A topic of one node for the next: of a type that this takes, if there is any."""
         there = list(before.topics.items())
+        if not there:
+            raise UsageError(
+                f"{added.name}: {before.name} publishes nothing; choose another @AFTER"
+            )
         fitting = [(name, made) for name, made in there if made.type in added.stepped.values()]
         heard = {topic for node in self.nodes for topic in node.inputs.values()}
         return [*((name, made) for name, made in fitting if name in heard), *fitting, *there][0]

@@ -127,8 +127,8 @@ def _add_nodes(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
-        help="insert a node, a built-in one or your own as FILE.py:NAME, by default after filters;"
-        " repeatable",
+        help="insert a node, a built-in one or your own as FILE.py:NAME, by default after filters,"
+        " or after the source where there are none; repeatable",
     )
 
 

@@ -69,3 +69,19 @@ def test_a_node_that_nobody_listens_to_shows_its_first_images(bag):
 def test_all_images_of_the_chosen_topic_pass(run, bag):
     status, said = run("bag", bag, *QUICK)
     assert (status, "/edges: 5 messages" in said) == (0, True)
+
+
+def test_where_no_images_pass_the_nodes_one_of_ones_own_comes_after_the_recording(
+    run, bag, tmp_path
+):
+    own = tmp_path / "own.py"
+    own.write_text(
+        "from ros_visualise.data import Image\n"
+        "from ros_visualise.nodes import node\n"
+        "@node('passing', inputs={'image': Image}, outputs={'image': Image})\n"
+        "def passing(image, params):\n"
+        "    return image\n"
+    )
+    added = f"{own}:passing,image=/d_gray"
+    status, said = run("bag", bag, *QUICK, "--image", "none", "--node", added)
+    assert (status, "/passing: 5 messages" in said) == (0, True)

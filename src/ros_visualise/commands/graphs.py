@@ -50,13 +50,15 @@ def graph_of(args: Namespace) -> Graph:
 
 
 def _with_options(graph: Graph, args: Namespace) -> Graph:
-    last = "filters"
+    last = _where_nodes_go(graph)
     for text in args.node:
         wanted = parse_insertion(text)
         added = choose_node(wanted.node)
         after = wanted.after or last
         graph = graph.insert(added, after, wanted.topics, known_topics(added))
-        last = last if wanted.after or len(added.stepped) > 1 else added.name
+        passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
+        if passes_on and not wanted.after:
+            last = added.name
     if args.params:
         try:
             graph = _configured(graph, _read_yaml(args.params), args)
@@ -71,6 +73,12 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
     _refuse_unfed_pair(graph)
     _refuse_missing_calibration(graph)
     return graph
+
+
+def _where_nodes_go(graph: Graph) -> str:
+    """The node that one is inserted after, where nobody says: filters, else the source."""
+    is_there = any(member.name == "filters" for member in graph.members)
+    return "filters" if is_there else graph.members[0].name
 
 
 def stepped_topic(graph: Graph) -> str:

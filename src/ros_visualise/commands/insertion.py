@@ -27,6 +27,6 @@ def parse_insertion(text: str) -> Insertion:
     name, *chosen = rest.split(",")
     name, _, after = name.partition("@")
     topics = dict(one.partition("=")[::2] for one in chosen)
-    if not all(topics.values()):
+    if not all(topics.values()) or len(topics) < len(chosen):
         raise UsageError(f"{text}: give a node as NODE, NODE@AFTER or NODE@AFTER,INPUT=/topic")
     return Insertion(path + colon + name, after or None, topics)
