@@ -15,6 +15,7 @@ from ros_visualise.graph import Graph, Member, Node
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
+from ros_visualise.runtime.memory import keep_freed_images
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
@@ -71,6 +72,7 @@ class LocalRuntime:
 
     def start(self) -> None:
         """Begin; the source is open already."""
+        keep_freed_images()
         self._running = len(self._threads)
         for thread in self._threads:
             thread.start()
