@@ -79,6 +79,11 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
             {},
             "node locator: its __init__ is given params, but takes nothing",
         ),
+        (
+            lambda boxes, params: None,
+            {"inputs": {"boxes": PoseArray}, "calibrated": True},
+            "node locator: calibrated=True is for inputs of type Image; it has none",
+        ),
     ],
 )
 def test_what_does_not_fit_is_said_when_it_is_declared(step, options, says):

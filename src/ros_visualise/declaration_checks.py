@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ros_visualise.data import MESSAGES
+from ros_visualise.data import MESSAGES, Image
 from ros_visualise.errors import UsageError
 from ros_visualise.joining import EACH, Join, Latest
 
@@ -50,6 +50,16 @@ def check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
         raise UsageError(f"node {name}: {join} joins several inputs; there is {there}")
     if isinstance(join, Latest) and join.trigger not in inputs:
         raise UsageError(f"node {name}: no input {join.trigger!r}; there is {', '.join(inputs)}")
+
+
+def check_calibrated(name: str, calibrated: bool, inputs: Mapping[str, type]) -> None:
+    """Refuse calibrations for a node that takes no images.
+
+    Raises:
+        UsageError: it takes none.
+    """
+    if calibrated and Image not in inputs.values():
+        raise UsageError(f"node {name}: calibrated=True is for inputs of type Image; it has none")
 
 
 def check_step(name: str, target: Any, given: Sequence[str]) -> None:

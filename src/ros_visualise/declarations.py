@@ -9,6 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from ros_visualise.data import Message, Transforms
 from ros_visualise.declaration_checks import (
+    check_calibrated,
     check_join,
     check_kinds,
     check_made,
@@ -175,6 +176,7 @@ def node(
     check_kinds(name, inputs)
     check_kinds(name, outputs)
     check_join(name, join, inputs)
+    check_calibrated(name, calibrated, inputs)
     extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
 
     def declare(target: T) -> T:

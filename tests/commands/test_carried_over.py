@@ -186,7 +186,7 @@ def test_publishers_that_became_one_are_said(tmp_path: Path, capsys) -> None:
     source = write_ros1(tmp_path / "a.mcap", {"/a": ["/one", "/two"], "/b": ["/one"]})
     target = convert(source, tmp_path / "r.bag")
     assert connections(target) == {"/a": ("/ros_visualise", 1), "/b": ("/one", 1)}
-    said = f"ros-visualise: {target} has no place for 2 publisher's names"
+    said = f"ros-visualise: {target} has no place for 2 publisher names"
     assert said in capsys.readouterr().err.splitlines()
 
 

@@ -8,7 +8,7 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.data import Header, Transforms, TransformStamped
 from ros_visualise.errors import NoTransform
-from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.frames import MOST_FRAMES, FrameTree, WrongTransforms
 from ros_visualise.geometry.rotations import from_rpy
 from ros_visualise.geometry.transforms import from_pose, interpolate, inverse
 
@@ -293,3 +293,12 @@ def test_a_robots_recording_is_read_as_it_was_sent(recordings):
         found = tree.lookup("odom", "base_link", stamp_ns)
         np.testing.assert_allclose(found, expected, atol=1e-9)
     assert tree.newest_ns("odom", "base_link") == max(sent)
+
+
+def test_names_without_end_are_refused_and_known_ones_go_on(tree):
+    tree.add(Transforms(tuple(at(1, "map", f"frame{n}") for n in range(MOST_FRAMES))), True)
+    with pytest.raises(WrongTransforms, match="one frame too many: 10000 are kept"):
+        tree.add(at(2, "map", "another"))
+    tree.add(at(2, "map", "frame7", xyz=(7, 0, 0)), True)
+    assert moved(tree, "map", "frame7")[0] == 7
+    assert len(tree.frames()) == MOST_FRAMES + 1

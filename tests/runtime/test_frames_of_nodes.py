@@ -158,6 +158,18 @@ def test_transforms_that_are_none_are_counted_and_said(caplog):
     assert "locator: /tf: 'map' -> 'map' is a frame in itself (said once)" in caplog.text
 
 
+def test_faults_without_end_are_said_a_few_times_alone(caplog):
+    placed = place(locator([]).declared, {"image": "/image"})
+    runtime = LocalRuntime(Graph(None, (placed,)).with_frames(), None)
+    runtime.start()
+    for number in range(60):
+        runtime.publish("/tf", transform(f"map{number}", f"map{number}", 1.0, 1000 * MS))
+    until(lambda: runtime.report().nodes["locator"].dropped == {"wrong tf": 60})
+    runtime.stop()
+    assert caplog.text.count("said once") == 11
+    assert caplog.text.count("locator: more such faults are only counted") == 1
+
+
 def test_without_any_transforms_a_lookup_says_so():
     got = []
     outputs = {"image": "/image_raw", "tf": "/other", "tf_static": "/other_static"}

@@ -13,6 +13,9 @@ from ros_visualise.geometry.rigid import IDENTITY, Pose
 
 _S = 1_000_000_000
 
+MOST_FRAMES = 10_000
+"""Frames that a tree keeps: a graph that makes up new names all the time ends there."""
+
 
 class WrongTransforms(ValueError):
     """Transforms that are none; ``wrong`` holds parent, child and what is wrong of each."""
@@ -44,8 +47,8 @@ class FrameTree:
         moves is forgotten.
 
         Raises:
-            WrongTransforms: frames have no names, hang below themselves, or a transform is none;
-                the others of the message are kept.
+            WrongTransforms: frames have no names, hang below themselves, are too many, or a
+                transform is none; the others of the message are kept.
         """
         several = message.transforms if isinstance(message, Transforms) else (message,)
         wrong = []
@@ -129,6 +132,8 @@ class FrameTree:
             raise ValueError("is a frame in itself")
         sample = Sample(parent, rigid.pose(one.translation_xyz, one.quat_xyzw))
         history = self._histories.get(child)
+        if history is None and len(self._histories) >= MOST_FRAMES:
+            raise ValueError(f"is one frame too many: {MOST_FRAMES} are kept")
         if history and history.is_before(one.header.stamp_ns):
             self._forget()
             history = None

@@ -31,6 +31,7 @@ FRAMES_WAIT_S = 0.5
 _KEPT = 10  # images of an input that wait in the inbox: which of them has a partner is seen later
 _SILENT = 20  # messages of an input without any joined: somebody should be told
 _MOST_HELD = 30
+_MOST_SAID = 10
 _ROUND = 1000
 _LOOK_S = 0.05
 
@@ -272,6 +273,10 @@ class _Together:
         return f"{self._came[port]} on {topic}, stamps up to {self._newest_ns[port] / 1e9:.6f} s"
 
     def _say(self, what: Any) -> None:
-        if what not in self._said:
-            self._said.add(what)
-            log.warning("%s: %s (said once)", self._runner.node.name, what)
+        if what in self._said or len(self._said) > _MOST_SAID:
+            return
+        self._said.add(what)
+        name = self._runner.node.name
+        log.warning("%s: %s (said once)", name, what)
+        if len(self._said) > _MOST_SAID:
+            log.warning("%s: more such faults are only counted", name)

@@ -178,7 +178,7 @@ class ChunkedRecorder(ABC):
     def _publisher(self, topic: TopicType) -> str:
         """Who published a topic, if that is known and was one node."""
         if len(topic.callerids) > 1:
-            self.unplaced["publisher's name"] += len(topic.callerids)
+            self.unplaced["publisher name"] += len(topic.callerids)
         return topic.callerids[0] if len(topic.callerids) == 1 else ""
 
     def _require_open(self) -> None:

@@ -162,7 +162,8 @@ class Process:
         declared, feed = self._declared[name], partial(self.runtime.publish, name)
         if kind is Image:
             wait = partial(self._wait_for_room, name)
-            calibrated = any(node.type.calibrated for node in self._graph.nodes)
+            takers = [one for one in self._graph.nodes if name in one.inputs.values()]
+            calibrated = any(node.type.calibrated for node in takers)
             return ImageInput(
                 self._middleware, declared, name, feed, self._compressed, wait, calibrated
             )
