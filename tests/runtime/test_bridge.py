@@ -192,8 +192,8 @@ def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
         other.advertise(f"/{place}image_raw", TopicType(type_name(Image)))
     video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
     with hub.running("streamer", path=str(video)), closing(RemoteRuntime(looker)) as remote:
-        streamer = wait_for(lambda: remote.parameters.get("streamer"), "the streamer")
-        wait_for(lambda: streamer.node, "its parameters")
-        assert streamer.node.name == "streamer"
+        find = remote.parameters.get  # it is there before its parameters are
+        ours = wait_for(lambda: getattr(find("streamer"), "node", None), "its parameters")
+        assert ours.name == "streamer"
         assert {"cam", "uav1/cam"} <= set(remote.parameters)
         assert "uav2/cam" not in remote.parameters
