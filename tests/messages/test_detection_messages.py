@@ -57,6 +57,13 @@ def test_names_and_tracks_survive_in_ros_2_alone() -> None:
     assert from_message(through_ros1(numbered), Detections).detections[0].id == ""
 
 
+def test_a_class_of_a_megabyte_is_told_of_in_a_few_words() -> None:
+    vast = Detections((replace(BOX, hypotheses=(Hypothesis("A" * 10**6, 0.5),)),), HEADER)
+    with pytest.raises(ValueError, match=r"class 'AAA.*\.\.\..*give its number") as refused:
+        through_ros1(vast)
+    assert len(str(refused.value)) < 120
+
+
 @pytest.mark.parametrize(
     ("name", "digest"),
     [

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Header, Image, ParameterEvent
-from ros_visualise.errors import RecordingError, UsageError
+from ros_visualise.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
@@ -157,6 +157,21 @@ def test_a_full_disk_ends_the_recording_and_holds_up_nobody(caplog):
     assert str(recording.error) == "memory: full"
     assert (len(memory.entries), memory.closed) == (2, 1)
     assert caplog.messages == ["memory: full"]
+
+
+def test_what_the_file_cannot_hold_is_counted_and_said_once_for_each_topic(caplog):
+    class Refusing(Memory):
+        def write(self, topic, message, log_ns=None):
+            raise DamagedMessage("no room for it")
+
+    recording = RecorderThread(Refusing(), chain("/a", "/b"), lossless=True)
+    for number in range(100):
+        recording.put("/a", packet(number))
+        recording.put("/b", packet(number))
+    recording.close()
+    assert (recording.written, recording.dropped) == (0, 200)
+    said = [f"memory: {topic}: no room for it (said once)" for topic in ("/a", "/b")]
+    assert sorted(caplog.messages) == said
 
 
 def test_a_bug_in_a_recorder_ends_the_recording_and_holds_up_nobody(caplog):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -43,8 +44,9 @@ class _HypothesisFields(dict[str, Any]):
         try:
             return int(class_id)
         except ValueError:
+            short = reprlib.repr(class_id)
             raise ValueError(
-                f"class {class_id!r}: in vision_msgs of ROS 1 classes are numbers; give its number"
+                f"class {short}: in vision_msgs of ROS 1 classes are numbers; give its number"
             ) from None
 
 

@@ -115,6 +115,7 @@ class RecorderThread:
         self._events: deque[ParameterEvent] = deque()
         self._written_ns = 0  # the log time of what was written last
         self._stopped = self._discarded = False
+        self._damaged: set[str] = set()  # topics of which it was said
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
         self._thread.start()
@@ -226,7 +227,9 @@ class RecorderThread:
             self.written += 1
         except DamagedMessage as error:
             self.dropped += 1
-            log.warning("%s: %s: %s", self.path, topic, error)
+            if topic not in self._damaged:
+                log.warning("%s: %s: %s (said once)", self.path, topic, error)
+            self._damaged.add(topic)
 
     def _write_events(self) -> None:
         while self._events:
