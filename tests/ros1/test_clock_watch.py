@@ -3,6 +3,7 @@
 import subprocess
 
 import pytest
+import rosgraph
 import rospy
 from ros_graph import end, wait_for
 from rosgraph_msgs.msg import Clock
@@ -53,6 +54,8 @@ def test_a_clock_that_starts_late_is_waited_for(launched, hear):
 def test_a_clock_that_is_none_is_said(start, workspace):
     rospy.set_param("/use_sim_time", True)
     rospy.set_param("/roslaunch/uris/gone__1", "http://127.0.0.1:9/")  # as a killed one leaves it
+    gone = rosgraph.Master("/gone")  # and a killed simulator
+    gone.registerPublisher("/clock", "rosgraph_msgs/Clock", "http://127.0.0.1:9/")
     try:
         node = start("filters")
         line = wait_for(lambda: next((one for one in node.stdout if WORDS in one), ""), WORDS)
@@ -60,3 +63,4 @@ def test_a_clock_that_is_none_is_said(start, workspace):
     finally:
         rospy.delete_param("/use_sim_time")
         rospy.delete_param("/roslaunch/uris/gone__1")
+        gone.unregisterPublisher("/clock", "http://127.0.0.1:9/")

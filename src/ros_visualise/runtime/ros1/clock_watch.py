@@ -52,9 +52,20 @@ def watch_clock(is_over: Callable[[], bool]) -> None:
 
 def _look() -> tuple[set[str], bool]:
     """The last names of all nodes, and whether one publishes ``/clock``."""
-    state = rosgraph.Master(rospy.get_name()).getSystemState()
+    master = rosgraph.Master(rospy.get_name())
+    state = master.getSystemState()
     nodes = {node.rpartition("/")[2] for kind in state for _, there in kind for node in there}
-    return nodes, any(topic == "/clock" and there for topic, there in state[0])
+    clocks = [node for topic, there in state[0] if topic == "/clock" for node in there]
+    return nodes, any(_is_alive(master, node) for node in clocks)
+
+
+def _is_alive(master: rosgraph.Master, node: str) -> bool:
+    """Whether a node answers: the master still lists those that were killed."""
+    try:
+        proxy = xmlrpc.client.ServerProxy(master.lookupNode(node), transport=BoundedTransport())
+        return bool(proxy.getPid(rospy.get_name()))
+    except _ERRORS:
+        return False
 
 
 def _launched() -> set[str]:
