@@ -1,6 +1,7 @@
 """The page's server: its address, its silence, and clients that misbehave."""
 
 import asyncio
+import gc
 import logging
 import re
 import socket
@@ -8,6 +9,8 @@ import subprocess
 import sys
 import time
 from collections import deque
+from contextlib import ExitStack, suppress
+from threading import Thread
 
 import pytest
 from page_client import Client
@@ -37,6 +40,14 @@ sys.stdin.readline()
 page.close()
 runtime.stop()
 """
+
+
+def knock(port):
+    """Connect again and again, until nobody answers."""
+    connected = []
+    with suppress(OSError), ExitStack() as stack:
+        while len(connected) < 500:
+            connected.append(stack.enter_context(socket.create_connection(("127.0.0.1", port))))
 
 
 @pytest.fixture
@@ -89,6 +100,17 @@ def test_probes_and_broken_connections_leave_no_line(port):
         out, err = served.communicate("\n", timeout=20)
         deaf.socket.socket.close()
     assert (served.returncode, out, err) == (0, "", "")
+
+
+def test_who_knocks_as_the_server_ends_is_let_go(port):
+    for _ in range(15):
+        server = open_server("127.0.0.1", port, "test", open_door("127.0.0.1"))
+        knocking = Thread(target=knock, args=(port,))
+        knocking.start()
+        close_server(server)
+        knocking.join()
+        server._websock_server._server_thread.join(5)
+    gc.collect()  # what was forgotten would warn here, which is an error
 
 
 def test_refused_value_snaps_back_and_says_why(client, runtime):

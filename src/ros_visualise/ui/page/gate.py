@@ -7,6 +7,7 @@ websockets library has for it (``create_connection``).
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,6 +31,7 @@ _Admit = Callable[[ServerConnection, Request], Any]
 _MOST_SAID = 5
 """So many requests that are refused are logged, and so many messages of each browser."""
 _LONGEST_PATH = 250  # of a name that file systems take
+_TURNS_TO_ACCEPT = 5
 _one_at_a_time = Lock()
 
 
@@ -58,7 +60,7 @@ class Gate:
         def serve(*args: Any, **settings: Any) -> Any:
             self.is_used = True
             settings |= {"create_connection": self._connect, "max_size": MAX_BYTES}
-            return make(*args, **settings)
+            return _Serve(*args, **settings)
 
         with _one_at_a_time:
             websockets.asyncio.server.serve = serve  # type: ignore[assignment,misc]
@@ -104,6 +106,23 @@ class Gate:
 
     def _connect(self, *args: Any, **settings: Any) -> _Connection:
         return _Connection(self, *args, **settings)
+
+
+class _Serve(websockets.asyncio.server.serve):
+    """A server that forgets nobody as it ends."""
+
+    async def __aexit__(self, *raised: Any) -> None:
+        """Accept nobody more, and close it when it knows all whom it accepted.
+
+        It learns of a connection some turns of the loop later. One that comes just before the end
+        would stay open.
+        """
+        loop = asyncio.get_running_loop()
+        for listening in self.server.sockets:
+            loop.remove_reader(listening.fileno())
+        for _ in range(_TURNS_TO_ACCEPT):
+            await asyncio.sleep(0)
+        await super().__aexit__(*raised)
 
 
 class _Connection(ServerConnection):
