@@ -39,7 +39,7 @@ fuzz: .venv-test/.ready
 		$(call make_venv,$(PYTHON),--clear .venv-test); \
 	fi
 	.venv-test/bin/pip install --quiet --disable-pip-version-check \
-		-c tests/constraints.txt -e '.[desktop,sim,test]'
+		-c tests/constraints.txt -e '.[desktop,sim,detect,test]'
 	touch $@
 
 # Debian's python3 has no venv module until python3-venv is installed.
