@@ -28,6 +28,7 @@ PICTURE = Attachment(8, 6, "site.png", "image/png", bytes(range(256)))
 PLACE = Metadata("place", {"name": "north field", "marker": "7"})
 BEST_EFFORT = latched_qos()._replace(reliability=QosReliability.BEST_EFFORT)
 QOS = dump_qos_v8([BEST_EFFORT])
+LABELS = {"unit": "m/s", "sensor": "front"}
 TIMES = [(1000 * n + 1000, 1000 * n + 970, n + 40) for n in range(5)]
 
 
@@ -39,7 +40,9 @@ def path(tmp_path: Path) -> Path:
         writer = Writer(file)
         writer.start("ros2")
         schema = writer.register_schema(STRING, "ros2msg", b"string data")
-        channel = writer.register_channel("/a", "cdr", schema, {"offered_qos_profiles": QOS})
+        channel = writer.register_channel(
+            "/a", "cdr", schema, {"offered_qos_profiles": QOS, **LABELS}
+        )
         writer.add_attachment(NOTES.create_time, NOTES.log_time, *_of(NOTES))
         for log_ns, sent_ns, number in TIMES:
             writer.add_message(channel, log_ns, text("x"), sent_ns, number)
@@ -80,7 +83,7 @@ EXPECTED = {
     "attachments": [NOTES, PICTURE],
     "metadata": [PLACE],
     "times": TIMES,
-    "channels": {"/a": {"offered_qos_profiles": QOS}},
+    "channels": {"/a": {"offered_qos_profiles": QOS, **LABELS}},
     "counted": (2, 1),
 }
 
@@ -104,6 +107,7 @@ def test_a_bag_keeps_the_latching_and_the_rest_is_said_once(path: Path, capsys) 
     out, err = capsys.readouterr()
     unplaced = {
         "QoS profile": 1,
+        "topic label": 2,
         "attachment": 2,
         "metadata record": 1,
         "sequence number": 5,
@@ -112,8 +116,8 @@ def test_a_bag_keeps_the_latching_and_the_rest_is_said_once(path: Path, capsys) 
     assert json.loads(out)["unplaced"] == unplaced
     (line,) = [line for line in err.splitlines() if "no place" in line]
     assert line == (
-        f"ros-visualise: {bag} has no place for 1 QoS profile, 2 attachments, 1 metadata record,"
-        " 5 sequence numbers, 5 sending times"
+        f"ros-visualise: {bag} has no place for 1 QoS profile, 2 topic labels, 2 attachments,"
+        " 1 metadata record, 5 sequence numbers, 5 sending times"
     )
     with BagReader(bag) as reader:
         (connection,) = reader.connections
@@ -140,6 +144,20 @@ def test_words_for_qos_become_numbers_where_those_are_read(tmp_path: Path) -> No
     about = YAML(typ="safe").load(folder / "metadata.yaml")["rosbag2_bagfile_information"]
     (topic,) = about["topics_with_message_count"]
     assert topic["topic_metadata"]["offered_qos_profiles"] == QOS
+
+
+def test_texts_that_people_gave_a_folder_stay_where_ros_has_them(tmp_path: Path) -> None:
+    bag, yaml = tmp_path / "bag", YAML(typ="safe")
+    write_bag(bag, numbered(range(3)), StoragePlugin.SQLITE3)
+    about = yaml.load(bag / "metadata.yaml")
+    about["rosbag2_bagfile_information"]["custom_data"] = {"pilot": "Ann", "place": "north field"}
+    yaml.dump(about, bag / "metadata.yaml")
+    folder = convert(bag, tmp_path / "folder")
+    kept = yaml.load(folder / "metadata.yaml")["rosbag2_bagfile_information"]["custom_data"]
+    assert kept == {"pilot": "Ann", "place": "north field"}
+    assert held(folder / "folder_0.mcap")["metadata"] == []
+    back = convert(convert(folder, tmp_path / "file.mcap"), tmp_path / "again")
+    assert yaml.load(back / "metadata.yaml")["rosbag2_bagfile_information"]["custom_data"] == kept
 
 
 @pytest.mark.parametrize("storage", StoragePlugin)

@@ -27,8 +27,8 @@ class TopicType:
     ``definitions`` knows it where ROS itself does not, else it may be None.
 
     Of a topic of a recording, there may also be what is only copied: ``offered_qos``, a YAML list
-    with the QoS profiles of its publishers as rosbag2 has them, and ``callerids``, the names of the
-    ROS 1 nodes that published it.
+    with the QoS profiles of its publishers as rosbag2 has them; ``callerids``, the names of the
+    ROS 1 nodes that published it; and ``labels``, other texts by name that an MCAP file has of it.
     """
 
     name: str
@@ -36,6 +36,7 @@ class TopicType:
     qos: QoS = VOLATILE
     offered_qos: str = ""
     callerids: tuple[str, ...] = ()
+    labels: tuple[tuple[str, str], ...] = ()
 
     @property
     def data_class(self) -> type:

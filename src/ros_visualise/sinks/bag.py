@@ -75,6 +75,8 @@ class BagRecorder(ChunkedRecorder):
         profiles = declared.topic.offered_qos.strip()
         if profiles and profiles != profile(declared.topic.qos):  # else a latched one says the same
             self.unplaced["QoS profile"] += 1
+        if declared.topic.labels:
+            self.unplaced["topic label"] += len(declared.topic.labels)
 
     def _connection(self, topic: str, declared: Declaration) -> bytes:
         header = _fields(

@@ -9,6 +9,7 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
+from mcap.records import Metadata
 from ruamel.yaml import YAML
 
 from ros_visualise.errors import RecordingError, RosVisualiseError
@@ -18,7 +19,7 @@ from ros_visualise.sinks.bag_folder import BagFolder
 from ros_visualise.sinks.mcap_file import McapRecorder
 from ros_visualise.sinks.qos_profiles import in_numbers, offered_qos
 from ros_visualise.sources.recordings import Extra
-from ros_visualise.sources.recordings.metadata import METADATA
+from ros_visualise.sources.recordings.metadata import CUSTOM, METADATA
 
 _VERSION = 8  # what ROS 2 Iron writes, and later ones read
 
@@ -41,6 +42,7 @@ class FolderRecorder:
         except RosVisualiseError as error:
             self._folder.remove()
             raise type(error)(f"{error}{self._folder.fate}") from None
+        self._custom: dict[str, str] = {}
         self._closed = False
 
     @property
@@ -60,6 +62,9 @@ class FolderRecorder:
 
     def add_extra(self, extra: Extra) -> None:
         """As `ros_visualise.sinks.Recorder`."""
+        if isinstance(extra, Metadata) and extra.name == CUSTOM:
+            self._custom |= extra.metadata
+            return
         with self._ending():
             self._recorder.add_extra(extra)
 
@@ -141,7 +146,7 @@ class FolderRecorder:
             "compression_format": "",
             "compression_mode": "",
             "files": [{"path": found.path.name, **times()}],
-            "custom_data": None,
+            "custom_data": self._custom or None,
             "ros_distro": "ros_visualise",
         }
         return {"rosbag2_bagfile_information": about}

@@ -131,8 +131,8 @@ class McapRecorder(ChunkedRecorder):
         topic, callerid = declared.topic, self._publisher(declared.topic)
         if self._profile == "ros2":
             named = {"callerid": callerid} if callerid else {}
-            return {"offered_qos_profiles": offered_qos(topic), **named}
-        found = {"callerid": callerid or OWN_NAME, "md5sum": declared.digest}
+            return {"offered_qos_profiles": offered_qos(topic), **named, **dict(topic.labels)}
+        found = {"callerid": callerid or OWN_NAME, "md5sum": declared.digest, **dict(topic.labels)}
         found |= {"latching": "1"} if topic.qos.transient_local else {}
         return found | ({"offered_qos_profiles": topic.offered_qos} if topic.offered_qos else {})
 

@@ -67,6 +67,16 @@ def test_a_part_that_cannot_be_read_costs_that_part(tmp_path):
     assert recording.loss
 
 
+def test_a_link_to_nothing_costs_that_part(tmp_path):
+    written = split(tmp_path, UNTIL_NOW)
+    (tmp_path / "run_1.bag").unlink()
+    (tmp_path / "run_1.bag").symlink_to(tmp_path / "gone.bag")
+    recording = open_recording(tmp_path)
+    assert contents(recording) == [m for m in written if not m.data[4:].startswith(b"1")]
+    (note,) = recording.loss.notes
+    assert note == "run_1.bag: No such file or directory; check the path"
+
+
 def test_bags_of_several_recordings_are_to_be_chosen_from(tmp_path, capsys):
     drive(tmp_path / "2024-01-01-12-00-00.bag", steps=1)
     drive(tmp_path / "2024-01-02-12-00-00.bag", steps=1)

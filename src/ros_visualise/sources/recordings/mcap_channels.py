@@ -18,6 +18,7 @@ from ros_visualise.sources.recordings.storage import Channel
 
 _ENCODINGS: Mapping[str, Encoding] = {"ros1": "ros1", "cdr": "cdr"}
 _LANGUAGES = {"ros1": ("ros1msg",), "cdr": ("ros2msg", "ros2idl")}
+_UNDERSTOOD = ("callerid", "latching", "md5sum", "offered_qos_profiles", "topic_type_hash")
 
 
 def describe(channel: McapChannel, schema: Schema | None, schemas: Schemas) -> Channel:
@@ -46,6 +47,7 @@ def _ros_channel(channel: McapChannel, schema: Schema, schemas: Schemas) -> Chan
         latched=_is_latched(channel),
         offered_qos=channel.metadata.get("offered_qos_profiles", ""),
         callerid=channel.metadata.get("callerid", ""),
+        labels=tuple(pair for pair in channel.metadata.items() if pair[0] not in _UNDERSTOOD),
     )
     if schema.encoding not in _LANGUAGES[encoding]:
         why = f"{schema.encoding or 'no schema'}: only ROS's own definitions are read"

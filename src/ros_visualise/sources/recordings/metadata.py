@@ -12,6 +12,8 @@ from ros_visualise.yaml_files import BadYaml, load_yaml
 log = logging.getLogger(__name__)
 
 METADATA = "metadata.yaml"
+CUSTOM = "custom_data"
+"""Where it has texts of people's own; and what a record with them is called elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ def read_metadata(folder: Path) -> Metadata:
         names = tuple(map(str, about.get("relative_file_paths") or ()))
         mode = str(about.get("compression_mode") or "").lower().replace("none", "")
         messages = about.get("message_count")
-        custom = {str(key): str(text) for key, text in (about.get("custom_data") or {}).items()}
+        custom = {str(key): str(text) for key, text in (about.get(CUSTOM) or {}).items()}
     except FileNotFoundError:
         log.warning("%s: %s is missing; the files tell what it would say", folder, METADATA)
     except BadYaml as error:

@@ -18,7 +18,7 @@ from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
 from ros_visualise.sources.recordings.mcap_file import McapFile
 from ros_visualise.sources.recordings.merging import MergedRecording
-from ros_visualise.sources.recordings.metadata import METADATA, Metadata, read_metadata
+from ros_visualise.sources.recordings.metadata import CUSTOM, METADATA, Metadata, read_metadata
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.split_files import missing_parts, natural, open_storages
 from ros_visualise.sources.recordings.sqlite_file import SqliteFile
@@ -56,7 +56,7 @@ def open_rosbag2(path: Path) -> Recording:
         _compare(metadata, storages, loss)
         release = stack.pop_all().close
     compression = "zstd" if any(file.suffix == _PACKED for file in files) else ""
-    extras = [MetadataRecord("custom_data", dict(metadata.custom))] if metadata.custom else []
+    extras = [MetadataRecord(CUSTOM, dict(metadata.custom))] if metadata.custom else []
     recording = MergedRecording(path, "rosbag2", storages, loss, release, compression, extras)
     recording.size = sum(file.stat().st_size for file in files)
     return recording

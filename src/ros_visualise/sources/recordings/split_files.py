@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -63,7 +63,8 @@ def open_storages(
         except OpenError as error:
             failures.append(str(error))
             add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))
-            loss.bytes += file.stat().st_size
+            with suppress(OSError):  # a link to a file that is not there
+                loss.bytes += file.stat().st_size
     if not storages:
         raise OpenError(failures[0])
     return storages

@@ -23,8 +23,8 @@ _MOST_NOTES = 20
 class Channel:
     """A stream of messages on a topic; ``unreadable`` says why they can not be read, if so.
 
-    Without definitions they can not be copied either. ``offered_qos`` and ``callerid``: as
-    `TopicType` has them, of one publisher.
+    Without definitions they can not be copied either. ``offered_qos``, ``callerid`` and
+    ``labels``: as `TopicType` has them, of one publisher.
     """
 
     topic: str
@@ -35,6 +35,7 @@ class Channel:
     unreadable: str = ""
     offered_qos: str = ""
     callerid: str = ""
+    labels: tuple[tuple[str, str], ...] = ()
 
     def is_like(self, other: Channel) -> bool:
         """Whether both are of one type; that of ROS 1 and ROS 2 counts as one."""

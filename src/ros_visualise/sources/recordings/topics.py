@@ -50,6 +50,7 @@ class Topics:
                 LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
                 "\n".join(_told(channel.offered_qos.strip() for channel, _ in alike)),
                 _told(channel.callerid for channel, _ in alike),
+                tuple(dict(label for channel, _ in alike for label in channel.labels).items()),
             ),
             sum(count for _, count in alike),
             chosen.digest,
