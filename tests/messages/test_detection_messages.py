@@ -7,7 +7,15 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from through import HEADER, ROS1, ROS2, assert_same, through_ros1, through_ros2
+from through import (
+    HEADER,
+    ROS1,
+    ROS2,
+    assert_same,
+    assert_survives,
+    through_ros1,
+    through_ros2,
+)
 
 from ros_visualise.data import (
     Detection,
@@ -16,6 +24,7 @@ from ros_visualise.data import (
     Detections3D,
     Header,
     Hypothesis,
+    VisionInfo,
 )
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message, type_name
@@ -23,8 +32,8 @@ from ros_visualise.messages.definitions import Definitions, Encoding
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks.encoding import Encoder
 
-SEEN = Hypothesis("7", 0.75, np.arange(3.0), np.array([0, 0, 0.6, 0.8]), np.eye(6) / 3)
-GUESS = Hypothesis("12", 0.125)
+SEEN = Hypothesis("7", 0.75, np.arange(3.0), np.array([0, 0, 0.6, 0.8]), np.eye(6) / 3, 7)
+GUESS = Hypothesis("12", 0.125, number=12)
 BOX = Detection(np.array([320.5, 240.25]), np.array([100.0, 50]), 0.5, (GUESS, SEEN))
 SPACE = Detection3D(np.arange(3.0), np.array([0, 0, 0.6, 0.8]), np.array([1, 2, 0.5]), (SEEN,))
 FOUND = [
@@ -34,18 +43,20 @@ FOUND = [
 ]
 
 
-def assert_same_found(found: Any, data: Any) -> None:
+def assert_same_found(found: Any, data: Any, numbered: bool = True) -> None:
+    """Numbers of classes do not travel in ROS 2, which has their names."""
     assert found.header == data.header
     for one, other in zip(found.detections, data.detections, strict=True):
         for hypothesis, there in zip(one.hypotheses, other.hypotheses, strict=True):
-            assert_same(hypothesis, there)
+            number = there.number if numbered else -1
+            assert_same(hypothesis, replace(there, number=number))
         assert_same(replace(one, hypotheses=()), replace(other, hypotheses=()))
 
 
 @pytest.mark.parametrize("through", [through_ros1, through_ros2])
 @pytest.mark.parametrize("data", FOUND)
 def test_detections_survive(data: Any, through: Callable[[Any], Any]) -> None:
-    assert_same_found(from_message(through(data), type(data)), data)
+    assert_same_found(from_message(through(data), type(data)), data, through is through_ros1)
 
 
 def test_names_and_tracks_survive_in_ros_2_alone() -> None:
@@ -55,6 +66,13 @@ def test_names_and_tracks_survive_in_ros_2_alone() -> None:
         through_ros1(named)
     numbered = Detections((replace(BOX, id="track 3"),), HEADER)
     assert from_message(through_ros1(numbered), Detections).detections[0].id == ""
+
+
+def test_a_class_with_a_number_is_that_number_in_ros_1() -> None:
+    dog = Detections((replace(BOX, hypotheses=(Hypothesis("dog", 0.5, number=16),)),), HEADER)
+    found = from_message(through_ros1(dog), Detections).detections[0].hypotheses[0]
+    assert (found.class_id, found.number) == ("16", 16)
+    assert from_message(through_ros2(dog), Detections).detections[0].class_id == "dog"
 
 
 def test_a_class_of_a_megabyte_is_told_of_in_a_few_words() -> None:
@@ -69,6 +87,7 @@ def test_a_class_of_a_megabyte_is_told_of_in_a_few_words() -> None:
     [
         ("Detection2DArray", "402071f61477de256df9f1aa45e6e4c8"),
         ("Detection3DArray", "05c51d9aea1fb4cfdc8effb94f197b6f"),
+        ("VisionInfo", "eee36f8dc558754ceb4ef619179d8b34"),
     ],
 )
 def test_the_types_of_ros_1_are_the_official_ones(name: str, digest: str) -> None:
@@ -158,7 +177,11 @@ def test_recorded_ones_are_converted_to_the_other_ros(
     recorded = Recorded(name, here.encode(data), Definitions(encodings[0]), 0)
     there.declare(TopicType(name, recorded.definitions))
     converted = Definitions(encodings[1]).read(name, bytes(there.encode(recorded)))
-    assert_same_found(from_message(converted, type(data)), data)
+    assert_same_found(from_message(converted, type(data)), data, encodings[1] == "ros1")
+
+
+def test_the_names_of_classes_are_told_of_on_both_ros() -> None:
+    assert_survives(VisionInfo("helipads", "/landmark_detector/class_names", 2, HEADER))
 
 
 def test_a_recorded_name_that_ros_1_cannot_hold_is_said() -> None:

@@ -47,6 +47,7 @@ from ros_visualise.data import (
     TransformStamped,
     Twist,
     TwistStamped,
+    VisionInfo,
 )
 from ros_visualise.errors import UsageError
 from ros_visualise.messages import from_message, to_message, type_name
@@ -173,7 +174,8 @@ def test_every_message_is_of_the_class_that_its_topic_has() -> None:
     markers = MarkerArray((Marker(MarkerType.CUBE, header=HEADER),))
     found = Detections((Detection(numbers(2), numbers(2), 0.5, (Hypothesis("3", 0.5),)),), HEADER)
     around = Detections3D((Detection3D(numbers(3), numbers(4), numbers(3)),), HEADER)
-    data_of_all = [*DATA, TRANSFORMS, markers, found, around]
+    about = VisionInfo("detector", "/names", 1, HEADER)
+    data_of_all = [*DATA, TRANSFORMS, markers, found, around, about]
     for data in data_of_all:
         message = to_message(data, TYPES)
         assert type(message) is message_class(data.type_name)

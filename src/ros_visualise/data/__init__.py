@@ -47,6 +47,7 @@ from ros_visualise.data.sensors import MagneticField as MagneticField
 from ros_visualise.data.sensors import NavSatFix as NavSatFix
 from ros_visualise.data.sensors import TimeReference as TimeReference
 from ros_visualise.data.text import Text as Text
+from ros_visualise.data.vision_info import VisionInfo as VisionInfo
 
 _FOUND = [kind for kind in globals().values() if isinstance(kind, type)]
 MESSAGES: tuple[type[Message], ...] = tuple(

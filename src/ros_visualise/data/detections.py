@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.data.apriltags import tag_in
+from ros_visualise.data.cameras import CameraInfo
 from ros_visualise.data.fields import Either, Fields, header
 from ros_visualise.data.found import Found, FoundArray
 from ros_visualise.data.header import Floats, Header, keep
@@ -22,7 +24,11 @@ class Detection(Found):
 
     Its box has ``size_uv`` (2,) about ``center_uv`` (2,), turned by ``theta`` radians from the
     image's x axis to its y axis. ``corners_uv`` (N, 2) are its outline where that is known, else
-    empty. ``id`` is the same for the same thing in other images; empty where nobody knows.
+    empty; those of a tag go anticlockwise from its lower left. ``id`` is the same for the same
+    thing in other images; empty where nobody knows. ``point_uv`` (2,) is where it stands or what
+    it is aimed at: the centre of a pad or a tag, the foot of a post; None where nobody knows. Its
+    covariance (2, 2), in square pixels, is zero where nobody knows. Of what was recorded without
+    its pixels, the box is NaN.
     """
 
     center_uv: Floats
@@ -31,9 +37,14 @@ class Detection(Found):
     hypotheses: tuple[Hypothesis, ...] = ()
     id: str = ""
     corners_uv: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    point_uv: Floats | None = None
+    point_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
 
     def __post_init__(self) -> None:
         keep(self, center_uv=(2,), size_uv=(2,), corners_uv=(len(self.corners_uv), 2))
+        keep(self, point_covariance=(2, 2))
+        if self.point_uv is not None:
+            keep(self, point_uv=(2,))
 
     @classmethod
     def of_corners(
@@ -75,7 +86,10 @@ class Detection(Found):
 
     @classmethod
     def read(cls, message: Any) -> Detection:
-        """The thing in a vision_msgs/msg/Detection2D."""
+        """The thing in a vision_msgs/msg/Detection2D, or the tag in a detector's own message."""
+        tag = tag_in(message)
+        if tag is not None:
+            return cls(**tag)
         box = message.bbox
         # before ROS 2 Humble the centre was a geometry_msgs/Pose2D
         center = getattr(box.center, "position", box.center)
@@ -92,10 +106,13 @@ class Detection(Found):
 class Detections(FoundArray):
     """What was found in one image: the header is that of the image.
 
-    In messages of ROS 1 a class is a number, and there is no ``id``; none has ``corners_uv``.
+    ``camera_info`` is the image's calibration, None where nobody knows. In messages of ROS 1 a
+    class is a number, and there is no ``id``; none has ``corners_uv``, ``point_uv`` or a
+    calibration.
     """
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
     kind: ClassVar[type[Found]] = Detection
 
     detections: tuple[Detection, ...]
+    camera_info: CameraInfo | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
-from ros_visualise.data.fields import Fields, header, read_header
+from ros_visualise.data.fields import Fields, field_names, header, read_header
 from ros_visualise.data.header import Header
 from ros_visualise.data.hypotheses import NO_HYPOTHESIS, Hypothesis
 from ros_visualise.data.message import Message
@@ -73,7 +73,9 @@ class FoundArray(Message):
     @classmethod
     def read(cls: type[A], message: Any) -> A:
         """What was found; some detectors give no header but those of the detections."""
+        name = "detections" if "detections" in field_names(message.__class__) else "apriltags"
+        several = getattr(message, name)
         read = read_header(message.header)
-        if read == Header() and len(message.detections):
-            read = read_header(message.detections[0].header)
-        return cls(tuple(map(cls.kind.read, message.detections)), read)
+        if read == Header() and len(several) and hasattr(several[0], "header"):
+            read = read_header(several[0].header)
+        return cls(tuple(map(cls.kind.read, several)), read)

@@ -21,7 +21,10 @@ class Hypothesis:
     """What a thing may be, and where in space it is then.
 
     ``class_id`` names the class; ``score`` goes from 0 to 1. The pose, ``position_xyz`` (3,) in
-    metres and ``quat_xyzw`` (4,), is in the frame of the message; its ``covariance`` is 6x6.
+    metres and ``quat_xyzw`` (4,), is in the frame of the message; its ``covariance`` is 6x6, of
+    x, y, z and the rotations about them, and all zero where nobody knows. ``number`` is the place
+    of the class in the detector's list, for a tag its id; -1 where nobody knows. It travels in ROS
+    1 alone, which has no names of classes.
     """
 
     class_id: str
@@ -29,17 +32,20 @@ class Hypothesis:
     position_xyz: Floats = field(default_factory=lambda: np.zeros(3))
     quat_xyzw: Floats = field(default_factory=lambda: _LEVEL)
     covariance: Floats = field(default_factory=lambda: np.zeros((6, 6)))
+    number: int = -1
 
     def __post_init__(self) -> None:
         keep(self, position_xyz=(3,), quat_xyzw=(4,), covariance=(6, 6))
 
 
 class _HypothesisFields(dict[str, Any]):
-    """Makes a number of the class when asked: only ROS 1 does, which has no names of classes."""
+    """Gives the number of the class when asked: only ROS 1 does, which has no names of classes."""
 
     def __missing__(self, name: str) -> Any:
         if name != "id":
             raise KeyError(name)
+        if self["number"] >= 0:
+            return self["number"]
         class_id = self["hypothesis"].values["class_id"]
         try:
             return int(class_id)
@@ -65,6 +71,7 @@ def _write_hypothesis(one: Hypothesis) -> Fields:
         hypothesis=Fields("vision_msgs/msg/ObjectHypothesis", said),
         score=one.score,
         pose=Fields("geometry_msgs/msg/PoseWithCovariance", pose),
+        number=one.number,
     )
     return Fields("vision_msgs/msg/ObjectHypothesisWithPose", values)
 
@@ -78,13 +85,14 @@ def _read_hypothesis(message: Any) -> Hypothesis:
     # before ROS 2 Galactic class and score stood here, and the class was called id
     said = getattr(message, "hypothesis", message)
     name = "class_id" if "class_id" in field_names(said.__class__) else "id"
-    pose = message.pose
+    class_id, pose = getattr(said, name), message.pose
     return Hypothesis(
-        str(getattr(said, name)),
+        str(class_id),
         float(said.score),
         np.array(xyz(pose.pose.position)),
         np.array(xyzw(pose.pose.orientation)),
         np.array(pose.covariance, np.float64).reshape(6, 6),
+        -1 if isinstance(class_id, str) else int(class_id),
     )
 
 

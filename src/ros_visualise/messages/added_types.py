@@ -10,6 +10,9 @@ _RESULTS = "std_msgs/Header header\nObjectHypothesisWithPose[] results\n"
 _POSE = "geometry_msgs/PoseWithCovariance pose"
 
 _VISION = {
+    "vision_msgs/msg/VisionInfo": (
+        "std_msgs/Header header\nstring method\nstring database_location\nint32 database_version"
+    ),
     "vision_msgs/msg/BoundingBox3D": _BOX_3D,
     "vision_msgs/msg/Detection2DArray": "std_msgs/Header header\nDetection2D[] detections",
     "vision_msgs/msg/Detection3DArray": "std_msgs/Header header\nDetection3D[] detections",

@@ -172,7 +172,7 @@ class Encoder:
         )
         if not is_same_wireformat(source.store, own, name, target):
             kind = data_class(name)
-            if kind is not None and kind.renamed:
+            if kind is not None and kind.renamed and kind.type_name == name:
                 return partial(self._rewrite, source, name, kind)
             log.info("%s: ROS 1 and ROS 2 differ here; fields are kept by their names", name)
             return migrate
