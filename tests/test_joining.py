@@ -113,7 +113,7 @@ def test_latest_waits_for_the_first_of_the_others_and_then_takes_the_newest():
     ]
     assert joined(Latest("image"), messages, ("image", "map")) == (
         [(2, 0), (3, 0), (5, 4)],
-        {("image", "unmatched"): 1},
+        {("image", "unmatched"): 1, ("map", "late"): 1},
     )
 
 

@@ -109,7 +109,9 @@ class _LatestOfOthers:
 
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
         if port != self._trigger:
-            if port not in self._newest or stamp_ns >= self._newest[port][0]:
+            if port in self._newest and stamp_ns < self._newest[port][0]:
+                self.dropped[port, "late"] += 1
+            else:
                 self._newest[port] = stamp_ns, item
             return []
         if len(self._newest) < len(self._others):
