@@ -17,6 +17,7 @@ LAYERS = [
     },
     {"messages", "vision"},
     {"declaration_checks", "declarations", "sources", "sinks"},
+    {"landmarks"},
     {"simulation"},
     {"nodes"},
     {"graph"},

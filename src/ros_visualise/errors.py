@@ -4,6 +4,7 @@
   - RecordingError             a recording could not be written to its end
   - DamagedMessage             a recorded message cannot be read
   - UnsupportedImage           a node cannot process images of this encoding
+  - UncalibratedCamera         what asks for a camera's calibration has none
   - NoTransform                where two frames are to one another is not known
   - TooLarge                   a part of an input would take more memory than it may
   - UsageError                 wrong usage                                  (exit status 2)
@@ -35,6 +36,10 @@ class DamagedMessage(RosVisualiseError):
 
 class UnsupportedImage(RosVisualiseError):
     """A node cannot process images of this encoding."""
+
+
+class UncalibratedCamera(RosVisualiseError):
+    """What asks for a camera's calibration has none."""
 
 
 class NoTransform(RosVisualiseError):

@@ -67,7 +67,7 @@ def model_of(info: CameraInfo, alpha: float) -> Model:
     Raises:
         UnsupportedImage: its model of distortion is not known.
     """
-    is_fisheye, D = _distortion(info)
+    is_fisheye, D = distortion_of(info)
     size = (info.width, info.height)
     if alpha < 0:
         P = info.P if info.P is not None and info.P[0, 0] else _without_offset(info.K)
@@ -122,8 +122,8 @@ def _maps(
     return make(k.reshape(3, 3), d, r.reshape(3, 3), projection, size, cv2.CV_16SC2)
 
 
-def _distortion(info: CameraInfo) -> tuple[bool, Floats]:
-    """Whether it is a fisheye's, and the coefficients.
+def distortion_of(info: CameraInfo) -> tuple[bool, Floats]:
+    """Whether the model of distortion is the fisheye's, and its coefficients.
 
     Raises:
         UnsupportedImage: the model is unknown, or it has another number of coefficients.
