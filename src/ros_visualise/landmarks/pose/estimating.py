@@ -81,8 +81,8 @@ def squares_poses(
     sizes = np.asarray(sizes_m, np.float64)
     if not (sizes > 0).all():
         raise ValueError("a tag's size is above zero metres")
-    sigmas = corner_sigma(corners) if sigmas_px is None else np.asarray(sigmas_px, np.float64)
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
+    sigmas = corner_sigma(seen) if sigmas_px is None else np.asarray(sigmas_px, np.float64)
     points = _SQUARE * sizes[:, None, None]
     return _estimate(points, rays_of(seen, info), np.repeat(sigmas[:, None], 4, axis=1))
 
