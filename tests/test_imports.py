@@ -34,6 +34,7 @@ RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1"}]
 
 EVERYWHERE = {
     *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "pyulog", "tqdm"),
+    "pyapriltags",
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "viser", "websockets", "msgspec", "rich"),
     *sys.stdlib_module_names,
 }

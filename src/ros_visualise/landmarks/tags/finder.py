@@ -1,0 +1,101 @@
+"""Finds tags in gray images."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ros_visualise.data import Floats, Pixels
+from ros_visualise.landmarks.tags.apriltag import AprilTag3
+from ros_visualise.landmarks.tags.families import Family
+
+Region = tuple[int, int, int, int]
+"""Left, top, right and bottom of a part of an image, in pixels; right and bottom are outside."""
+
+_THREADS = min(4, os.cpu_count() or 1)
+_LEAST_SIDE = 16  # of an image that may hold a tag
+_CENTER = 0.5  # AprilTag counts from the corner of the top-left pixel, we from its centre
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """A tag in an image.
+
+    ``corners_uv`` (4, 2) are those of its square in pixels, origin at the centre of the top-left
+    pixel: lower left, lower right, upper right and upper left, as the tag is printed.
+    ``center_uv`` (2,) is where its middle is seen. ``hamming`` counts the cells that were wrong,
+    ``margin`` is the mean difference of cells from the gray between black and white, in levels.
+    """
+
+    family: str
+    id: int
+    corners_uv: Floats
+    center_uv: Floats
+    hamming: int
+    margin: float
+
+    @property
+    def name(self) -> str:
+        """Such as ``tag36h11_3``."""
+        return f"{self.family}_{self.id}"
+
+
+class TagFinder:
+    """Finds the tags of some families; not to be used by two threads at the same time."""
+
+    def __init__(
+        self,
+        families: Sequence[Family],
+        quad_decimate: float = 1.0,
+        refine: bool = True,
+        min_margin: float = 0.0,
+    ) -> None:
+        """Prepare the families' codes.
+
+        Args:
+            families: as `parse_families` gives them.
+            quad_decimate: squares are looked for in an image so many times smaller.
+            refine: fit the squares' sides to the image's gradient.
+            min_margin: for all families; each has one of its own, and the larger holds.
+        """
+        self._families = {one.name: one for one in families}
+        self._min_margin = min_margin
+        self._library = AprilTag3(families, quad_decimate, refine, _THREADS)
+
+    def find(self, gray: Pixels, regions: Sequence[Region] = ()) -> tuple[Tag, ...]:
+        """The tags in an image, by family and id.
+
+        Args:
+            gray: (height, width) uint8.
+            regions: parts that do not overlap, to be looked at alone; none: the whole image.
+        """
+        parts = regions or [(0, 0, gray.shape[1], gray.shape[0])]
+        found = [tag for part in parts for tag in self._find_in(gray, part)]
+        return tuple(sorted(found, key=lambda tag: (tag.family, tag.id, *tag.center_uv)))
+
+    def _find_in(self, gray: Pixels, part: Region) -> list[Tag]:
+        left, top, right, bottom = part
+        pixels = gray[top:bottom, left:right]
+        if min(pixels.shape) < _LEAST_SIDE:
+            return []
+        origin = np.array([left, top]) - _CENTER
+        tags = [
+            Tag(
+                one.tag_family.decode(),
+                one.tag_id,
+                one.corners + origin,
+                one.center + origin,
+                one.hamming,
+                float(one.decision_margin),
+            )
+            for one in self._library.detect(pixels)
+        ]
+        return [tag for tag in tags if self._is_believed(tag)]
+
+    def _is_believed(self, tag: Tag) -> bool:
+        family = self._families[tag.family]
+        margin = max(family.min_margin, self._min_margin)
+        return tag.margin >= margin and tag.id not in family.unsafe_ids

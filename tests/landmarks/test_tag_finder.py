@@ -1,0 +1,164 @@
+"""Tags are found with their ids, their corners in order and to a fraction of a pixel."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import drawn_tags
+import numpy as np
+import pytest
+
+import ros_visualise
+from ros_visualise.errors import ParameterError
+from ros_visualise.landmarks.tags import TagFinder, draw_cells, family, parse_families
+
+SOURCE = Path(ros_visualise.__file__).parents[1]
+DEBIAN = "/usr/bin/python3"
+FAMILIES = ("tag36h11", "tag25h9", "tag16h5", "tagStandard41h12", "tagStandard52h13")
+DICTIONARIES = ("4x4_50", "5x5_1000", "6x6_250", "7x7_100", "aruco_original")
+ALL = (
+    *FAMILIES,
+    *("4x4_1000", "5x5_1000", "6x6_1000", "7x7_1000", "aruco_original", "aruco_mip_36h12"),
+)
+
+
+@pytest.mark.parametrize("name", [*FAMILIES, *DICTIONARIES])
+def test_corners_go_anticlockwise_from_the_lower_left_of_the_printed_tag(name):
+    """The picture's pixels 30 to 29 + side are the square: its edges lie at 29.5 and so on."""
+    cells, rim = draw_cells(family(name), 7)
+    picture = np.pad(np.kron(cells * 190 + 30, np.ones((10, 10), np.uint8)), 30)
+    picture[:30], picture[-30:], picture[:, :30], picture[:, -30:] = 128, 128, 128, 128
+    low, high = 29.5 + 10 * rim, 29.5 + 10 * (len(cells) - rim)
+    upright = np.array([[low, high], [high, high], [high, low], [low, low]])
+    for turns in range(4):
+        (tag,) = TagFinder([family(name)]).find(np.rot90(picture, turns).copy())
+        assert (tag.family, tag.id, tag.hamming) == (family(name).name, 7, 0)
+        last = len(picture) - 1
+        expected = upright
+        for _ in range(turns):
+            expected = np.column_stack([expected[:, 1], last - expected[:, 0]])
+        np.testing.assert_allclose(tag.corners_uv, expected, atol=0.02)
+        np.testing.assert_allclose(tag.center_uv, (low + high) / 2, atol=0.02)
+
+
+@pytest.mark.parametrize(("side", "median"), [(32, 0.04), (64, 0.02)])
+@pytest.mark.parametrize("name", ["tag36h11", "5x5_1000"])
+def test_corners_are_near_to_the_truth(name, side, median):
+    finder, rng = TagFinder([family(name)]), np.random.default_rng(7)
+    errors = []
+    for id in range(30):
+        cells, rim = draw_cells(family(name), id)
+        picture, truth = drawn_tags.side_to_side(cells, rim, rng, side)
+        (tag,) = finder.find(picture)
+        assert tag.id == id
+        errors.append(np.linalg.norm(tag.corners_uv - truth, axis=1))
+    assert np.median(errors) < median
+
+
+def test_tags_seen_from_the_side_are_found():
+    finder, rng = TagFinder([family("tag36h11")]), np.random.default_rng(3)
+    for id in range(20):
+        picture, truth = drawn_tags.side_to_side(*draw_cells(family("36h11"), id), rng, 40, 0.9)
+        (tag,) = finder.find(picture)
+        assert tag.id == id
+        assert np.linalg.norm(tag.corners_uv - truth, axis=1).max() < 0.4
+
+
+def test_tags_in_regions_are_those_of_the_whole_image():
+    rng = np.random.default_rng(5)
+    image = np.full((300, 400), 128, np.uint8)
+    for id, (left, top) in enumerate([(20, 20), (250, 150)]):
+        part, _ = drawn_tags.side_to_side(*draw_cells(family("36h11"), id), rng, 50)
+        image[top : top + len(part), left : left + len(part)] = part
+    finder = TagFinder([family("36h11")])
+    whole = finder.find(image)
+    parts = finder.find(image, [(16, 16, 150, 150), (240, 144, 400, 300)])
+    assert [tag.id for tag in whole] == [tag.id for tag in parts] == [0, 1]
+    for one, other in zip(whole, parts, strict=True):
+        np.testing.assert_allclose(one.corners_uv, other.corners_uv, atol=0.05)
+    (only,) = finder.find(image, [(240, 144, 400, 300)])
+    assert only.id == 1
+
+
+def test_families_are_named_in_several_ways():
+    names = "36h11 tag25h9, tagStandard41h12;DICT_5X5_1000 5x5_1000 DICT_APRILTAG_16h5"
+    found = [one.name for one in parse_families(names)]
+    assert found == ["tag36h11", "tag25h9", "tagStandard41h12", "5x5_1000", "tag16h5"]
+
+
+@pytest.mark.parametrize(("text", "said"), [("36h12", "'36h12'; there is tag36h11"), ("", "''")])
+def test_a_family_that_is_not_there_is_refused(text, said):
+    with pytest.raises(ParameterError, match=f"no family of tags {said}"):
+        parse_families(text)
+
+
+def test_a_tag_that_a_family_has_not_is_refused():
+    with pytest.raises(ParameterError, match="tag16h5 has no tag 30; it has 0 to 29"):
+        draw_cells(family("tag16h5"), 30)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (15, 400), (16, 16), (17, 999), (3, 3)])
+def test_an_image_too_small_for_a_tag_has_none(shape):
+    assert TagFinder([family("36h11")]).find(np.zeros(shape, np.uint8)) == ()
+
+
+def test_photos_show_the_tags_that_are_in_them(recordings):
+    folder = recordings / "tags" / "swatbotics"
+    finder = TagFinder([family("36h11")])
+    for line in (folder / "groundtruth.txt").read_text().splitlines():
+        name, *ids = line.split()
+        if not (folder / name).exists():
+            continue
+        gray = cv2.imread(str(folder / name), cv2.IMREAD_GRAYSCALE)
+        assert [tag.id for tag in finder.find(gray)] == sorted(map(int, ids)), name
+
+
+def test_a_photo_of_an_aruco_tag(recordings):
+    """The corners beside it were given by OpenCV, half a pixel or so inside."""
+    path = recordings / "tags" / "fiducials" / "tag_01_d7_14cm.png"
+    (tag,) = TagFinder([family("5x5_1000")]).find(cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+    given = [(565.753, 409.245), (767.959, 415.378), (777.426, 206.850), (569.899, 201.559)]
+    assert tag.name == "5x5_1000_1"
+    assert np.linalg.norm(tag.corners_uv - given, axis=1).max() < 0.7
+
+
+def test_pictures_without_tags_show_none_of_any_family(recordings):
+    finder = TagFinder([family(name) for name in ALL])
+    video = cv2.VideoCapture(str(recordings / "video" / "vtest.avi"))
+    for number in range(400):
+        _, frame = video.read()
+        if number % 40 == 0:
+            assert finder.find(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY)) == ()
+
+
+@pytest.mark.skipif(not Path(DEBIAN).exists(), reason="needs Debian's Python, and its OpenCV")
+def test_aruco_tags_are_the_same_on_debians_opencv(tmp_path):
+    """4.6 has none of the calls by which later ones find tags."""
+    wanted = {}
+    for name in DICTIONARIES:
+        picture, _ = drawn_tags.side_to_side(
+            *draw_cells(family(name), 11), np.random.default_rng(2), 60
+        )
+        cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
+        (tag,) = TagFinder([family(name)]).find(picture)
+        wanted[name] = f"{tag.name} {tag.corners_uv.round(3).tolist()}"
+    packages = next(path for path in map(Path, sys.path) if (path / "pyapriltags").is_dir())
+    code = f"""
+import sys
+sys.path += [{str(packages)!r}]
+import cv2
+from ros_visualise.landmarks.tags import TagFinder, family
+for name in {DICTIONARIES!r}:
+    gray = cv2.imread("{tmp_path}/" + name + ".png", cv2.IMREAD_GRAYSCALE)
+    for tag in TagFinder([family(name)]).find(gray):
+        print(name, tag.name, tag.corners_uv.round(3).tolist())
+"""
+    done = subprocess.run(
+        [DEBIAN, "-c", code],
+        env={"PYTHONPATH": str(SOURCE)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.splitlines() == [f"{name} {found}" for name, found in wanted.items()]
