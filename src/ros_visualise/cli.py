@@ -95,7 +95,9 @@ def _add_playing(commands: Any) -> None:
     playing.set_defaults(module="play")
     robots = _add_robots(commands, playing)
     video = commands.add_parser("video", parents=[playing], help="play a video file")
-    video.add_argument("input", metavar="FILE", help="any video that FFmpeg can read")
+    video.add_argument(
+        "input", metavar="FILE", help="any video that FFmpeg can read, or a folder of pictures"
+    )
     camera = commands.add_parser("camera", parents=[playing], help="show a live camera")
     camera.add_argument(
         "input",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import ExitStack, closing
@@ -105,6 +106,8 @@ def _sim(args: Namespace) -> Graph:
 
 
 def _video(args: Namespace) -> Graph:
+    if os.path.isdir(args.input):
+        return image_pipeline("pictures", path=args.input)
     return image_pipeline("streamer", path=args.input, **_size(args))
 
 

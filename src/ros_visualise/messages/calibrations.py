@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import CameraInfo, CompressedImage, Image
+from ros_visualise.data import CameraInfo, CompressedImage, Detections, Image
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages import type_name
+from ros_visualise.messages import data_class, type_name
 from ros_visualise.messages.recorded import Recorded, TopicType
 
 CAMERA_INFO = TopicType(type_name(CameraInfo))
 _COMPRESSED = type_name(CompressedImage)
-_IMAGES = (type_name(Image), _COMPRESSED)
+_CALIBRATED = (Image, CompressedImage, Detections)
 
 
 def info_topic(image_topic: str) -> str:
@@ -32,9 +32,10 @@ def calibration_topic(topic: str, known: Mapping[str, TopicType]) -> str | None:
     """Which of the known topics has the calibration of an image; None of what is none or has none.
 
     It is the one of `info_topic`, else that of the image's namespace, which ``/cam/left`` may share
-    with others. A compressed image, ``/cam/image_raw/compressed``, has that of the image.
+    with others. A compressed image, ``/cam/image_raw/compressed``, has that of the image; what was
+    found in images has it where an image of that name would.
     """
-    if topic not in known or known[topic].name not in _IMAGES:
+    if topic not in known or data_class(known[topic].name) not in _CALIBRATED:
         return None
     image = topic.rpartition("/")[0] if known[topic].name == _COMPRESSED else topic
     for name in (info_topic(image), f"{image.rpartition('/')[0]}/camera_info"):

@@ -7,7 +7,7 @@ import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ros_visualise.data import CameraInfo, CompressedImage, Header, Image
+from ros_visualise.data import CameraInfo, CompressedImage, Detections, Header, Image
 from ros_visualise.data.message import OBJECT_BYTES
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message
@@ -53,7 +53,8 @@ class Recorded:
         data: its bytes.
         definitions: the types of its recording.
         stamp_ns: when it was recorded.
-        calibration: of an image, the message with its camera's calibration, if there is one.
+        calibration: of an image or of what was found in one, the message with its camera's
+            calibration, if there is one.
         publish_ns: when it was sent, if the recording tells; else it counts as when recorded.
         sequence: its number among those of its publisher; 0 where the recording has none.
     """
@@ -147,7 +148,7 @@ class Recorded:
             raise DamagedMessage(f"{self.type_name}: {error}") from error
         if not found.has_header:
             return replace(found, header=self.header)
-        if isinstance(found, Image) and self.calibration is not None:
+        if isinstance(found, (Image, Detections)) and self.calibration is not None:
             info = self.calibration.content
             if isinstance(info, CameraInfo):
                 found = replace(found, camera_info=replace(info, header=found.header))

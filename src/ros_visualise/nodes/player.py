@@ -8,10 +8,13 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
-from ros_visualise.errors import UsageError
+from ros_visualise.data import Detections, Image
+from ros_visualise.errors import DamagedMessage, UsageError
+from ros_visualise.messages.recorded import content
 from ros_visualise.nodes import NoParams, Source, SourceType, find_source, source
+from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings import Entry, Recording
 from ros_visualise.sources.recordings.playing import PlayableRecording
 
 log = logging.getLogger(__name__)
@@ -29,11 +32,13 @@ class Player:
         recording: Recording,
         topics: Collection[str],
         unplayed: Mapping[str, str],
+        camera_info_url: str,
         _: NoParams,
         playback: Playback,
     ) -> None:
         self._recording, self._unplayed = recording, unplayed
         self._playback = playback
+        self._calibration = Calibration(camera_info_url) if camera_info_url else None
         playback.step_topics = tuple(topics)
         self._playable = PlayableRecording(recording, topics, lambda: playback.step_topic)
         self._say_gaps(self._playable.time.gaps_ns)
@@ -43,7 +48,7 @@ class Player:
         """The messages as they are recorded, each when its time has come."""
         for _, batch in self._playback.run(self._playable, self._playable.is_frame):
             for entry in batch:
-                yield entry.topic, entry.message
+                yield entry.topic, self._calibrated(entry)
 
     def report(self) -> dict[str, Any]:
         """What could not be read, and why topics could not be played at all."""
@@ -54,6 +59,16 @@ class Player:
     def close(self) -> None:
         """End reading."""
         self._recording.close()
+
+    def _calibrated(self, entry: Entry) -> Any:
+        """The message as it is recorded; images with their calibration, if somebody gave it."""
+        kind = self._recording.topics[entry.topic].type.data_class
+        if self._calibration is None or kind not in (Image, Detections):
+            return entry.message
+        try:
+            return self._calibration.add_to(content(entry.message))
+        except DamagedMessage:
+            return entry.message  # whoever decodes it says so
 
     def _say_gaps(self, gaps_ns: Sequence[int]) -> None:
         if not gaps_ns:
@@ -69,7 +84,10 @@ class Player:
 
 
 def player(
-    recording: Recording, topics: Collection[str] = (), without: Collection[str] = ()
+    recording: Recording,
+    topics: Collection[str] = (),
+    without: Collection[str] = (),
+    camera_info_url: str = "",
 ) -> SourceType:
     """A source that plays just this recording; it has an output for each topic, called as that.
 
@@ -79,6 +97,7 @@ def player(
         recording: it is open, and closed by the source.
         topics: of these alone; none: of all that can be read.
         without: of all but these.
+        camera_info_url: the calibration of its images, in place of what is recorded.
 
     Raises:
         UsageError: one of them is not there or cannot be read, or nothing can.
@@ -92,7 +111,7 @@ def player(
     make: Callable[..., Source] = declared.make
     return replace(
         declared,
-        make=partial(make, recording, played, unplayed),
+        make=partial(make, recording, played, unplayed, camera_info_url),
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,

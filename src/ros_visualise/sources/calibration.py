@@ -6,18 +6,20 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import unquote, urlsplit
 
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Floats, Image
+from ros_visualise.data import CameraInfo, Detections, Floats, Image
 from ros_visualise.errors import OpenError
 from ros_visualise.vision.calibration import resized
 from ros_visualise.vision.reshape import Size
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
+
+C = TypeVar("C", Image, Detections)
 
 _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
 
@@ -60,9 +62,14 @@ class Calibration:
             )
         return self._info if own == size else resized(self._info, own, size)
 
-    def add_to(self, image: Image) -> Image:
-        """The image with its calibration; without, and said once, if that is of another shape."""
+    def add_to(self, image: C) -> C:
+        """The image with its calibration; without, and said once, if that is of another shape.
+
+        What was found in an image does not tell its size: it is that of the calibration.
+        """
         self._follow()
+        if isinstance(image, Detections):
+            return image if self._info is None else replace(image, camera_info=self._info)
         size = (image.width, image.height)
         if size not in self._fitted:
             self._fitted[size] = self._fit_or_say(size)

@@ -18,7 +18,6 @@ from ros_visualise.data import ENCODINGS, MEASUREMENTS, CompressedImage, Image, 
 from ros_visualise.vision.color import encoding_of, is_bayer, order_of, to_bgr
 from ros_visualise.vision.pictures import check_picture
 
-_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 _LARGEST_JPEG = 65500  # pixels along a side
 _DEPTH = "16UC1"
 _DEPTH_HEADER = struct.Struct("<iff")  # an unused number, and the quantisation's A and B
@@ -110,7 +109,7 @@ def _decode(file: Pixels, format_name: str) -> Pixels:
     data = np.ascontiguousarray(file, np.uint8)
     raw = data.tobytes()
     pixels: Any = None
-    if _is_whole(raw) and check_picture(raw):
+    if check_picture(raw):
         with contextlib.suppress(cv2.error):
             pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     if pixels is None:
@@ -123,11 +122,6 @@ def _decode(file: Pixels, format_name: str) -> Pixels:
 
 def _broken(format_name: str, size: int) -> str:
     return f"compressed image {format_name!r}: its {size} bytes are broken"
-
-
-def _is_whole(raw: bytes) -> bool:
-    """Not empty, and a JPEG has its end; OpenCV would fill up what lacks with gray."""
-    return bool(raw) and (not raw.startswith(_JPEG_START) or _JPEG_END in raw)
 
 
 def _as(pixels: Pixels, order: str, encoding: str) -> tuple[Pixels, str]:

@@ -13,12 +13,15 @@ _KINDS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "GIF")
 _EXPANDED = ("P", "PA", "LA")  # modes of which OpenCV makes colours, perhaps with alpha
 _DEEP = ("TIFF", "PPM", "JPEG2000")  # Pillow does not tell whether a colour has 8 bits or 16
 _PNG_DEPTH_AT = 24
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 Pictures.MAX_IMAGE_PIXELS = None  # the limit is ours
 
 
 def check_picture(file: bytes) -> bool:
     """Check a picture before OpenCV decodes it; returns whether it is one.
+
+    A JPEG without its end is none: OpenCV would fill up what lacks with gray.
 
     Raises:
         TooLarge: its pixels would take too much.
@@ -29,7 +32,7 @@ def check_picture(file: bytes) -> bool:
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
         return False
     check_image(width, height, pixel_bytes)
-    return True
+    return not file.startswith(_JPEG_START) or _JPEG_END in file
 
 
 def _pixel_bytes(file: bytes, picture: Pictures.Image) -> int:

@@ -1,0 +1,121 @@
+"""Pictures in files: a single one, or all of a folder in the order of their names."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+from collections.abc import Generator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Pixels
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.vision.color import encoding_of
+from ros_visualise.vision.pictures import check_picture
+
+log = logging.getLogger(__name__)
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff", ".bmp", ".webp", ".ppm", ".pgm", ".jp2")
+_GIVEN = "give a picture (.jpg, .png, .tif and others), or a folder of them"
+_AS_SHOWN = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR  # upright, as its EXIF data says
+
+
+def is_pictures(path: str | os.PathLike[str]) -> bool:
+    """Whether a path is called as a picture, or is a folder with pictures directly in it."""
+    path = Path(path)
+    return bool(_in_folder(path)) if path.is_dir() else path.suffix.lower() in SUFFIXES
+
+
+def read_picture(path: Path) -> Image:
+    """A picture in gray or colours, turned upright as viewers show it, without its alpha.
+
+    Raises:
+        OpenError: it cannot be read, or is no picture.
+    """
+    try:
+        file = path.read_bytes()
+    except FileNotFoundError:
+        raise OpenError.missing(path) from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror or error}; {_GIVEN}") from None
+    pixels: Any = None
+    try:
+        if check_picture(file):
+            with contextlib.suppress(cv2.error):
+                pixels = cv2.imdecode(np.frombuffer(file, np.uint8), _AS_SHOWN)
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
+    if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
+        raise OpenError(f"{path}: no picture that can be read; {_GIVEN}")
+    found: Pixels = pixels
+    return Image(found, encoding_of(found, "BGR"))
+
+
+class Pictures:
+    """Pictures as the images of a camera, one after the other.
+
+    Args:
+        path: a picture, or a folder with pictures.
+        fps: pictures per second.
+
+    Attributes:
+        files: those that are read, in order.
+        faults: what could not be read.
+
+    Raises:
+        OpenError: there is none, or the only one cannot be read.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], fps: float) -> None:
+        self.files = _files(Path(path))
+        self.faults: list[str] = []
+        self._fps = fps
+        if len(self.files) == 1:
+            read_picture(self.files[0])
+
+    @property
+    def duration_ns(self) -> int:
+        """Until the last picture has been shown as long as the others."""
+        return self.stamp_ns(len(self.files))
+
+    def stamp_ns(self, index: int) -> int:
+        """When a picture is shown."""
+        return round(index * 1e9 / self._fps)
+
+    def read(self, start_ns: int = 0) -> Generator[tuple[int, Image], None, None]:
+        """(Time, picture), from the one shown at ``start_ns`` on; what is none is left out."""
+        first = min(int(start_ns * self._fps / 1e9 + 1e-6), len(self.files) - 1)
+        for index, path in enumerate(self.files[first:], first):
+            try:
+                yield self.stamp_ns(index), read_picture(path)
+            except OpenError as error:
+                if str(error) not in self.faults:
+                    log.warning("%s", error)
+                    self.faults.append(str(error))
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found = _in_folder(path)
+    if not found:
+        raise OpenError(f"{path}: a folder without pictures; {_GIVEN}")
+    return found
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """The pictures directly in a folder, ``9.png`` before ``10.png``."""
+    with contextlib.suppress(OSError):
+        there = [one for one in folder.iterdir() if one.suffix.lower() in SUFFIXES]
+        return sorted((one for one in there if one.is_file()), key=_in_order)
+    return []
+
+
+def _in_order(path: Path) -> list[tuple[bool, int, str]]:
+    parts = re.split(r"(\d+)", path.name)
+    return [(part.isdecimal(), int(part) if part.isdecimal() else 0, part) for part in parts]
