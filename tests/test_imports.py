@@ -16,6 +16,7 @@ LAYERS = [
         *("limits", "yaml_files", "printing", "signals"),
     },
     {"messages", "vision"},
+    {"landmarks"},
     {"declaration_checks", "declarations", "sources", "sinks"},
     {"landmarks"},
     {"simulation"},
@@ -36,6 +37,7 @@ EVERYWHERE = {
     *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "pyulog", "tqdm"),
     "pyapriltags",
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "viser", "websockets", "msgspec", "rich"),
+    "onnxruntime",
     *sys.stdlib_module_names,
 }
 MIDDLEWARES = {

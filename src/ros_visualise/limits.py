@@ -22,6 +22,7 @@ _GIB, _MIB = 1 << 30, 1 << 20
 _SHARE = 16  # several images are held at the same time
 _COLOR_BYTES = 3  # of a pixel: nodes make colours of gray, and edges take as much
 _UNPACKED_SHARE = 16  # small messages take several times their bytes
+_MODEL_SHARE = 4  # its weights may be laid out anew beside those of the file
 _TEXT_SHARE = 32  # as do lines of text
 _NUMBERS_SHARE = 128  # each is a word, an object and an entry
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
@@ -111,6 +112,21 @@ def check_file(size: int) -> None:
     """
     if size > _max_memory // _SHARE:
         raise TooLarge(f"a file of {_written(size)}, {_advice(size, _SHARE)}")
+
+
+def max_memory() -> int:
+    """The bytes that this process may take."""
+    return _max_memory
+
+
+def check_model(size: int) -> None:
+    """Look at the size of a file with a network's weights, which are held once.
+
+    Raises:
+        TooLarge: they would take too much.
+    """
+    if size > _max_memory // _MODEL_SHARE:
+        raise TooLarge(f"a network of {_written(size)}, {_advice(size, _MODEL_SHARE)}")
 
 
 def check_text(size: int) -> None:

@@ -1,0 +1,167 @@
+"""A network that finds things in images."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats, Pixels
+from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.landmarks.networks import layouts
+from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choose
+from ros_visualise.landmarks.networks.layouts import Layout, Signature
+from ros_visualise.landmarks.networks.layouts.layout import SIZES_INPUT
+from ros_visualise.landmarks.networks.names import names_in
+from ros_visualise.landmarks.networks.preparation import Fit, Size, fitting_size, prepare
+from ros_visualise.landmarks.networks.session import Provider, Session
+
+_TYPES: dict[str, np.dtype[Any]] = {
+    "tensor(float)": np.dtype(np.float32),
+    "tensor(float16)": np.dtype(np.float16),
+}
+_USUAL_SIDE = 640
+_LARGEST_SIDE = 8192
+_MOST_OF_EACH = 6  # inputs or outputs that are told of
+
+
+class Network:
+    """An ONNX file, and the layout in which it answers.
+
+    It is run once while it is opened, on an image of nothing: that tells the shapes of its outputs,
+    which files need not, and whether it runs at all.
+
+    Args:
+        path: the file.
+        provider: what it is run on.
+        threads: how many threads work on one image.
+        longest: of a network that takes images of any size, the longer side of what it is given,
+            pixels; 0: as its file says, else 640.
+
+    Raises:
+        OpenError: it cannot be opened or run, or it answers in none of `layouts.ALL`.
+    """
+
+    def __init__(
+        self, path: str, provider: Provider = Provider.CPU, threads: int = 1, longest: int = 0
+    ) -> None:
+        self._session = Session(path, provider, threads)
+        self._image, self._dtype, self._fixed = _image_input(self._session)
+        self.names = names_in(self._session.metadata)
+        self._longest = longest or _side_in(self._session.metadata)
+        self._blob = self._blob_of(fitting_size((1, 1), self._longest, Fit.STRETCH))
+        self.layout, self._outputs = self._recognise()
+
+    @property
+    def metadata(self) -> Mapping[str, str]:
+        """What the file says of itself."""
+        return self._session.metadata
+
+    def detect(self, pixels: Pixels, order: str, choice: Choice) -> Candidates:
+        """Find things in an image.
+
+        Args:
+            pixels: (height, width) or (height, width, 3 or 4), 8 or 16 bits a channel.
+            order: of its colours, ``RGB`` or ``BGR``.
+            choice: what counts as found.
+
+        Returns:
+            Things in pixels of the image, origin at the centre of the top-left one; best first.
+
+        Raises:
+            RosVisualiseError: the network fails on this image.
+        """
+        fit = self.layout.preparation.fit
+        image = (pixels.shape[1], pixels.shape[0])
+        self._blob = self._blob_of(fitting_size(image, self._longest, fit))
+        placement = prepare(pixels, order, self.layout.preparation, self._blob)
+        size = _size_of(self._blob)
+        outputs = self._run(self._outputs)
+        try:
+            found = self.layout.decode(outputs, size, choice.min_score)
+        except (IndexError, KeyError, ValueError) as error:  # not the shapes of the first image
+            raise RosVisualiseError(f"{self._session.path}: {error}") from None
+        found = choose(found, choice, self.layout.overlapping)
+        return placement.to_image(found)
+
+    def _blob_of(self, size: Size) -> Floats:
+        """An array for what goes in: that of before where it has the size."""
+        width, height = self._fixed[0] or size[0], self._fixed[1] or size[1]
+        blob: Floats | None = getattr(self, "_blob", None)
+        if blob is not None and blob.shape[2:] == (height, width):
+            return blob
+        return np.zeros((1, 3, height, width), self._dtype)
+
+    def _run(self, names: list[str]) -> dict[str, Any]:
+        inputs: dict[str, Any] = {self._image: self._blob}
+        if any(one.name == SIZES_INPUT for one in self._session.inputs):
+            inputs[SIZES_INPUT] = np.array([_size_of(self._blob)], np.int64)
+        outputs = zip(names, self._session.run(inputs, names), strict=True)
+        return {name: _as_float32(output) for name, output in outputs}
+
+    def _recognise(self) -> tuple[Layout, list[str]]:
+        names = [one.name for one in self._session.outputs]
+        try:
+            outputs = self._run(names)
+        except RosVisualiseError as error:
+            raise OpenError(f"{error}; give another network") from None
+        inputs = tuple(one.name for one in self._session.inputs)
+        size, metadata = _size_of(self._blob), self._session.metadata
+        found = Signature(inputs, size, outputs, metadata, len(self.names))
+        for layout in layouts.ALL:
+            if layout.fits(found):
+                return layout, names
+        raise OpenError(_not_understood(self._session, outputs))
+
+
+def _as_float32(output: Any) -> Any:
+    if not isinstance(output, np.ndarray):  # a sequence or a map, which no layout has
+        return np.zeros(0, np.float32)
+    return output.astype(np.float32) if output.dtype == np.float16 else output
+
+
+def _size_of(blob: Floats) -> Size:
+    return blob.shape[3], blob.shape[2]
+
+
+def _image_input(session: Session) -> tuple[str, np.dtype[Any], tuple[int, int]]:
+    """Name and type of the input for images; its width and height, 0 where they are free."""
+    others = [one for one in session.inputs if one.name != SIZES_INPUT]
+    if len(others) == 1 and len(others[0].shape) == 4 and others[0].type in _TYPES:
+        batch, channels, height, width = (_fixed(side) for side in others[0].shape)
+        fits = batch in (0, 1) and channels in (0, 3) and max(width, height) <= _LARGEST_SIDE
+        if fits:
+            return others[0].name, _TYPES[others[0].type], (width, height)
+    there = _listed(session.inputs, [one.shape for one in session.inputs])
+    raise OpenError(
+        f"{session.path}: takes {there}; what is understood is one image [1, 3, height, width]"
+        " of float or float16"
+    )
+
+
+def _fixed(side: Any) -> int:
+    """A side's length; 0 where it is free: then it is None or has a name."""
+    return side if isinstance(side, int) and side > 0 else 0
+
+
+def _side_in(metadata: Mapping[str, str]) -> int:
+    """The longer side of the images that a network was exported for, as Ultralytics writes it."""
+    sides = [int(side) for side in re.findall(r"\d{1,4}", metadata.get("imgsz", "")[:100])]
+    return max((side for side in sides if 0 < side <= _LARGEST_SIDE), default=_USUAL_SIDE)
+
+
+def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:
+    inputs = _listed(session.inputs, [one.shape for one in session.inputs])
+    came = _listed(session.outputs, [list(outputs[one.name].shape) for one in session.outputs])
+    task = session.metadata.get("task", "detect")
+    of = f" for the task {task[:20]}" if task != "detect" else ""
+    known = "; ".join(f"{one.name}: {one.shapes}" for one in layouts.ALL)
+    return f"{session.path}: a network{of} of {inputs} to {came}; what is understood is {known}"
+
+
+def _listed(arrays: Any, shapes: list[Any]) -> str:
+    told = [f"{a.name[:40]} {str(s)[:60]}" for a, s in zip(arrays, shapes, strict=True)]
+    more = ["..."] if len(told) > _MOST_OF_EACH else []
+    return ", ".join([*told[:_MOST_OF_EACH], *more]) or "nothing"

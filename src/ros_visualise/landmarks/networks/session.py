@@ -1,0 +1,160 @@
+"""Running an ONNX file by onnxruntime, so that no file can take more than it may.
+
+Files come from anywhere: they may lie about their size, ask for all memory, or name weights in
+files that are none of theirs.
+"""
+
+from __future__ import annotations
+
+import importlib
+import mmap
+import re
+from enum import Enum
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from ros_visualise import limits
+from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
+
+_INSTALL = "pip install 'ros_visualise[detect]'"
+_FATAL = 4  # of onnxruntime's log: what fails is raised too
+_LONGEST_WORD = 200
+_LOCATION = re.compile(rb"\x0a\x08location\x12(.)", re.DOTALL)  # protobuf: key, value's length
+
+
+class Provider(Enum):
+    """What a network is run on."""
+
+    CPU = "cpu"
+    CUDA = "cuda"
+
+
+class Session:
+    """An ONNX file at work.
+
+    Args:
+        path: the file.
+        provider: what it is run on.
+        threads: how many threads work on one image.
+
+    Raises:
+        OpenError: there is no such file, it is not ONNX or too large, onnxruntime is not installed,
+            or cannot run it.
+    """
+
+    def __init__(self, path: str, provider: Provider, threads: int) -> None:
+        self.path = path
+        self._runtime = _load_onnxruntime()
+        _check_file(path)
+        options = self._options(threads)
+        try:
+            self._session = self._runtime.InferenceSession(
+                path, options, providers=[self._find(provider)]
+            )
+        except _errors() as error:
+            raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
+        meta = self._session.get_modelmeta()
+        self.metadata: dict[str, str] = dict(meta.custom_metadata_map)
+        self.inputs: tuple[Any, ...] = tuple(self._session.get_inputs())
+        self.outputs: tuple[Any, ...] = tuple(self._session.get_outputs())
+
+    def run(self, inputs: dict[str, Any], names: list[str]) -> list[Any]:
+        """The outputs of these names.
+
+        Raises:
+            RosVisualiseError: the network fails on this input.
+        """
+        try:
+            outputs: list[Any] = self._session.run(names, inputs)
+        except _errors() as error:
+            raise RosVisualiseError(f"{self.path}: {_short(error)}") from None
+        return outputs
+
+    def _find(self, provider: Provider) -> str:
+        name = f"{provider.value.upper()}ExecutionProvider"
+        if name not in self._runtime.get_available_providers():
+            raise OpenError(
+                f"provider={provider.value}: the onnxruntime that is installed has it not;"
+                " pip install onnxruntime-gpu in its place, or set provider=cpu"
+            )
+        return name
+
+    def _options(self, threads: int) -> Any:
+        _limit_memory()
+        options = self._runtime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        options.log_severity_level = _FATAL
+        # threads that wait in a loop would take the processor from the page
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.add_session_config_entry("session.use_env_allocators", "1")
+        return options
+
+
+def _load_onnxruntime() -> Any:
+    try:
+        runtime = importlib.import_module("onnxruntime")
+    except ImportError as error:
+        raise OpenError(f"networks need onnxruntime ({error}): {_INSTALL}") from None
+    runtime.set_default_logger_severity(_FATAL)
+    return runtime
+
+
+@cache
+def _limit_memory() -> None:
+    """Let all networks of this process together take no more memory than one input may."""
+    runtime = _load_onnxruntime()
+    info = runtime.OrtMemoryInfo(
+        "Cpu", runtime.OrtAllocatorType.ORT_ARENA_ALLOCATOR, 0, runtime.OrtMemType.DEFAULT
+    )
+    its_own = -1
+    arena = runtime.OrtArenaCfg(limits.max_memory(), its_own, its_own, its_own)
+    runtime.create_and_register_allocator(info, arena)
+
+
+@cache
+def _errors() -> tuple[type[Exception], ...]:
+    """What onnxruntime raises: classes that have no base of their own in common."""
+    module = importlib.import_module("onnxruntime.capi.onnxruntime_pybind11_state")
+    found = [one for one in vars(module).values() if isinstance(one, type)]
+    own = [one for one in found if issubclass(one, Exception)]
+    return (*own, RuntimeError, ValueError, MemoryError)
+
+
+def _short(error: Exception) -> str:
+    """The first line of what onnxruntime says, without its own numbers."""
+    lines = str(error).strip().splitlines() or [type(error).__name__]
+    words = re.sub(r"^\[ONNXRuntimeError\] : \d+ : (\w+) : ", r"\1: ", lines[0])
+    return words if len(words) <= _LONGEST_WORD else f"{words[:_LONGEST_WORD]} ..."
+
+
+def _check_file(path: str) -> None:
+    """Look at a file before it is loaded: its size, and whose files it has its weights in."""
+    file = Path(path)
+    if not file.is_file():
+        raise OpenError.missing(path, "give the ONNX file of a network")
+    try:
+        limits.check_model(file.stat().st_size)
+        with file.open("rb") as opened:
+            if file.stat().st_size == 0:
+                raise OpenError(f"{path}: is empty; give an ONNX file")
+            with mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as data:
+                names = [data[at.end() : at.end() + at[1][0]] for at in _LOCATION.finditer(data)]
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}") from None
+    for name in set(names):
+        _check_weights(file, name.decode(errors="replace"))
+
+
+def _check_weights(file: Path, name: str) -> None:
+    """Look at a file beside the network's that has weights of it."""
+    folder = file.resolve().parent
+    weights = (folder / name).resolve()
+    if not weights.is_relative_to(folder):
+        raise OpenError(f"{file}: wants weights from {name}, which is not beside it")
+    if not weights.is_file():
+        raise OpenError.missing(folder / name, f"{file.name} has its weights there")
+    limits.check_model(weights.stat().st_size)
