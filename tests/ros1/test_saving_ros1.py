@@ -21,6 +21,8 @@ SET = ("_blur:=median", "_threshold:=77", "_gray:=false", "_blur_sigma:=1.0e-07"
 @pytest.fixture
 def saved(ros_master, start, tmp_path):
     """A file of the parameters of filters, and what its node has on the parameter server."""
+    if rospy.has_param("/filters"):  # of a node that a test launched before
+        rospy.delete_param("/filters")
     start("filters", *SET, f"_record_dir:={tmp_path}")
     rospy.wait_for_service("/filters/save_parameters", PATIENCE_S)
     answer = rospy.ServiceProxy("/filters/save_parameters", Trigger)()
