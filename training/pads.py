@@ -1,0 +1,229 @@
+"""Drawings of helipads in many styles, with the outline of what is painted."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from grounds import Canvas, draw_surface, random_colour, smooth_noise
+
+SIDE = 288
+"""Pixels along a drawing's edge."""
+FRAMES = ("circle", "octagon", "square", "triangle", "rounded", "cross", "none")
+HELD_OUT_FRAMES = ("hexagon", "double_circle", "ellipse")
+LETTERS = ("plain", "round", "stencil", "wide")
+HELD_OUT_LETTERS = ("serif", "hollow")
+_ONE = 1 << 4  # of cv2's fixed point, 4 bits
+
+
+class Print(NamedTuple):
+    """A flat drawing: RGB, (SIDE, SIDE, 3), and the outline of what is meant on it.
+
+    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up.
+    """
+
+    picture: Canvas
+    outline_xy: npt.NDArray[np.float64]
+
+
+def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
+    """A helipad of a random style: frame, letter, colours, decorations, wear.
+
+    Args:
+        held_out: take the styles that are never trained on.
+    """
+    frame = str(random.choice(HELD_OUT_FRAMES if held_out else FRAMES))
+    letter = str(random.choice(HELD_OUT_LETTERS if held_out else LETTERS))
+    under = draw_surface(random, SIDE)
+    if random.random() < 0.25:  # white paper
+        under = np.asarray(np.clip(under * 0.06 + random.uniform(215, 240), 0, 255), np.uint8)
+    below = float(under.mean())
+    fill = random_colour(random, away_from=below) if random.random() < 0.6 else None
+    ground = below if fill is None else float(np.mean(fill))
+    ink = random_colour(random, away_from=ground)
+    radius = random.uniform(0.55, 0.93)
+    paint = under.copy()
+    outline = _draw_frame(random, paint, frame, radius, fill, ink)
+    reach = radius * (0.62 if frame not in ("none", "cross") else 1.0) * random.uniform(0.6, 1.0)
+    if frame == "triangle":
+        reach *= 0.6
+    second = random_colour(random, away_from=ground) if random.random() < 0.3 else ink
+    corners = _draw_letter(random, paint, letter, reach, second)
+    if frame not in ("none", "cross"):
+        _decorate(random, paint, radius, reach, ink)
+    outline = corners if outline is None else outline
+    return Print(_wear(random, paint, under), outline)
+
+
+def _draw_frame(
+    random: np.random.Generator,
+    canvas: Canvas,
+    frame: str,
+    radius: float,
+    fill: tuple[int, ...] | None,
+    ink: tuple[int, ...],
+) -> npt.NDArray[np.float64] | None:
+    """Paint the frame; its outline, or None where there is none."""
+    if frame in ("none", "cross"):
+        return _draw_cross(random, canvas, radius, fill) if frame == "cross" else None
+    shape = _polygon(frame, radius, random)
+    stroke = random.uniform(0.025, 0.12) * radius
+    if fill is not None:
+        _fill(canvas, shape, fill)
+    if fill is None or random.random() < 0.5:
+        inset = 1.0 if fill is None or random.random() < 0.4 else random.uniform(0.82, 0.96)
+        outer = shape * inset
+        if random.random() < (0.0 if inset == 1.0 else 0.4):
+            _dash(random, canvas, outer, stroke * 0.5, ink)
+        else:
+            _ring(canvas, outer, stroke, ink)
+        if frame == "double_circle" or random.random() < 0.15:
+            _ring(canvas, outer * random.uniform(0.7, 0.85), stroke * 0.7, ink)
+    return shape
+
+
+def _draw_cross(
+    random: np.random.Generator, canvas: Canvas, radius: float, fill: tuple[int, ...] | None
+) -> npt.NDArray[np.float64] | None:
+    """The broad cross of hospitals under the H."""
+    if fill is None:
+        return None
+    half = random.uniform(0.36, 0.5) * radius
+    for w, h in ((radius, half), (half, radius)):
+        _fill(canvas, np.array([[-w, -h], [w, -h], [w, h], [-w, h]]), fill)
+    r, s = radius, half
+    return np.array([[r, s], [s, r], [-s, r], [-r, s], [-r, -s], [-s, -r], [s, -r], [r, -s]])
+
+
+def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDArray[np.float64]:
+    sides = {"octagon": 8, "square": 4, "triangle": 3, "hexagon": 6}.get(frame, 72)
+    turn = {"octagon": math.pi / 8, "square": math.pi / 4, "triangle": math.pi / 2}.get(frame, 0.0)
+    angle = turn + 2 * math.pi * np.arange(sides) / sides
+    shape = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    if frame == "rounded":  # a superellipse
+        shape = np.sign(shape) * np.abs(shape) ** random.uniform(0.3, 0.6)
+    if frame == "square":
+        shape *= math.sqrt(2) * 0.9
+    if frame == "ellipse":
+        shape *= (1.0, random.uniform(0.7, 0.9))
+    if frame == "triangle":
+        shape = shape + (0, -0.1)
+    return np.asarray(np.clip(radius * shape, -0.98, 0.98))
+
+
+def _draw_letter(
+    random: np.random.Generator, canvas: Canvas, letter: str, reach: float, ink: tuple[int, ...]
+) -> npt.NDArray[np.float64]:
+    """Paint an H with half the height ``reach`` or less; its four corners."""
+    up = reach * 0.85
+    aside = up * (random.uniform(0.9, 1.15) if letter == "wide" else random.uniform(0.5, 0.85))
+    stroke = min(up * random.uniform(0.14, 0.34), 0.42 * aside)
+    bars = [
+        ((-aside, -up), (-aside + 2 * stroke * 0.8, up)),
+        ((aside - 2 * stroke * 0.8, -up), (aside, up)),
+        ((-aside, -stroke * 0.7), (aside, stroke * 0.7)),
+    ]
+    if letter == "serif":
+        for x in (-aside, aside - 1.6 * stroke):
+            for y in (-up, up - 0.5 * stroke):
+                bars.append(((x - 0.5 * stroke, y), (x + 2.1 * stroke, y + 0.5 * stroke)))
+        aside += 0.5 * stroke
+    mask = np.zeros(canvas.shape[:2], np.uint8)
+    for (x0, y0), (x1, y1) in bars:
+        _fill(mask, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), (255,))
+    if letter == "round":
+        size = max(3, round(0.5 * stroke * SIDE / 2)) | 1
+        mask = cv2.threshold(cv2.GaussianBlur(mask, (0, 0), size / 2), 127, 255, 0)[1]
+    if letter == "hollow":
+        rim = max(2, round(0.45 * stroke * SIDE / 2))
+        mask = mask - cv2.erode(mask, np.ones((rim, rim), np.uint8))
+    if letter == "stencil":
+        gap = round(0.12 * stroke * SIDE / 2) + 2
+        for x in (-aside + 1.6 * stroke, aside - 1.6 * stroke):
+            at = round((1 + x) * SIDE / 2)
+            mask[:, at - gap // 2 : at + gap // 2 + 1] = 0
+    _stamp(canvas, mask, ink)
+    return np.array([[-aside, -up], [aside, -up], [aside, up], [-aside, up]])
+
+
+def _decorate(
+    random: np.random.Generator, canvas: Canvas, radius: float, reach: float, ink: tuple[int, ...]
+) -> None:
+    """Stars, dots or arrows around the letter, or a number beside it."""
+    if random.random() < 0.55:
+        return
+    count, kind = int(random.choice([1, 2, 4, 4, 8])), int(random.integers(4))
+    middle, size = (radius * 0.82 + reach) / 2, random.uniform(0.05, 0.11) * radius
+    for number in range(count):
+        angle = 2 * math.pi * number / count + math.pi / 2
+        at = middle * np.array([math.cos(angle), math.sin(angle)])
+        if kind == 3:
+            spot = (round((1 + at[0]) * SIDE / 2), round((1 - at[1]) * SIDE / 2))
+            text, scale = str(random.integers(1, 99)), 6 * size
+            cv2.putText(canvas, text, spot, cv2.FONT_HERSHEY_DUPLEX, scale, ink, 2, cv2.LINE_AA)
+            return
+        spikes = (10, 24, 3)[kind]
+        turns = angle + 2 * math.pi * np.arange(spikes) / spikes
+        far = np.where(np.arange(spikes) % 2, 0.42, 1.0) if kind == 0 else np.ones(spikes)
+        star = np.stack([np.cos(turns), np.sin(turns)], axis=1) * (size * far)[:, None]
+        _fill(canvas, at + star, ink)
+
+
+def _wear(random: np.random.Generator, paint: Canvas, under: Canvas) -> Canvas:
+    """Let the ground show where paint is worn off, and stain the rest."""
+    if random.random() < 0.35:
+        return paint
+    cells = int(random.integers(4, 60))
+    worn = smooth_noise(random, SIDE, cells) + 0.7 * smooth_noise(random, SIDE, 3 * cells)
+    share = np.clip((worn - random.uniform(0.2, 1.2)) * 4, 0, random.uniform(0.3, 0.95))
+    stain = 1 + random.uniform(0, 0.25) * smooth_noise(random, SIDE, int(random.integers(2, 12)))
+    mixed = paint + (under.astype(np.float32) - paint) * share[..., None]
+    return np.asarray(np.clip(mixed * stain[..., None], 0, 255), np.uint8)
+
+
+def to_pixels(shape: npt.NDArray[np.float64]) -> npt.NDArray[np.int32]:
+    """Half sides, y up, as cv2's fixed point of 4 bits; a pixel's centre is at .5."""
+    uv = (np.array([1.0, -1.0]) * shape + 1) * SIDE / 2 - 0.5
+    return np.asarray(np.round(uv * _ONE), np.int32)
+
+
+def _fill(canvas: Canvas, shape: npt.NDArray[np.float64], ink: tuple[int, ...]) -> None:
+    cv2.fillPoly(canvas, [to_pixels(shape)], ink, cv2.LINE_AA, 4)
+
+
+def _ring(
+    canvas: Canvas, shape: npt.NDArray[np.float64], stroke: float, ink: tuple[int, ...]
+) -> None:
+    """A closed line ``stroke`` wide, inside of the shape."""
+    far = np.linalg.norm(shape, axis=1).max()
+    mask = np.zeros(canvas.shape[:2], np.uint8)
+    _fill(mask, shape, (255,))
+    _fill(mask, shape * (1 - stroke / far), (0,))
+    _stamp(canvas, mask, ink)
+
+
+def _stamp(canvas: Canvas, mask: Canvas, ink: tuple[int, ...]) -> None:
+    share = (mask.astype(np.float32) / 255)[..., None]
+    canvas[:] = canvas + (np.array(ink, np.float32) - canvas) * share
+
+
+def _dash(
+    random: np.random.Generator,
+    canvas: Canvas,
+    shape: npt.NDArray[np.float64],
+    stroke: float,
+    ink: tuple[int, ...],
+) -> None:
+    """A broken line along the shape."""
+    count = int(random.integers(16, 60)) * 2
+    closed = np.vstack([shape, shape[:1]])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    at = np.linspace(0, along[-1], count + 1)
+    points = np.stack([np.interp(at, along, closed[:, axis]) for axis in (0, 1)], axis=1)
+    uv, wide = to_pixels(points), max(1, round(stroke * SIDE / 2))
+    for start in range(0, count, 2):
+        ends = [tuple(map(int, uv[start + step])) for step in (0, 1)]
+        cv2.line(canvas, ends[0], ends[1], ink, wide, cv2.LINE_AA, 4)

@@ -1,0 +1,122 @@
+"""Pictures with known landmarks, rendered by the simulator.
+
+    python training/pictures.py OUT --worlds 100
+
+Each world gets a folder ``OUT/world_<seed>_<number>`` with JPEG files and ``labels.json``: the
+classes, and for each file a list of [class, x0, y0, x1, y1, point u, point v, share seen].
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from degrade import degrade
+from grounds import Canvas
+from shots import Seen, take_shot
+from worlds import build_world
+
+SIZE = 320, 320
+PER_WORLD = 160
+
+
+def render_world(
+    seed: tuple[int, ...],
+    count: int = PER_WORLD,
+    size: tuple[int, int] = SIZE,
+    held_out: bool = False,
+    own: Sequence[Path] = (),
+) -> Iterator[tuple[Canvas, list[Seen], tuple[str, ...]]]:
+    """Pictures of one world: RGB, what is seen in it, and the names of the classes.
+
+    Raises:
+        OpenError: there is no OpenGL to render with; the message says what to install.
+    """
+    from ros_visualise.simulation.rendering import Renderer
+
+    random = np.random.default_rng(seed)
+    world = build_world(random, held_out, own)
+    world.model.vis.global_.offwidth, world.model.vis.global_.offheight = size
+    renderer = Renderer(world.model, size)
+    try:
+        for _ in range(count):
+            view, seen = take_shot(world, random, size)
+            half = size[1] / 2 / view.focal
+            world.model.cam_fovy[0] = 2 * np.degrees(np.arctan(half))
+            picture = renderer.render(world.data, view.position_xyz, view.R_map_camera)
+            yield degrade(random, picture), seen, world.classes
+    finally:
+        renderer.close()
+
+
+def write_world(
+    folder: Path,
+    seed: tuple[int, ...],
+    quality: tuple[int, int] = (40, 96),
+    count: int = PER_WORLD,
+    size: tuple[int, int] = SIZE,
+    held_out: bool = False,
+    own: Sequence[Path] = (),
+) -> None:
+    """Write one world's pictures; the labels come last, so a folder with labels is whole."""
+    folder.mkdir(parents=True, exist_ok=True)
+    random = np.random.default_rng((*seed, 1))
+    labels: dict[str, list[list[float]]] = {}
+    names: tuple[str, ...] = ()
+    for number, (picture, seen, names) in enumerate(
+        render_world(seed, count, size, held_out, own)
+    ):
+        file = f"{number:04d}.jpg"
+        setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*quality))]
+        cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
+        labels[file] = [row(one) for one in seen]
+    (folder / "labels.json").write_text(json.dumps({"classes": names, "pictures": labels}))
+
+
+def row(seen: Seen) -> list[float]:
+    """One line of ``labels.json``."""
+    numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [seen.share]])
+    return [seen.kind, *(round(float(each), 3) for each in numbers)]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What pictures and training both take."""
+    parser.add_argument("--seed", type=int, default=0, help="of the worlds")
+    parser.add_argument(
+        "--body",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE.xml",
+        help="a MJCF file whose first body becomes a class more; may be given again",
+    )
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("out", type=Path, help="folder to write to")
+    parser.add_argument("--worlds", type=int, default=10, help="how many (default: %(default)s)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--per-world", type=int, default=PER_WORLD, help="pictures of each")
+    parser.add_argument("--side", type=int, default=SIZE[0], help="pixels (default: %(default)s)")
+    parser.add_argument("--held-out", action="store_true", help="styles never trained on")
+    add_arguments(parser)
+    asked = parser.parse_args()
+    for number in range(asked.first, asked.first + asked.worlds):
+        folder = asked.out / f"world_{asked.seed}_{number}"
+        if not (folder / "labels.json").exists():
+            size = asked.side, asked.side
+            seed = asked.seed, number
+            write_world(folder, seed, (40, 96), asked.per_world, size, asked.held_out, asked.body)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,201 @@
+"""A random world as one MuJoCo model: grounds, landmarks and what is none, to be put about."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from bodies import build_post, build_thing, build_vehicle, geom, paint
+from grounds import Canvas, draw_surface, find_photos
+from outlines import Parts, body_parts
+from pads import Print, draw_pad
+from prints import draw_distractor, draw_tag_board
+
+from ros_visualise.simulation.sky import FACES
+
+CLASSES = ("helipad", "tag", "post", "vehicle")
+OTHER = -1
+"""The class of what is no landmark."""
+_GROUNDS = 10
+_COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 12}
+_PLATE = 0.012  # half the thickness of what is drawn on, metres
+_PIXELS = (
+    '<visual><headlight active="0"/><map znear="0.01" zfar="50"/>'
+    '<quality shadowsize="1024" offsamples="4" numslices="20" numstacks="12"/></visual>'
+    '<statistic center="0 0 1" extent="10"/>'
+)
+_FIXED = (
+    '<camera name="eye"/><light name="sun" directional="true" pos="0 0 30" dir="0 0 -1"/>'
+    '<geom name="ground" type="plane" size="150 150 1" material="ground0"/>'
+)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A body that can be put somewhere.
+
+    ``parts`` are convex groups of points in the body's frame, metres: a box is drawn around them.
+    The body's origin is its ground point. ``turns`` is how it may lie: ``yaw``, or any turn.
+    """
+
+    body: int
+    kind: int
+    parts: Parts
+    free: bool
+
+    @cached_property
+    def radius(self) -> float:
+        """Of the ball around the origin that it is in, metres."""
+        return max(float(np.linalg.norm(part, axis=1).max()) for part in self.parts)
+
+
+@dataclass(frozen=True)
+class World:
+    """The model, its things, and the materials that the ground can have."""
+
+    model: Any
+    data: Any
+    things: tuple[Thing, ...]
+    grounds: tuple[int, ...]
+    classes: tuple[str, ...]
+
+
+def build_world(
+    random: np.random.Generator, held_out: bool = False, own: Sequence[Path] = ()
+) -> World:
+    """Draw all anew and compile it.
+
+    Args:
+        held_out: with styles that are never trained on.
+        own: MJCF files; the first body of each is a class more, named after the body.
+
+    Raises:
+        ValueError: a file of ``own`` has no body.
+    """
+    import mujoco
+
+    writer = _Writer(random, held_out)
+    for kind, count in _COUNTS.items():
+        for number in range(count):
+            writer.add_thing(kind, f"{kind}{number}")
+    spec = mujoco.MjSpec.from_string(writer.mjcf(), assets=writer.assets)
+    names = [_attach(spec, path, number) for number, path in enumerate(own)]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    things = []
+    for name, kind, parts, free in [
+        *writer.things,
+        *((f"own{at}_{name}", len(CLASSES) + at, None, False) for at, name in enumerate(names)),
+    ]:
+        body = model.body(name).id
+        things.append(Thing(body, kind, parts or body_parts(model, data, body), free))
+    grounds = tuple(model.material(f"ground{number}").id for number in range(_GROUNDS))
+    return World(model, data, tuple(things), grounds, (*CLASSES, *names))
+
+
+def _attach(spec: Any, path: Path, number: int) -> str:
+    """Put the first body of a MJCF file into the world; its name."""
+    import mujoco
+
+    body = mujoco.MjSpec.from_file(str(path)).worldbody.first_body()
+    if body is None or not body.name:
+        raise ValueError(f"{path}: its <worldbody> needs a <body> with a name, its origin the foot")
+    name = str(body.name)
+    spec.worldbody.add_frame().attach_body(body, f"own{number}_", "")
+    return name
+
+
+class _Writer:
+    """Writes a world's MJCF; ``things`` are name, class, outline where it is drawn, and free."""
+
+    def __init__(self, random: np.random.Generator, held_out: bool) -> None:
+        self.random, self.held_out = random, held_out
+        self.assets: dict[str, bytes] = {}
+        self.things: list[tuple[str, int, Parts | None, bool]] = []
+        self._definitions: list[str] = []
+        self._bodies: list[str] = []
+        photos = () if held_out else find_photos()
+        for number in range(_GROUNDS):
+            self._add_material(f"ground{number}", draw_surface(random, 512, photos), 0.3)
+        self._add_sky()
+
+    def mjcf(self) -> str:
+        return (
+            f"<mujoco>{_PIXELS}<asset>{''.join(self._definitions)}</asset>"
+            f"<worldbody>{_FIXED}{''.join(self._bodies)}</worldbody></mujoco>"
+        )
+
+    def add_thing(self, kind: str, name: str) -> None:
+        """Add one body of a kind."""
+        random = self.random
+        number = CLASSES.index(kind) if kind in CLASSES else OTHER
+        if kind == "helipad":
+            self._add_print(name, draw_pad(random, self.held_out), random.uniform(1, 5), number)
+        elif kind == "tag":
+            self._add_print(name, draw_tag_board(random, self.held_out), 1.0, number)
+        elif kind == "sign":
+            size = random.uniform(1, 5)
+            whole = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
+            self._add_print(name, Print(draw_distractor(random), whole), size, number)
+        elif kind == "post":
+            self._add_body(name, build_post(random), number)
+        elif kind == "vehicle":
+            mesh, geoms = build_vehicle(random, name, self.held_out)
+            self._definitions.append(mesh)
+            self._add_body(name, geoms, number)
+        else:
+            self._add_material(name, draw_surface(random, 128), 0.5)
+            self._add_body(name, build_thing(random, name), number)
+
+    def _add_print(self, name: str, drawn: Print, size: float, number: int) -> None:
+        """A plate with a drawing; a tag's is a board with an edge, and stands as it likes."""
+        self._add_material(name, drawn.picture)
+        half, board = size / 2, number == CLASSES.index("tag")
+        geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE if board else _PLATE), name)
+        if board:
+            rim = half * self.random.uniform(1.0, 1.12)
+            geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
+        z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
+        outline = np.hstack([drawn.outline_xy * half, z])
+        self._add_body(name, geoms, number, (outline,), board)
+
+    def _add_body(
+        self, name: str, geoms: str, number: int, parts: Parts | None = None, free: bool = False
+    ) -> None:
+        self._bodies.append(f'<body name="{name}">{geoms}</body>')
+        self.things.append((name, number, parts, free))
+
+    def _add_material(self, name: str, picture: Canvas, repeat: float | None = None) -> None:
+        self._store(name, picture)
+        tiling = f'texuniform="true" texrepeat="{repeat} {repeat}"' if repeat else ""
+        shine = self.random.uniform(0, 0.4) if self.random.random() < 0.3 else 0.0
+        self._definitions.append(
+            f'<texture name="{name}" type="2d" file="{name}.png"/>'
+            f'<material name="{name}" texture="{name}" specular="{shine:.2f}" {tiling}/>'
+        )
+
+    def _add_sky(self) -> None:
+        """A sky of two colours, or of some surface."""
+        low, high = self.random.uniform(90, 255, (2, 3))
+        if self.random.random() < 0.5:
+            faces = np.hstack([draw_surface(self.random, 64) for _ in FACES])
+        else:
+            share = np.linspace(0, 1, 64)[:, None, None]
+            side = np.broadcast_to(high + (low - high) * share, (64, 64, 3))
+            flat = {"U": np.broadcast_to(high, side.shape), "D": np.broadcast_to(low, side.shape)}
+            faces = np.hstack([flat.get(face, side) for face in FACES]).astype(np.uint8)
+        self._store("sky", faces)
+        self._definitions.append(
+            f'<texture type="skybox" file="sky.png" gridsize="1 6" gridlayout="{FACES}"/>'
+        )
+
+    def _store(self, name: str, picture: Canvas) -> None:
+        quick = [cv2.IMWRITE_PNG_COMPRESSION, 0]
+        _, data = cv2.imencode(".png", np.ascontiguousarray(picture[..., ::-1]), quick)
+        self.assets[f"{name}.png"] = data.tobytes()
