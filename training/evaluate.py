@@ -1,0 +1,202 @@
+"""Measure a network on held-out worlds and on real pictures.
+
+    python training/pictures.py HELD --held-out --seed 1000 --side 640
+    python training/evaluate.py aerial.onnx HELD --photos helipads/ --nothing video.avi
+
+Runs the file as the node ``landmark_detector`` does, by onnxruntime alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from metrics import Found, average_precision, gather, match, recall_at
+
+from ros_visualise.landmarks.networks import Candidates, Choice, Network
+
+Array = npt.NDArray[np.float64]
+_LEAST_PX, _LEAST_SHARE = 12.0, 0.5
+_SIZES = ((12, 24), (24, 48), (48, 96), (96, 192), (192, 1000))
+_WHOLE = 0.97
+_PICTURE_ENDS = (".jpg", ".jpeg", ".png")
+
+
+class Case(NamedTuple):
+    """A picture with its truth: rows as in ``labels.json``, (n, 8)."""
+
+    picture: npt.NDArray[np.uint8]
+    rows: Array
+
+
+def world_cases(folder: Path) -> Iterator[Case]:
+    """All pictures that `pictures.py` wrote to a folder."""
+    for path in sorted(folder.glob("*/labels.json")):
+        for name, rows in json.loads(path.read_text())["pictures"].items():
+            yield Case(_read(path.parent / name), np.array(rows, np.float64).reshape(-1, 8))
+
+
+def photo_cases(folder: Path) -> Iterator[Case]:
+    """Photos of helipads with YOLO's text files: class, centre and size as shares."""
+    for path in sorted(folder.glob("*.txt")):
+        picture = _read(path.with_suffix(".jpg"))
+        size = np.array([picture.shape[1], picture.shape[0]], np.float64)
+        rows = np.loadtxt(path, ndmin=2)
+        low, high = (rows[:, 1:3] + sign * rows[:, 3:5] / 2 for sign in (-1, 1))
+        boxes = np.hstack([low * size, high * size]) - 0.5
+        rest = np.tile([np.nan, np.nan, 1.0], (len(rows), 1))
+        yield Case(picture, np.hstack([np.zeros((len(rows), 1)), boxes, rest]))
+
+
+def coco_cases(path: Path, kind: int) -> Iterator[Case]:
+    """Pictures beside a COCO file, all of whose boxes are of one class."""
+    labels = json.loads(path.read_text())
+    for image in labels["images"]:
+        boxes = [a["bbox"] for a in labels["annotations"] if a["image_id"] == image["id"]]
+        x, y, w, h = np.array(boxes, np.float64).T
+        nothing, one = np.full_like(x, np.nan), np.ones_like(x)
+        rows = np.stack([kind * one, x, y, x + w, y + h, nothing, nothing, one], axis=1)
+        yield Case(_read(path.parent / Path(image["file_name"]).name), rows)
+
+
+def frames(path: Path, step: int) -> Iterator[npt.NDArray[np.uint8]]:
+    """Every so manieth frame of a video, or all pictures of a folder."""
+    if path.is_dir():
+        yield from (_read(each) for each in sorted(path.iterdir()) if _is_picture(each))
+        return
+    video, number = cv2.VideoCapture(str(path)), 0
+    while video.grab():
+        if number % step == 0:
+            yield np.asarray(video.retrieve()[1], np.uint8)
+        number += 1
+
+
+def report(network: Network, cases: list[Case], title: str) -> None:
+    """Print the table of one set of pictures."""
+    found = [network.detect(case.picture, "BGR", Choice(min_score=0.02)) for case in cases]
+    kinds = sorted({int(kind) for case in cases for kind in case.rows[:, 0]})
+    print(f"\n{title}: {len(cases)} pictures\n")
+    print("| class | true | AP50 | recall at precision 0.95 | its least score |\n|---|---|---|---|---|")
+    for kind in kinds:
+        matches = gather([_of_kind(case, each, kind) for case, each in zip(cases, found, strict=True)])
+        recall, score = recall_at(matches, 0.95)
+        name = network.names.get(kind, str(kind))
+        ap = average_precision(matches)
+        print(f"| {name} | {matches.truths} | {ap:.3f} | {recall:.3f} | {score:.2f} |")
+
+
+def report_sizes(network: Network, cases: list[Case]) -> None:
+    """Print the recall of all classes at score 0.3 by the longer side of the boxes."""
+    found = [network.detect(case.picture, "BGR", Choice(min_score=0.3)) for case in cases]
+    print("\n| longer side, px | true | found at score 0.3 |\n|---|---|---|")
+    for low, high in _SIZES:
+        there = hits = 0
+        for case, each in zip(cases, found, strict=True):
+            for kind in np.unique(case.rows[:, 0]):
+                of_kind, truth, ignored = _of_kind(case, each, int(kind))
+                side = (truth[:, 2:] - truth[:, :2]).max(axis=1)
+                fits = ~ignored & (side >= low) & (side < high)
+                got = set(match(of_kind, truth, ignored))
+                there += int(fits.sum())
+                hits += sum(int(n) in got for n in np.nonzero(fits)[0])
+        print(f"| {low} to {high} | {there} | {hits / max(there, 1):.3f} |")
+
+
+def report_points(network: Network, cases: list[Case]) -> None:
+    """Print how far ground points are from the truth, and whether their variances say so."""
+    print("\n| class | points | median, % of the longer side | mean squared error / variance |")
+    print("|---|---|---|---|")
+    shares: dict[int, list[float]] = {}
+    squares: dict[int, list[float]] = {}
+    for case in cases:
+        found = network.detect(case.picture, "BGR", Choice(min_score=0.3))
+        for kind in np.unique(case.rows[:, 0]):
+            for share, square in _points_of(case, found, int(kind)):
+                shares.setdefault(int(kind), []).append(share)
+                squares.setdefault(int(kind), []).append(square)
+    for kind, errors in sorted(shares.items()):
+        name, mean = network.names.get(kind, str(kind)), np.mean(squares[kind])
+        inside = np.mean(np.array(squares[kind]) < 5.99 / 2)  # of a chi-square with 2 degrees
+        print(f"| {name} | {len(errors)} | {100 * np.median(errors):.2f} | {mean:.2f}, {inside:.0%} inside 95% |")
+
+
+def _points_of(case: Case, found: Candidates, kind: int) -> Iterator[tuple[float, float]]:
+    """Error by the box's longer side, and mean squared error by variance, of what is all seen."""
+    mine = found.take(found.classes == kind)
+    if mine.points_uv is None or mine.covariances is None:
+        return
+    of_kind, truth, ignored = _of_kind(case, found, kind)
+    rows = case.rows[case.rows[:, 0] == kind]
+    for number, at in enumerate(match(of_kind, truth, ignored)):
+        if at >= 0 and rows[at, 7] > _WHOLE:
+            gap = mine.points_uv[number] - rows[at, 5:7]
+            side = (truth[at, 2:] - truth[at, :2]).max()
+            square = gap @ np.linalg.inv(mine.covariances[number]) @ gap / 2
+            yield float(np.linalg.norm(gap) / side), float(square)
+
+
+def report_nothing(network: Network, path: Path, step: int) -> None:
+    """Print how many things are found where there are none but perhaps vehicles."""
+    count, tally = 0, np.zeros(len(network.names), int)
+    for picture in frames(path, step):
+        found = network.detect(picture, "BGR", Choice(min_score=0.5))
+        tally += np.bincount(found.classes, minlength=len(tally))
+        count += 1
+    told = ", ".join(f"{name} {tally[number]}" for number, name in network.names.items())
+    print(f"{path.name}: {count} pictures, found at score 0.5: {told}")
+
+
+def _of_kind(case: Case, found: Candidates, kind: int) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
+    mine = found.take(found.classes == kind)
+    rows = case.rows[case.rows[:, 0] == kind]
+    side = (rows[:, 3:5] - rows[:, 1:3]).max(axis=1) if len(rows) else np.zeros(0)
+    ignored = (side < _LEAST_PX) | (rows[:, 7] < _LEAST_SHARE)
+    return Found(mine.boxes_xyxy, mine.scores), rows[:, 1:5], ignored
+
+
+def _read(path: Path) -> npt.NDArray[np.uint8]:
+    picture = cv2.imread(str(path))
+    if picture is None:
+        raise SystemExit(f"{path}: no picture")
+    return np.asarray(picture, np.uint8)
+
+
+def _is_picture(path: Path) -> bool:
+    return path.suffix.lower() in _PICTURE_ENDS
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("onnx", type=Path)
+    parser.add_argument("worlds", type=Path, nargs="*", help="folders that pictures.py wrote")
+    parser.add_argument("--photos", type=Path, help="folder of helipads with YOLO's boxes")
+    parser.add_argument("--cars", type=Path, help="COCO file of vehicles")
+    parser.add_argument("--nothing", type=Path, nargs="*", default=[], help="without landmarks")
+    parser.add_argument("--step", type=int, default=20, help="between frames of a video")
+    asked = parser.parse_args()
+    network = Network(str(asked.onnx))
+    for folder in asked.worlds:
+        cases = list(world_cases(folder))
+        report(network, cases, f"Worlds in {folder.name}")
+        report_sizes(network, cases)
+        report_points(network, cases)
+    if asked.photos:
+        report(network, list(photo_cases(asked.photos)), "Photos of helipads")
+    if asked.cars:
+        numbers = {name: number for number, name in network.names.items()}
+        report(network, list(coco_cases(asked.cars, numbers["vehicle"])), "Photos of cars")
+    for path in asked.nothing:
+        report_nothing(network, path, asked.step)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,196 @@
+"""Train the network for aerial landmarks on pictures of the simulator, and write it as ONNX.
+
+    python training/train.py OUT --minutes 90
+
+Renders worlds into ``OUT/pictures`` while it trains on those that are there; every few minutes it
+writes ``OUT/checkpoint.pt`` and ``OUT/aerial.onnx``. The same command again goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import copy
+import math
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import torch
+from dataset import Example, find_examples, make_batch
+from export import write_onnx
+from loss import Truth, detection_loss
+from network import Network, make_grid
+from pictures import add_arguments
+from torch import Tensor
+
+_FIRST_WORLDS = 3
+_SAVE_S = 240.0
+_RATE, _DECAY, _WARM = 2e-3, 0.03, 200
+_STEADY = 0.998
+_CROP, _WHOLE_FROM = 192, 0.7
+"""Most of the time it learns from parts of pictures, which takes a third of the time of a whole."""
+
+
+class Trainer:
+    """The network, its slow average, and the optimiser.
+
+    Args:
+        minutes: how long it will train; the learning rate falls to zero by then.
+    """
+
+    def __init__(self, classes: tuple[str, ...], width: int, minutes: float, seed: int) -> None:
+        self.classes, self.minutes, self.seed = classes, minutes, seed
+        self.network = Network(len(classes), width).to(memory_format=torch.channels_last)
+        self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
+        self.optimizer = torch.optim.AdamW(self.network.parameters(), _RATE, weight_decay=_DECAY)
+        self.steps, self.seconds = 0, 0.0
+        self._grids: dict[tuple[int, int], tuple[Tensor, Tensor]] = {}
+
+    def step(self, pictures: Tensor, truths: list[Truth]) -> list[float]:
+        """Learn from one batch; its losses of classes, boxes and points."""
+        start = time.monotonic()
+        for group in self.optimizer.param_groups:
+            group["lr"] = self._rate()
+        size = (pictures.shape[2], pictures.shape[3])
+        grid = self._grids.setdefault(size, make_grid(*size))
+        with torch.autocast("cpu", dtype=torch.bfloat16):
+            raw = self.network(pictures)
+        losses = detection_loss(raw, truths, grid, len(self.classes))
+        total = losses[0] + 2 * losses[1] + 0.5 * losses[2]
+        self.optimizer.zero_grad()
+        total.backward()
+        torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
+        self.optimizer.step()
+        self.steps += 1
+        self._follow()
+        self.seconds += time.monotonic() - start
+        return [float(each) for each in losses]
+
+    @property
+    def done(self) -> float:
+        """The share of the time that is over, 0 to 1."""
+        return min(self.seconds / 60 / self.minutes, 1.0)
+
+    def save(self, path: Path) -> None:
+        """Write all that is needed to go on."""
+        state = {name: getattr(self, name).state_dict() for name in _PARTS}
+        state |= {"steps": self.steps, "seconds": self.seconds}
+        state |= {"classes": self.classes, "width": self.network.width, "seed": self.seed}
+        fresh = path.with_suffix(".new")
+        torch.save(state, fresh)
+        fresh.replace(path)
+
+    def load(self, path: Path) -> None:
+        """Go on from a checkpoint."""
+        state = torch.load(path)
+        for name in _PARTS:
+            getattr(self, name).load_state_dict(state[name])
+        self.steps, self.seconds = state["steps"], state["seconds"]
+
+    def _rate(self) -> float:
+        fall = 0.5 * (1 + math.cos(math.pi * self.done))
+        return _RATE * min(1.0, (self.steps + 1) / _WARM) * max(fall, 0.005)
+
+    def _follow(self) -> None:
+        """Let the average follow the network."""
+        keep = min(_STEADY, 1 - 1 / (1 + self.steps / 10))
+        with torch.no_grad():
+            ours, theirs = self.average.state_dict(), self.network.state_dict()
+            for name, value in ours.items():
+                if value.dtype.is_floating_point:
+                    value.mul_(keep).add_(theirs[name], alpha=1 - keep)
+
+
+_PARTS = "network", "average", "optimizer"
+
+
+def start_rendering(out: Path, asked: argparse.Namespace) -> subprocess.Popen[bytes] | None:
+    """Render worlds in a process of its own, if there are not enough of them yet."""
+    command = [sys.executable, str(Path(__file__).with_name("pictures.py")), str(out / "pictures")]
+    command += ["--worlds", str(asked.worlds), "--seed", str(asked.seed)]
+    for path in asked.body:
+        command += ["--body", str(path)]
+    return subprocess.Popen(command)
+
+
+def wait_for_pictures(folder: Path, rendering: subprocess.Popen[bytes]) -> tuple[str, ...]:
+    """Wait until the first worlds are whole; the names of the classes."""
+    while len(list(folder.glob("*/labels.json"))) < _FIRST_WORLDS and rendering.poll() is None:
+        time.sleep(1)
+    classes = find_examples(folder)[1]
+    if not classes:
+        raise SystemExit(f"no pictures in {folder}: see what the rendering said above")
+    return classes
+
+
+def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
+    """Train until the time is over."""
+    random = np.random.default_rng((asked.seed, trainer.steps))
+    sums, count, saved = np.zeros(3), 0, time.monotonic()
+    queue: list[Example] = []
+    with ThreadPoolExecutor(1) as pool:
+        upcoming = None
+        while trainer.done < 1:
+            if len(queue) < asked.batch:
+                queue = find_examples(folder)[0]
+                random.shuffle(queue)  # type: ignore[arg-type]
+                print(f"{len(queue)} pictures", flush=True)
+            some, queue = queue[: asked.batch], queue[asked.batch :]
+            crop = _CROP if trainer.done < _WHOLE_FROM else 0
+            ready, upcoming = upcoming, pool.submit(make_batch, some, random, crop)
+            if ready is None:
+                continue
+            sums, count = sums + trainer.step(*ready.result()), count + 1
+            if count == 100:
+                _say(trainer, sums / count)
+                sums, count = np.zeros(3), 0
+            if time.monotonic() - saved > _SAVE_S:
+                _save(trainer, out, asked)
+                saved = time.monotonic()
+    _save(trainer, out, asked)
+
+
+def _say(trainer: Trainer, losses: np.ndarray) -> None:
+    names = ("classes", "boxes", "points")
+    text = ", ".join(f"{name} {each:.3f}" for name, each in zip(names, losses, strict=True))
+    print(f"{100 * trainer.done:.0f}%, step {trainer.steps}: loss of {text}", flush=True)
+
+
+def _save(trainer: Trainer, out: Path, asked: argparse.Namespace) -> None:
+    trainer.save(out / "checkpoint.pt")
+    about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
+    write_onnx(trainer.average, trainer.classes, out / "aerial.onnx", about)
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("out", type=Path, help="folder for pictures, checkpoints and the network")
+    parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s")
+    parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
+    parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
+    parser.add_argument("--width", type=int, default=16, help="channels (default: %(default)s)")
+    parser.add_argument("--threads", type=int, default=1, help="of the processor")
+    add_arguments(parser)
+    asked = parser.parse_args()
+    torch.set_num_threads(asked.threads)
+    torch.manual_seed(asked.seed)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    rendering = start_rendering(asked.out, asked)
+    try:
+        folder = asked.out / "pictures"
+        trainer = Trainer(wait_for_pictures(folder, rendering), asked.width, asked.minutes, asked.seed)
+        if (asked.out / "checkpoint.pt").exists():
+            trainer.load(asked.out / "checkpoint.pt")
+        train(trainer, folder, asked.out, asked)
+    finally:
+        rendering.terminate()
+        rendering.wait()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
