@@ -39,7 +39,9 @@ def _move(random: np.random.Generator, image: Grains) -> Grains:
     kernel = np.zeros((length, length), np.float32)
     turn = random.uniform(0, math.pi)
     reach = (length - 1) / 2 * np.array([math.cos(turn), math.sin(turn)])
-    start, end = (np.round((length - 1) / 2 + sign * reach).astype(int).tolist() for sign in (-1, 1))
+    start, end = (
+        np.round((length - 1) / 2 + sign * reach).astype(int).tolist() for sign in (-1, 1)
+    )
     cv2.line(kernel, start, end, 1.0)
     return np.asarray(cv2.filter2D(image, -1, kernel / kernel.sum()), np.float32)
 

@@ -83,9 +83,12 @@ def report(network: Network, cases: list[Case], title: str) -> None:
     found = [network.detect(case.picture, "BGR", Choice(min_score=0.02)) for case in cases]
     kinds = sorted({int(kind) for case in cases for kind in case.rows[:, 0]})
     print(f"\n{title}: {len(cases)} pictures\n")
-    print("| class | true | AP50 | recall at precision 0.95 | its least score |\n|---|---|---|---|---|")
+    print("| class | true | AP50 | recall at precision 0.95 | its least score |")
+    print("|---|---|---|---|---|")
     for kind in kinds:
-        matches = gather([_of_kind(case, each, kind) for case, each in zip(cases, found, strict=True)])
+        matches = gather(
+            [_of_kind(case, each, kind) for case, each in zip(cases, found, strict=True)]
+        )
         recall, score = recall_at(matches, 0.95)
         name = network.names.get(kind, str(kind))
         ap = average_precision(matches)
@@ -124,7 +127,10 @@ def report_points(network: Network, cases: list[Case]) -> None:
     for kind, errors in sorted(shares.items()):
         name, mean = network.names.get(kind, str(kind)), np.mean(squares[kind])
         inside = np.mean(np.array(squares[kind]) < 5.99 / 2)  # of a chi-square with 2 degrees
-        print(f"| {name} | {len(errors)} | {100 * np.median(errors):.2f} | {mean:.2f}, {inside:.0%} inside 95% |")
+        print(
+            f"| {name} | {len(errors)} | {100 * np.median(errors):.2f} "
+            f"| {mean:.2f}, {inside:.0%} inside 95% |"
+        )
 
 
 def _points_of(case: Case, found: Candidates, kind: int) -> Iterator[tuple[float, float]]:
@@ -153,7 +159,9 @@ def report_nothing(network: Network, path: Path, step: int) -> None:
     print(f"{path.name}: {count} pictures, found at score 0.5: {told}")
 
 
-def _of_kind(case: Case, found: Candidates, kind: int) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
+def _of_kind(
+    case: Case, found: Candidates, kind: int
+) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
     mine = found.take(found.classes == kind)
     rows = case.rows[case.rows[:, 0] == kind]
     side = (rows[:, 3:5] - rows[:, 1:3]).max(axis=1) if len(rows) else np.zeros(0)

@@ -1,6 +1,6 @@
 """Write a trained network as an ONNX file that gives boxes and ground points in pixels.
 
-    python training/export.py OUT/checkpoint.pt aerial.onnx
+python training/export.py OUT/checkpoint.pt aerial.onnx
 """
 
 from __future__ import annotations
@@ -86,7 +86,11 @@ def write_onnx(
         )
     model = onnx.load(str(path))
     lines = {"layout": "ros_visualise", "version": VERSION, "license": "BSD-3-Clause"}
-    lines |= {"names": str(dict(enumerate(classes))), "stride": "32", "imgsz": f"[{_SIDE}, {_SIDE}]"}
+    lines |= {
+        "names": str(dict(enumerate(classes))),
+        "stride": "32",
+        "imgsz": f"[{_SIDE}, {_SIDE}]",
+    }
     onnx.helper.set_model_props(model, {**lines, **about})
     onnx.save(model, str(path))
 

@@ -53,7 +53,7 @@ def _tiles(random: np.random.Generator, canvas: Canvas) -> None:
     side = len(canvas)
     wide, high = (int(each) for each in random.integers(side // 12, side // 2, 2))
     joint = max(1, round(side * random.uniform(0.002, 0.012)))
-    colour = tuple(int(each) for each in canvas.mean((0, 1)) * random.uniform(0.5, 1.4))
+    colour = np.clip(canvas.mean((0, 1)) * random.uniform(0.5, 1.4), 0, 255).astype(np.uint8)
     for number, y in enumerate(range(0, side, high)):
         canvas[y : y + joint] = colour
         for x in range((number % 2) * wide // 2, side, wide):

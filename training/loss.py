@@ -47,8 +47,10 @@ def detection_loss(
     focus = (logits.sigmoid() - wanted).abs().pow(2).detach() * weight
     cost = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
     total = wanted.sum().clamp(min=1)
-    return (focus * cost).sum() / total, torch.cat(of_box).sum() / total, (
-        torch.cat(of_point).sum() / total
+    return (
+        (focus * cost).sum() / total,
+        torch.cat(of_box).sum() / total,
+        (torch.cat(of_point).sum() / total),
     )
 
 

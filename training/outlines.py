@@ -72,7 +72,8 @@ def _geom_points(model: Any, number: int) -> Array:
         return np.vstack([_circle(a, -b), _circle(a, b)])
     if shape == kinds.mjGEOM_CAPSULE:
         ball = a * _ball()
-        return np.vstack([ball + (0, 0, b), ball - (0, 0, b)])
+        end = np.array([0, 0, b])
+        return np.vstack([ball + end, ball - end])
     if shape == kinds.mjGEOM_SPHERE:
         return np.asarray(a * _ball())
     if shape == kinds.mjGEOM_ELLIPSOID:

@@ -110,7 +110,7 @@ def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDAr
     if frame == "ellipse":
         shape *= (1.0, random.uniform(0.7, 0.9))
     if frame == "triangle":
-        shape = shape + (0, -0.1)
+        shape = shape - np.array([0, 0.1])
     return np.asarray(np.clip(radius * shape, -0.98, 0.98))
 
 

@@ -68,15 +68,13 @@ def write_world(
     folder.mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng((*seed, 1))
     labels: dict[str, list[list[float]]] = {}
-    names: tuple[str, ...] = ()
-    for number, (picture, seen, names) in enumerate(
-        render_world(seed, count, size, held_out, own)
-    ):
+    for number, (picture, seen, classes) in enumerate(render_world(seed, count, size, held_out, own)):
         file = f"{number:04d}.jpg"
         setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*quality))]
         cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
         labels[file] = [row(one) for one in seen]
-    (folder / "labels.json").write_text(json.dumps({"classes": names, "pictures": labels}))
+    written = json.dumps({"classes": classes, "pictures": labels})
+    (folder / "labels.json").write_text(written)
 
 
 def row(seen: Seen) -> list[float]:

@@ -82,7 +82,7 @@ def see(world: World, view: View, thing: Thing, random: np.random.Generator) -> 
     polygons, whole = clipped
     box = box_of(polygons)
     inside = float(np.prod(box[2:] - box[:2]) / np.prod(whole[2:] - whole[:2]))
-    share = inside * visible_share(world, view, thing.body, polygons, random)
+    share = min(inside, 1.0) * visible_share(world, view, thing.body, polygons, random)
     return Seen(thing.kind, box, view.project(position[None])[0][0], share) if share > 0 else None
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import copy
 import math
+import signal
 import subprocess
 import sys
 import time
@@ -176,13 +177,16 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
     add_arguments(parser)
     asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the rendering ends, too
     torch.set_num_threads(asked.threads)
     torch.manual_seed(asked.seed)
     asked.out.mkdir(parents=True, exist_ok=True)
     rendering = start_rendering(asked.out, asked)
     try:
         folder = asked.out / "pictures"
-        trainer = Trainer(wait_for_pictures(folder, rendering), asked.width, asked.minutes, asked.seed)
+        trainer = Trainer(
+            wait_for_pictures(folder, rendering), asked.width, asked.minutes, asked.seed
+        )
         if (asked.out / "checkpoint.pt").exists():
             trainer.load(asked.out / "checkpoint.pt")
         train(trainer, folder, asked.out, asked)

@@ -79,12 +79,15 @@ def build_world(
     """
     import mujoco
 
+    bodies = [_first_body(path) for path in own]
+    names = [str(body.name) for body in bodies]
     writer = _Writer(random, held_out)
     for kind, count in _COUNTS.items():
         for number in range(count):
             writer.add_thing(kind, f"{kind}{number}")
     spec = mujoco.MjSpec.from_string(writer.mjcf(), assets=writer.assets)
-    names = [_attach(spec, path, number) for number, path in enumerate(own)]
+    for number, body in enumerate(bodies):
+        spec.worldbody.add_frame().attach_body(body, f"own{number}_", "")
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -99,16 +102,14 @@ def build_world(
     return World(model, data, tuple(things), grounds, (*CLASSES, *names))
 
 
-def _attach(spec: Any, path: Path, number: int) -> str:
-    """Put the first body of a MJCF file into the world; its name."""
+def _first_body(path: Path) -> Any:
+    """The first body of a MJCF file."""
     import mujoco
 
     body = mujoco.MjSpec.from_file(str(path)).worldbody.first_body()
     if body is None or not body.name:
         raise ValueError(f"{path}: its <worldbody> needs a <body> with a name, its origin the foot")
-    name = str(body.name)
-    spec.worldbody.add_frame().attach_body(body, f"own{number}_", "")
-    return name
+    return body
 
 
 class _Writer:
