@@ -20,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 from metrics import Found, average_precision, gather, match, recall_at
 
-from ros_visualise.landmarks.networks import Candidates, Choice, Network
+from ros_visualise.landmarks.networks.candidates import Candidates, Choice
+from ros_visualise.landmarks.networks.network import Network
 
 Array = npt.NDArray[np.float64]
 _LEAST_PX, _LEAST_SHARE = 12.0, 0.5

@@ -24,6 +24,7 @@ from worlds import build_world
 
 SIZE = 320, 320
 PER_WORLD = 160
+_QUALITY = 40, 96  # of JPEG
 
 
 def render_world(
@@ -58,7 +59,6 @@ def render_world(
 def write_world(
     folder: Path,
     seed: tuple[int, ...],
-    quality: tuple[int, int] = (40, 96),
     count: int = PER_WORLD,
     size: tuple[int, int] = SIZE,
     held_out: bool = False,
@@ -68,9 +68,10 @@ def write_world(
     folder.mkdir(parents=True, exist_ok=True)
     random = np.random.default_rng((*seed, 1))
     labels: dict[str, list[list[float]]] = {}
-    for number, (picture, seen, classes) in enumerate(render_world(seed, count, size, held_out, own)):
-        file = f"{number:04d}.jpg"
-        setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*quality))]
+    classes: tuple[str, ...] = ()
+    for picture, seen, names in render_world(seed, count, size, held_out, own):
+        classes, file = names, f"{len(labels):04d}.jpg"
+        setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*_QUALITY))]
         cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
         labels[file] = [row(one) for one in seen]
     written = json.dumps({"classes": classes, "pictures": labels})
@@ -112,7 +113,7 @@ def main() -> int:
         if not (folder / "labels.json").exists():
             size = asked.side, asked.side
             seed = asked.seed, number
-            write_world(folder, seed, (40, 96), asked.per_world, size, asked.held_out, asked.body)
+            write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
     return 0
 
 

@@ -188,6 +188,30 @@ def detr(path, width, height, half=False, **metadata):
     return save(path, graph, inputs, outputs, metadata)
 
 
+POINT = (3.0, 7.0)
+"""From the middle of the box to the point that the thing stands on."""
+VARIANCES = (4.0, 9.0)
+
+
+def own(path, width, height, half=False, **metadata):
+    graph, at = _begun(half)
+    count = cells(width, height, 8, 16, 32)
+    half_size = graph.constant([np.array(SIZE) / 2])
+    corners = [graph.add(op, at, half_size) for op in ("Sub", "Add")]
+    boxes = graph.add("Concat", *corners, axis=1)
+    graph.add("Identity", graph.repeated(boxes, count, [FAR] * 4), output="boxes")
+    point = graph.add("Add", at, graph.constant([POINT]))
+    graph.add("Identity", graph.repeated(point, count, [FAR] * 2), output="points")
+    constants = {"scores": [SCORE] + [0.0] * (count - 1), "point_variances": [VARIANCES] * count}
+    for name, values in constants.items():
+        graph.add("Identity", graph.constant([values]), output=name)
+    graph.add("Identity", graph.constant([[CLASS] * count], np.int64), output="classes")
+    kind = TensorProto.FLOAT16 if half else TensorProto.FLOAT
+    outputs = {name: (TensorProto.FLOAT, None) for name in ("boxes", "points", *constants)}
+    outputs["classes"] = (TensorProto.INT64, None)
+    return save(path, graph, {"images": image_input(width, height, kind)}, outputs, metadata)
+
+
 def rf_detr(path, width, height, half=False, **metadata):
     graph, at = _begun(half)
     row = graph.add("Concat", *_normalised(graph, at, width, height), axis=1)
@@ -220,6 +244,7 @@ def nanodet(path, width, height, half=False, **metadata):
 
 
 MAKERS = {
+    "ros_visualise": own,
     "YOLOv5/YOLOv7": yolo_5,
     "YOLOv8/11/12": yolo_8,
     "YOLOv10/YOLO26": yolo_10,

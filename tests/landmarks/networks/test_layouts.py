@@ -97,6 +97,16 @@ def test_made_smaller_by_an_odd_factor_a_block_keeps_its_centre(name, factor, tm
     assert size == pytest.approx(np.array(made.SIZE) * factor, abs=1e-3)
 
 
+def test_own_networks_tell_ground_points_in_pixels_of_the_image(tmp_path):
+    """In an image half as large as the network's, so are distances; variances are a quarter."""
+    network = Network(made.own(tmp_path / "n.onnx", 128, 96))
+    found = find(network, spot(64, 48, 20, 30))
+    center, _ = only(found)
+    assert found.points_uv[0] - center == pytest.approx(np.array(made.POINT) / 2, abs=1e-4)
+    want = np.diag(made.VARIANCES) / 4
+    np.testing.assert_allclose(found.covariances, [want], atol=1e-5)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_it_takes_half_precision(name, tmp_path):
     network = Network(made.MAKERS[name](tmp_path / "n.onnx", 128, 96, half=True))

@@ -8,9 +8,10 @@ file here that makes a `Layout`, and its place in ``ALL``.
 from ros_visualise.landmarks.networks.layouts.detr import DETR, RF_DETR, ULTRALYTICS_RT_DETR
 from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
 from ros_visualise.landmarks.networks.layouts.nanodet import NANODET_PLUS
+from ros_visualise.landmarks.networks.layouts.own import OWN
 from ros_visualise.landmarks.networks.layouts.yolo import YOLO_5, YOLO_8, YOLO_10
 from ros_visualise.landmarks.networks.layouts.yolox import YOLOX
 
-ALL = (DETR, RF_DETR, ULTRALYTICS_RT_DETR, YOLO_10, YOLO_8, YOLO_5, YOLOX, NANODET_PLUS)
+ALL = (OWN, DETR, RF_DETR, ULTRALYTICS_RT_DETR, YOLO_10, YOLO_8, YOLO_5, YOLOX, NANODET_PLUS)
 
 __all__ = ["ALL", "Layout", "Outputs", "Signature"]

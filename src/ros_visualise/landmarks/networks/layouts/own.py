@@ -1,0 +1,44 @@
+"""The networks that this project's ``training`` writes, which leave little to do.
+
+All cells come out in pixels, with the point that each thing stands on and the variances of that.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ros_visualise.landmarks.networks.candidates import Candidates
+from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
+from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+
+_SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
+"""Output -> its shape behind (1, cells)."""
+
+
+def _is_own(found: Signature) -> bool:
+    cells = found.cells(8, 16, 32)
+    shapes = {name: output.shape for name, output in found.outputs.items()}
+    return shapes == {name: (1, cells, *rest) for name, rest in _SIDES.items()}
+
+
+def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
+    good = outputs["scores"][0] >= min_score
+    variances = outputs["point_variances"][0, good]
+    return Candidates(
+        outputs["boxes"][0, good],
+        outputs["scores"][0, good],
+        outputs["classes"][0, good].astype(np.int64),
+        outputs["points"][0, good],
+        variances[:, :, None] * np.eye(2, dtype=np.float32),
+    )
+
+
+OWN = Layout(
+    "ros_visualise",
+    "boxes [1, cells, 4], scores, classes, points [1, cells, 2], point_variances",
+    Preparation(Fit.CENTER),
+    _is_own,
+    _decode,
+    True,
+)
+"""Boxes, scores, classes, and ground points with their variances, one row for each cell."""
