@@ -1,0 +1,1 @@
+"""Where landmarks are: detections of many images put together, with honest uncertainty."""

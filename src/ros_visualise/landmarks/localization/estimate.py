@@ -1,0 +1,149 @@
+"""One landmark's pose and its covariance, with the robot's error as a considered state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.seen import Equations, Expect
+
+GATES = {1: 10.83, 2: 13.82, 3: 16.27, 6: 22.46}
+"""Squared Mahalanobis distances that 999 of 1000 right measurements of so many numbers are below:
+the 99.9 % points of the chi-square distribution."""
+
+_VAGUE_M2, _VAGUE_RAD2 = 1e8, 1e6
+_ROUNDS = 5  # of linearisation: directions are not linear in the position
+_CONVERGED = 1e-6  # metres, radians
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A landmark in the fixed frame.
+
+    ``joint`` (12, 12) is the covariance of its error (x, y, z, rotation vector) and of the robot's
+    error, as `ros_visualise.landmarks.localization.robot_error` has it. ``weight`` (6, 6) is what
+    the landmark's covariance would be if each view had a robot's error of its own: what the next
+    view counts goes by it, so that all views of a landmark count alike.
+    """
+
+    position_xyz: Floats
+    R_fixed_landmark: Floats
+    joint: Floats
+    weight: Floats
+
+    @property
+    def covariance(self) -> Floats:
+        """(6, 6) of x, y, z and the rotations about them, in the fixed frame."""
+        covariance: Floats = self.joint[:6, :6]
+        return covariance
+
+    def carried(self, kept: Floats, covariance: Floats) -> Estimate:
+        """The same when the robot's error has this covariance, and keeps so much of what it was."""
+        joint = np.empty((12, 12))
+        joint[:6, :6], joint[6:, 6:] = self.joint[:6, :6], covariance
+        joint[:6, 6:] = self.joint[:6, 6:] @ kept.T
+        joint[6:, :6] = joint[:6, 6:].T
+        return replace(self, joint=joint)
+
+
+class Fit(NamedTuple):
+    """How well a measurement fits to an estimate.
+
+    Attributes:
+        updated: the estimate with the measurement.
+        distance2: squared Mahalanobis distance, of ``size`` numbers.
+        evidence: logarithm of the measurement's likelihood, given the estimate, relative to that of
+            one without noise of the estimate's: it compares measurements of different precision.
+    """
+
+    updated: Estimate
+    distance2: float
+    size: int
+    evidence: float
+
+    @property
+    def is_inlier(self) -> bool:
+        """Whether it is close enough to be of this landmark."""
+        return self.distance2 < GATES[self.size]
+
+
+def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> Estimate:
+    """A landmark of which nothing is known; the pose is where to begin.
+
+    Args:
+        robot: (6, 6) covariance of the robot's error.
+    """
+    begun = known(position_xyz, R_fixed_landmark, np.diag([_VAGUE_M2] * 3 + [_VAGUE_RAD2] * 3))
+    begun.joint[6:, 6:] = robot
+    return begun
+
+
+def known(position_xyz: Floats, R_fixed_landmark: Floats, covariance: Floats) -> Estimate:
+    """A landmark whose covariance (6, 6) has nothing to do with the robot's error of now."""
+    joint = np.zeros((12, 12))
+    joint[:6, :6] = covariance
+    return Estimate(position_xyz, R_fixed_landmark, joint, covariance)
+
+
+def fit(estimate: Estimate, expect: Expect) -> Fit:
+    """Update an estimate with a measurement; the robot's error is considered, not estimated.
+
+    Nor is it made use of that many views with one error of the robot betray that error: the best
+    gain would do so, and trust far too much that the error stayed the same and is small.
+
+    Source: Jazwinski, Stochastic Processes and Filtering Theory, 1970, section 8.4, for the
+    considered states; Bell and Cathey, The iterated Kalman filter update as a Gauss-Newton method,
+    IEEE Trans. Automatic Control 38 (1993), for the rounds.
+    """
+    first = expect(estimate.position_xyz, estimate.R_fixed_landmark)
+    distance2, evidence = _compare(first, estimate.joint)
+    step, equations, moved = np.zeros(6), first, estimate
+    for _ in range(_ROUNDS):
+        gain = _gain(equations, estimate)
+        before, step = step, gain @ (equations.residual + equations.H @ step)
+        moved = _moved(estimate, step)
+        if np.abs(step - before).max() < _CONVERGED:
+            break
+        equations = expect(moved.position_xyz, moved.R_fixed_landmark)
+    return Fit(_after(moved, gain, equations), distance2, len(first.residual), evidence)
+
+
+def _gain(equations: Equations, estimate: Estimate) -> Floats:
+    """(6, k), as if the robot's error was a new one."""
+    _, H, J, noise = equations
+    spread = H @ estimate.weight @ H.T + J @ estimate.joint[6:, 6:] @ J.T + noise
+    gain: Floats = np.linalg.solve(spread, H @ estimate.weight).T
+    return gain
+
+
+def _after(moved: Estimate, gain: Floats, equations: Equations) -> Estimate:
+    """The covariances after an update by any gain: Joseph's form."""
+    _, H, J, noise = equations
+    keep = np.eye(12)
+    keep[:6] -= gain @ np.hstack([H, J])
+    joint = keep @ moved.joint @ keep.T
+    joint[:6, :6] += gain @ noise @ gain.T
+    kept = keep[:6, :6]
+    new = noise + J @ moved.joint[6:, 6:] @ J.T
+    weight = kept @ moved.weight @ kept.T + gain @ new @ gain.T
+    return replace(moved, joint=(joint + joint.T) / 2, weight=(weight + weight.T) / 2)
+
+
+def _compare(equations: Equations, joint: Floats) -> tuple[float, float]:
+    """Squared Mahalanobis distance and evidence of a measurement."""
+    residual, H, J, noise = equations
+    whole = np.hstack([H, J])
+    spread = whole @ joint @ whole.T + noise
+    distance2 = float(residual @ np.linalg.solve(spread, residual))
+    volume = np.linalg.slogdet(noise)[1] - np.linalg.slogdet(spread)[1]
+    return distance2, float(volume - distance2) / 2
+
+
+def _moved(estimate: Estimate, step: Floats) -> Estimate:
+    turn = cv2.Rodrigues(step[3:])[0]
+    R = turn @ estimate.R_fixed_landmark
+    return replace(estimate, position_xyz=estimate.position_xyz + step[:3], R_fixed_landmark=R)

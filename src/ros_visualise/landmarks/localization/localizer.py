@@ -1,0 +1,233 @@
+"""Puts the detections of image after image together, to landmarks in a fixed frame."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, count
+
+import numpy as np
+
+from ros_visualise.data import Detection, Detections, Floats
+from ros_visualise.landmarks.localization.estimate import Fit
+from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError
+from ros_visualise.landmarks.localization.seen import Ground, Sighting, sighting_of
+from ros_visualise.landmarks.localization.sizes import Measure
+from ros_visualise.landmarks.localization.track import Track, begin
+
+log = logging.getLogger(__name__)
+
+ELLIPSOID = 7.815
+"""Squared Mahalanobis distance of 95 % of all points: chi-square with 3 degrees of freedom."""
+
+_MOVED = 5  # sightings elsewhere in a row, from which on a landmark has moved
+_FORGOTTEN_S = 10.0  # until then what was seen too seldom to be a landmark waits for more
+_LEAST = 1e-12  # variance of the robot's error, so that it can be divided by
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How landmarks come to be.
+
+    ``sightings`` are how many make a landmark. ``ground`` is where things stand that are seen
+    without a range; None where nobody knows. ``prefix`` is put before classes that are numbers.
+    """
+
+    sightings: int = 3
+    errors: ErrorModel = field(default_factory=ErrorModel)
+    ground: Ground | None = None
+    prefix: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A detection, and what each of its hypotheses says, at least one."""
+
+    detection: Detection
+    class_id: str
+    sightings: Sequence[Sighting]
+
+    @property
+    def turned(self) -> bool:
+        """Whether it tells how it is turned."""
+        return self.sightings[0].R_fixed_landmark is not None
+
+
+class Localizer:
+    """The landmarks of one fixed frame.
+
+    What is seen with its orientation, as a tag, is the only one of its class. Of all else there may
+    be many, and a detection goes to the landmark of its class that fits best, if one does.
+
+    Attributes:
+        landmarks: those that are confirmed, by their numbers.
+        left_out: how many detections were not used, by reason.
+        has_changed: whether the last image told more of any landmark.
+
+    Args:
+        known: landmarks that are there from the start.
+    """
+
+    def __init__(self, known: Iterable[Track] = ()) -> None:
+        self.landmarks: dict[int, Track] = {}
+        self.left_out: Counter[str] = Counter()
+        self.has_changed = False
+        self._tentative: list[Track] = []
+        self._robot = RobotError()
+        self._numbers = count(1)
+        self._told: set[str] = set()
+        for track in known:
+            self._confirm(track)
+
+    def observe(
+        self,
+        detections: Detections,
+        T_fixed_camera: Floats,
+        rules: Rules,
+        robot_covariance: Floats | None = None,
+    ) -> None:
+        """Take what was found in one image.
+
+        Args:
+            detections: their hypotheses have poses in the camera's optical frame.
+            T_fixed_camera: (4, 4) where that was, as the frames tell.
+            rules: what to go by.
+            robot_covariance: (6, 6) of the robot's error, as an odometry tells it; None: as
+                ``rules.errors`` has it.
+        """
+        stamp_ns, camera = detections.header.stamp_ns, T_fixed_camera[:3, 3]
+        kept = self._robot.advance(stamp_ns, camera, rules.errors, robot_covariance)
+        self._forget(stamp_ns)
+        for track in self._tracks:
+            track.carry(kept, self._robot.covariance)
+        measure = Measure(detections.camera_info, T_fixed_camera)
+        rest = list(self._located(detections, T_fixed_camera, rules.prefix))
+        matched = self._match(rest)
+        for one, track, fits in matched:
+            track.take(fits, stamp_ns)
+            track.rival = None
+            track.measure(measure.size(one.detection, track.best, track.turned))
+            rest.remove(one)
+        there = [track for _, track, _ in matched]
+        for one in rest:
+            self._begin(one, there, stamp_ns, rules)
+        for one_of, other in combinations(there, 2):
+            one_of.apart.add(other)
+            other.apart.add(one_of)
+        self._settle(rules.sightings)
+        self.has_changed = bool(there)
+
+    @property
+    def _tracks(self) -> list[Track]:
+        return [*self.landmarks.values(), *self._tentative]
+
+    def _forget(self, stamp_ns: int) -> None:
+        oldest_ns = stamp_ns - _FORGOTTEN_S * 1e9
+        self._tentative = [one for one in self._tentative if one.last_ns >= oldest_ns]
+
+    def _located(
+        self, detections: Detections, T_fixed_camera: Floats, prefix: str
+    ) -> Iterator[_Seen]:
+        for detection in detections.detections:
+            sightings = [
+                sighting
+                for hypothesis in detection.hypotheses
+                if hypothesis.class_id == detection.hypotheses[0].class_id
+                and (sighting := sighting_of(hypothesis, T_fixed_camera)) is not None
+            ]
+            if sightings:
+                class_id = detection.hypotheses[0].class_id
+                name = prefix + class_id if class_id.isdigit() else class_id
+                yield _Seen(detection, name, sightings)
+            else:
+                self.left_out["no pose"] += 1
+
+    def _match(self, rest: Sequence[_Seen]) -> list[tuple[_Seen, Track, list[Fit]]]:
+        """Detections and the landmarks that they are of, the best pairs first."""
+        pairs = []
+        for one in rest:
+            for track in self._tracks:
+                if (track.class_id, track.turned) == (one.class_id, one.turned):
+                    fits = track.fits(one.sightings)
+                    if inliers := [fit.distance2 for fit in fits if fit.is_inlier]:
+                        pairs.append((min(inliers), one, track, fits))
+        found: list[tuple[_Seen, Track, list[Fit]]] = []
+        for _, one, track, fits in sorted(pairs, key=lambda pair: pair[0]):
+            if not any(one is taken or track is full for taken, full, _ in found):
+                found.append((one, track, fits))
+        return found
+
+    def _begin(self, one: _Seen, there: list[Track], stamp_ns: int, rules: Rules) -> None:
+        """Begin a landmark where none fits."""
+        branches = begin(one.sightings, self._robot.covariance, rules.ground)
+        if not branches:
+            self.left_out["not on the ground"] += 1
+            return
+        number = one.detection.hypotheses[0].number
+        new = Track(one.class_id, number, one.turned, branches, stamp_ns)
+        same = [t for t in self._tracks if t.turned and t.class_id == one.class_id]
+        if one.turned and same:
+            self._contest(same[0], new, one, same[0] in there)
+            return
+        self._tentative.append(new)
+        there.append(new)
+
+    def _contest(self, track: Track, new: Track, one: _Seen, is_there: bool) -> None:
+        """A tag is seen where it cannot be by all that is known."""
+        if is_there:
+            self.left_out["twice in an image"] += 1
+            self._tell(f"{track.name} is there twice: only one of them is followed")
+            return
+        self.left_out["elsewhere"] += 1
+        fits = track.rival.fits(one.sightings) if track.rival else []
+        if track.rival and any(fit.is_inlier for fit in fits):
+            track.rival.take(fits, new.last_ns)
+        else:
+            track.rival = new
+        if track.rival.seen >= _MOVED:
+            self._tell(f"{track.name} is elsewhere now: it begins anew there")
+            track.replace_by(track.rival)
+
+    def _settle(self, sightings: int) -> None:
+        """Confirm what was seen often enough, and make one of those that are one."""
+        for track in [one for one in self._tentative if one.seen >= sightings]:
+            self._tentative.remove(track)
+            self._confirm(track)
+        for older, newer in combinations(list(self.landmarks.values()), 2):
+            is_there = newer.number in self.landmarks and older.number in self.landmarks
+            if is_there and self._are_one(older, newer):
+                self._merge(older, newer)
+
+    def _confirm(self, track: Track) -> None:
+        track.number = next(self._numbers)
+        self.landmarks[track.number] = track
+
+    def _are_one(self, a: Track, b: Track) -> bool:
+        if a.turned or b.turned or a.class_id != b.class_id or b in a.apart:
+            return False
+        shared = self._robot.covariance + _LEAST * np.eye(6)
+        of_a, of_b = a.best.joint[:3, 6:], b.best.joint[:3, 6:]
+        both = of_a @ np.linalg.solve(shared, of_b.T)
+        spread = a.best.covariance[:3, :3] + b.best.covariance[:3, :3] - both - both.T
+        off = a.best.position_xyz - b.best.position_xyz
+        return bool(off @ np.linalg.solve(spread, off) < ELLIPSOID)
+
+    def _merge(self, older: Track, newer: Track) -> None:
+        """The surer estimate of two: how far they share errors of before is not known."""
+        seen = older.seen + newer.seen
+        if np.trace(newer.best.covariance[:3, :3]) < np.trace(older.best.covariance[:3, :3]):
+            older.replace_by(newer)
+        older.seen = seen
+        older.last_ns = max(older.last_ns, newer.last_ns)
+        older.apart |= newer.apart
+        for track in newer.apart:
+            track.apart.discard(newer)
+            track.apart.add(older)
+        del self.landmarks[newer.number]
+
+    def _tell(self, what: str) -> None:
+        if what not in self._told:
+            self._told.add(what)
+            log.warning("%s (said once)", what)

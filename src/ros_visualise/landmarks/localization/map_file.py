@@ -1,0 +1,130 @@
+"""A map of landmarks as text that can be read again: YAML.
+
+frame_id: map
+landmarks:
+- name: tag36h11_3        # the class, and a number where there may be several of it
+  class: tag36h11_3
+  number: 3               # of the class in messages of ROS 1, -1 for none
+  pose:
+    position: [x, y, z]   # metres, in the frame above
+    orientation: [x, y, z, w]   # null for what has none
+    covariance: [36 numbers]    # as PoseWithCovariance has it, row by row
+  size: [x, y, z]         # metres, 0 where nobody knows
+  seen: 12                # how many times
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.localization.estimate import known
+from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.sinks.files import TargetFile
+from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
+
+
+def to_text(frame_id: str, landmarks: Iterable[Track]) -> str:
+    """The map, with of each landmark the pose that is most likely.
+
+    While another pose may be right, it is in the covariance.
+    """
+    return to_yaml({"frame_id": frame_id, "landmarks": [_values(one) for one in landmarks]})
+
+
+def load(path: Path) -> tuple[str, list[Track]]:
+    """The frame of a map, and its landmarks.
+
+    Raises:
+        OpenError: there is no such file, or it is no map; says where it is wrong.
+    """
+    try:
+        values = load_yaml(path)
+    except FileNotFoundError:
+        raise OpenError.missing(path, "give a map that save_map has written") from None
+    except (OSError, BadYaml) as error:
+        why = getattr(error, "strerror", None) or str(error)
+        raise OpenError(f"{path}: cannot be read as a map of landmarks: {why}") from None
+    try:
+        frame_id, found = values["frame_id"], values["landmarks"]
+        if not isinstance(frame_id, str) or not frame_id or not isinstance(found, list):
+            raise ValueError
+    except (TypeError, KeyError, ValueError):
+        raise OpenError(
+            f"{path}: is no map of landmarks: it needs a frame_id and a list of landmarks"
+        ) from None
+    return frame_id, [_track(path, number, one) for number, one in enumerate(found, 1)]
+
+
+def save(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
+    """Write a map to a file; it takes the place of what is there when all of it is written.
+
+    Raises:
+        UsageError: the name does not end in .yaml.
+        OpenError: it cannot be written.
+        RecordingError: it could not be written to its end.
+    """
+    if path.suffix != ".yaml":
+        raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
+    data = to_text(frame_id, landmarks).encode()
+    target = TargetFile(path, overwrite=True)
+    try:
+        target.require_room(len(data))
+        target.write(data)
+        target.close()
+    except OSError as error:
+        raise target.give_up(error, 0) from None
+
+
+def _values(track: Track) -> dict[str, Any]:
+    quat = rotations.from_matrix(track.best.R_fixed_landmark).tolist()
+    return {
+        "name": track.name,
+        "class": track.class_id,
+        "number": track.class_number,
+        "pose": {
+            "position": track.best.position_xyz.tolist(),
+            "orientation": quat if track.turned else None,
+            "covariance": track.covariance.ravel().tolist(),
+        },
+        "size": track.size_xyz.tolist(),
+        "seen": track.seen,
+    }
+
+
+def _track(path: Path, number: int, values: Any) -> Track:
+    try:
+        pose, quat = values["pose"], values["pose"]["orientation"]
+        R = np.eye(3) if quat is None else rotations.to_matrix(_numbers(quat, 4))
+        covariance = _numbers(pose["covariance"], 36).reshape(6, 6)
+        if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] < 0:
+            raise ValueError("covariance: is not symmetric, or negative")
+        estimate = known(_numbers(pose["position"], 3), R, (covariance + covariance.T) / 2)
+        size, seen = _numbers(values["size"], 3), int(values["seen"])
+        return Track(
+            str(values["class"]),
+            int(values["number"]),
+            quat is not None,
+            (Branch(estimate, 0.0),),
+            last_ns=0,
+            size_xyz=size,
+            sizes=seen if size.any() else 0,
+            seen=seen,
+        )
+    except (TypeError, KeyError, ValueError, OverflowError) as error:
+        missing = isinstance(error, KeyError)
+        why = f"it has no {error.args[0]}" if missing else str(error)
+        raise OpenError(f"{path}: landmark {number} of the map is wrong: {why}") from None
+
+
+def _numbers(values: Any, count: int) -> Floats:
+    numbers = np.asarray(values, np.float64)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
+        raise ValueError(f"{count} numbers are needed, not {values!r:.60}")
+    return numbers

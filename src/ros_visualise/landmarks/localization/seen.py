@@ -1,0 +1,168 @@
+"""What one detection says of a landmark in the fixed frame, as equations of a Kalman filter.
+
+The errors of a landmark are x, y, z in metres and a rotation vector, about the axes of the fixed
+frame. The robot's error, which all that is seen at one time shares, is six numbers too: by how much
+the camera is elsewhere, and is turned about itself, than the frames tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats, Hypothesis
+from ros_visualise.geometry import rotations
+
+UNKNOWN = 1e5
+"""A variance beyond it, in m^2 or rad^2, says that nothing is known of that direction."""
+
+
+class Equations(NamedTuple):
+    """A measurement of k numbers, to first order.
+
+    Attributes:
+        residual: (k,) what was measured, less what was expected.
+        H: (k, 6) how it depends on the landmark's error.
+        J: (k, 6) how it depends on the robot's error.
+        noise: (k, k) covariance of the rest.
+    """
+
+    residual: Floats
+    H: Floats
+    J: Floats
+    noise: Floats
+
+
+Expect = Callable[[Floats, Floats], Equations]
+"""Of a landmark's position (3,) and R_fixed_landmark (3, 3): what a measurement says of it."""
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """One hypothesis of a detection, in the fixed frame.
+
+    ``position_xyz`` (3,) is where it says that the landmark is, 1 m away where it gives nothing but
+    a direction; ``R_fixed_landmark`` is None where it tells no orientation. ``camera_xyz`` (3,) is
+    where the camera was. ``score`` is the hypothesis's.
+    """
+
+    position_xyz: Floats
+    R_fixed_landmark: Floats | None
+    has_range: bool
+    camera_xyz: Floats
+    score: float
+    expect: Expect
+
+
+def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> Sighting | None:
+    """What a hypothesis says; None where it has no pose, or a covariance that is none."""
+    R, camera = T_fixed_camera[:3, :3], T_fixed_camera[:3, 3]
+    covariance = hypothesis.covariance
+    position = hypothesis.position_xyz
+    range_m = float(np.linalg.norm(position))
+    if not _is_covariance(covariance) or not np.isfinite(position).all() or range_m == 0:
+        return None
+    turned = np.kron(np.eye(2), R)
+    noise = turned @ covariance @ turned.T
+    seen = camera + R @ position
+    ray = R @ position / range_m
+    has_range = bool(ray @ noise[:3, :3] @ ray < UNKNOWN)
+    has_turn = has_range and bool(np.trace(noise[3:, 3:]) < UNKNOWN)
+    turn = R @ rotations.to_matrix(hypothesis.quat_xyzw) if has_turn else None
+    if turn is not None:
+        expect = _pose(seen, turn, noise, camera)
+    elif has_range:
+        expect = _point(seen, noise[:3, :3], camera)
+    else:
+        expect = _direction(ray, noise[:3, :3] / range_m**2, camera)
+    return Sighting(seen, turn, has_range, camera, hypothesis.score, expect)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """The plane that things stand on, in the fixed frame.
+
+    Its points have ``normal_xyz @ position == height_m``, but for ``sigma_m``, a standard
+    deviation. It holds for where one thing stands, so it counts once for each thing.
+    """
+
+    normal_xyz: Floats
+    height_m: float
+    sigma_m: float
+
+    def meet(self, sighting: Sighting) -> Floats | None:
+        """(3,) where the plane is in the direction of a sighting; None if it is not."""
+        camera = sighting.camera_xyz
+        ray = sighting.position_xyz - camera
+        sinks, above = -self.normal_xyz @ ray, self.normal_xyz @ camera - self.height_m
+        if sinks * above <= 0:
+            return None
+        met: Floats = camera + ray * (above / sinks)
+        return met
+
+    def expect(self, position: Floats, R: Floats) -> Equations:
+        """That a landmark stands on it."""
+        H = np.concatenate([self.normal_xyz, np.zeros(3)])[None]
+        residual = np.array([self.height_m - self.normal_xyz @ position])
+        return Equations(residual, H, np.zeros((1, 6)), np.array([[self.sigma_m**2]]))
+
+
+def robot_error_at(position_xyz: Floats, camera_xyz: Floats) -> Floats:
+    """(6, 6) how the robot's error moves and turns what is seen at a position, away from there."""
+    effect = -np.eye(6)
+    effect[:3, 3:] = cross(position_xyz - camera_xyz)
+    return effect
+
+
+def cross(vector: Floats) -> Floats:
+    """(3, 3) the matrix that takes ``b`` to the cross product of ``vector`` and ``b``."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+
+
+def turn_between(R_to: Floats, R_from: Floats) -> Floats:
+    """(3,) the rotation vector, in the axes that both are in, from one rotation to the other."""
+    return np.asarray(cv2.Rodrigues(R_to @ R_from.T)[0], np.float64)[:, 0]
+
+
+def _pose(seen: Floats, turn: Floats, noise: Floats, camera: Floats) -> Expect:
+    def expect(position: Floats, R: Floats) -> Equations:
+        residual = np.concatenate([seen - position, turn_between(turn, R)])
+        return Equations(residual, np.eye(6), robot_error_at(position, camera), noise)
+
+    return expect
+
+
+def _point(seen: Floats, noise: Floats, camera: Floats) -> Expect:
+    def expect(position: Floats, R: Floats) -> Equations:
+        J = robot_error_at(position, camera)[:3]
+        return Equations(seen - position, np.eye(3, 6), J, noise)
+
+    return expect
+
+
+def _direction(ray: Floats, noise: Floats, camera: Floats) -> Expect:
+    """The direction alone: two numbers, across the ray."""
+    across: Floats = np.linalg.svd(ray[None])[2][1:]
+    lateral = across @ noise @ across.T
+
+    def expect(position: Floats, R: Floats) -> Equations:
+        away = position - camera
+        project = across / max(float(ray @ away), 1e-6)
+        J = project @ robot_error_at(position, camera)[:3]
+        H = project @ np.eye(3, 6)
+        return Equations(-project @ away, H, J, lateral)
+
+    return expect
+
+
+def _is_covariance(covariance: Floats) -> bool:
+    """Whether all of it is known, and nothing is surer than sure."""
+    if not np.isfinite(covariance).all() or (np.diag(covariance) <= 0).any():
+        return False
+    values = np.linalg.eigvalsh(covariance)
+    return bool(values[0] > -1e-9 * values[-1]) and np.allclose(covariance, covariance.T)

@@ -1,0 +1,240 @@
+"""The node that tells where landmarks are."""
+
+from __future__ import annotations
+
+import copy
+import logging
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.data import (
+    Detections,
+    Detections3D,
+    Floats,
+    Header,
+    MarkerArray,
+    Odometry,
+    Transforms,
+)
+from ros_visualise.errors import NoTransform, OpenError, UsageError
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.landmarks.localization import map_file
+from ros_visualise.landmarks.localization.localizer import Localizer, Rules
+from ros_visualise.landmarks.localization.robot_error import ErrorModel, at_camera
+from ros_visualise.landmarks.localization.seen import Ground
+from ros_visualise.landmarks.localization.shown import to_detections, to_markers, to_transforms
+from ros_visualise.landmarks.localization.track import Track
+from ros_visualise.nodes import action, node
+from ros_visualise.params import param
+
+log = logging.getLogger(__name__)
+
+_MAP, _ODOM = "map", "odom"  # REP 105
+_STALE_S = 1.0  # an odometry that is further from an image tells nothing of it
+
+
+@dataclass(frozen=True)
+class LocalizerParams:
+    """Parameters of `LandmarkLocalizer`."""
+
+    fixed_frame: str = param(_MAP, "frame of the landmarks; where there is no map, odom serves")
+    min_sightings: int = param(
+        3, "sightings after which something is a landmark", min=1, max=1000, slider=(1, 20)
+    )
+    ground: bool = param(
+        True, "place what is seen without a range, as a post, on the ground", group="ground"
+    )
+    ground_frame: str = param(
+        "", "frame whose x-y plane is the ground; empty: the fixed frame", group="ground"
+    )
+    ground_height: float = param(
+        0.0,
+        "height of the ground in that frame, metres",
+        min=-1e4,
+        max=1e4,
+        slider=(-10, 10),
+        group="ground",
+    )
+    ground_sigma: float = param(
+        0.1,
+        "standard deviation of that height, metres",
+        min=1e-3,
+        max=1e3,
+        slider=(0.01, 5),
+        group="ground",
+    )
+    attitude_sigma: float = param(
+        1.0,
+        "standard deviation of the robot's attitude, degrees; an odometry with covariance on odom "
+        "takes its place",
+        min=0,
+        max=45,
+        slider=(0, 5),
+        group="robot",
+    )
+    attitude_time: float = param(
+        60.0,
+        "seconds in which an error of the attitude is forgotten",
+        min=0.01,
+        max=1e9,
+        slider=(1, 600),
+        group="robot",
+    )
+    position_sigma: float = param(
+        0.05,
+        "standard deviation of the robot's position, metres; as attitude_sigma",
+        min=0,
+        max=1e3,
+        slider=(0, 1),
+        group="robot",
+    )
+    position_time: float = param(
+        60.0,
+        "seconds in which an error of the position is forgotten",
+        min=0.01,
+        max=1e9,
+        slider=(1, 600),
+        group="robot",
+    )
+    class_prefix: str = param(
+        "",
+        "what to put before classes that are numbers, as on ROS 1, such as tag36h11_",
+        group="map",
+    )
+    map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
+    save_to: str = param(
+        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
+    )
+
+
+@node(
+    "landmark_localizer",
+    params=LocalizerParams,
+    inputs={"detections": Detections, "odom": Odometry},
+    outputs={"landmarks": Detections3D, "markers": MarkerArray, "tf_static": Transforms},
+    latched=("landmarks", "markers", "tf_static"),
+    frames=True,
+)
+class LandmarkLocalizer:
+    """Tells where landmarks are in a fixed frame, from detections with poses and from the frames.
+
+    A landmark does not move, so its frame is one of ``tf_static``.
+    """
+
+    def __init__(self, params: LocalizerParams) -> None:
+        self._params = params
+        self._known: list[Track] = []
+        if params.map:
+            frame_id, self._known = map_file.load(Path(params.map))
+            if frame_id != params.fixed_frame:
+                raise OpenError(
+                    f"{params.map}: is in the frame {frame_id}: set fixed_frame={frame_id}"
+                )
+        self._odom: Odometry | None = None
+        self._frame = ""
+        self._told = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew with the landmarks of the map: time jumped."""
+        self._localizer = Localizer(copy.deepcopy(self._known))
+        self._drawn: set[int] = set()
+        self._anew = True
+        self._odom = None
+
+    @action("write the landmarks to the file save_to")
+    def save_map(self) -> None:
+        """Write the map; what was there is replaced when all of it is written."""
+        landmarks = self._localizer.landmarks
+        if not landmarks:
+            raise UsageError("save_map: there is no landmark yet")
+        path = Path(self._params.save_to)
+        map_file.save(path, self._frame or self._params.fixed_frame, landmarks.values())
+        log.info("%d landmarks are in %s", len(landmarks), path.absolute())
+
+    def step(
+        self,
+        params: LocalizerParams,
+        detections: Detections | None = None,
+        odom: Odometry | None = None,
+        *,
+        frames: FrameTree,
+    ) -> dict[str, Any] | None:
+        """Where all landmarks are by now."""
+        self._params = params
+        if odom is not None:
+            self._odom = odom
+        if detections is None:
+            return None
+        header = detections.header
+        T_fixed_camera = self._place(frames, header)
+        robot = self._robot_covariance(frames, header.stamp_ns, T_fixed_camera[:3, 3])
+        rules = Rules(
+            params.min_sightings,
+            _errors(params),
+            self._ground(frames, header.stamp_ns),
+            params.class_prefix,
+        )
+        self._localizer.observe(detections, T_fixed_camera, rules, robot)
+        return self._answer(Header(header.stamp_ns, self._frame))
+
+    def report(self) -> dict[str, Any]:
+        """How many landmarks there are, and detections that were left out, by reason."""
+        return {
+            "landmarks": len(self._localizer.landmarks),
+            "left_out": dict(self._localizer.left_out),
+        }
+
+    def _answer(self, header: Header) -> dict[str, Any]:
+        """All landmarks; what is drawn, and frames, only where one of them changed."""
+        landmarks = self._localizer.landmarks
+        answer: dict[str, Any] = {"landmarks": to_detections(landmarks.values(), header)}
+        gone = self._drawn - landmarks.keys()
+        if self._anew or gone or self._localizer.has_changed:
+            answer["markers"] = to_markers(landmarks.values(), gone, header, self._anew)
+            answer["tf_static"] = to_transforms(landmarks.values(), header)
+        self._anew, self._drawn = False, set(landmarks)
+        return answer
+
+    def _place(self, frames: FrameTree, header: Header) -> Floats:
+        """T_fixed_camera (4, 4) at the time of an image, in the fixed frame that there is."""
+        fixed = self._params.fixed_frame
+        if fixed == _MAP and not self._known and _MAP not in frames.frames():
+            fixed = _ODOM
+        T_fixed_camera = frames.lookup(fixed, header.frame_id, header.stamp_ns)
+        if fixed != self._frame:
+            if fixed != self._params.fixed_frame:
+                log.warning("there is no frame %s: landmarks are in %s", _MAP, fixed)
+            self._frame = fixed
+            self._localizer, self._anew = Localizer(copy.deepcopy(self._known)), True
+        return T_fixed_camera
+
+    def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:
+        """The ground in the fixed frame; None where nobody knows it."""
+        p = self._params
+        if not p.ground:
+            return None
+        T = frames.lookup(self._frame, p.ground_frame or self._frame, stamp_ns)
+        normal = T[:3, 2]
+        return Ground(normal, p.ground_height + float(normal @ T[:3, 3]), p.ground_sigma)
+
+    def _robot_covariance(self, frames: FrameTree, stamp_ns: int, camera: Floats) -> Floats | None:
+        """(6, 6) what the odometry says of the camera's error; None where it says nothing."""
+        odom = self._odom
+        if odom is None or not odom.pose_covariance.any():
+            return None
+        if abs(stamp_ns - odom.header.stamp_ns) > _STALE_S * 1e9:
+            return None
+        try:
+            T = frames.lookup(self._frame, odom.header.frame_id, stamp_ns)
+        except NoTransform:
+            return None
+        base = T[:3, :3] @ odom.position_xyz + T[:3, 3]
+        return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
+
+
+def _errors(p: LocalizerParams) -> ErrorModel:
+    attitude = math.radians(p.attitude_sigma)
+    return ErrorModel(p.position_sigma, attitude, p.position_time, p.attitude_time)
