@@ -36,11 +36,16 @@ _OUTPUTS = {
     "filters": {"image": "/processed_image"},
     "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
     "rectify": {"image_rect": "/image_rect"},
+    "landmark_localizer": {
+        "landmarks": "/landmarks",
+        "markers": "/landmark_markers",
+        "tf_static": "/landmarks/tf_static",
+    },
 }
 
 
 _MADE = {topic for topics in _OUTPUTS.values() for topic in topics.values()}
-"""Topics that image nodes publish: recorded, they went through them once already."""
+"""Topics that our nodes publish: recorded, they went through them once already."""
 
 _SOURCE_TOPICS = {
     "image": "/image_raw",
@@ -246,9 +251,10 @@ def alone(declared: NodeType | SourceType) -> Graph:
     if declared.name in IMAGE_NODES:
         whole = chain([find_node(name) for name in IMAGE_NODES])
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
-    if known_topics(declared):
+    topics = known_topics(declared)
+    if topics and Image in declared.stepped.values():
         return chain([declared])
-    return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))
+    return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}, topics),))
 
 
 def _placed(source: SourceType) -> SourceNode:

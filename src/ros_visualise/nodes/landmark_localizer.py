@@ -99,7 +99,7 @@ class LocalizerParams:
         group="robot",
     )
     class_prefix: str = param(
-        "",
+        "landmark_",
         "what to put before classes that are numbers, as on ROS 1, such as tag36h11_",
         group="map",
     )
