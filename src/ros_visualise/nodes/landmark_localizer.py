@@ -28,6 +28,7 @@ from ros_visualise.landmarks.localization.shown import to_detections, to_markers
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
+from ros_visualise.sinks.files import TargetFile
 
 log = logging.getLogger(__name__)
 
@@ -151,7 +152,8 @@ class LandmarkLocalizer:
         if not landmarks:
             raise UsageError("save_map: there is no landmark yet")
         path = Path(self._params.save_to)
-        map_file.save(path, self._frame or self._params.fixed_frame, landmarks.values())
+        frame_id = self._frame or self._params.fixed_frame
+        _write(path, map_file.to_text(frame_id, landmarks.values()).encode())
         log.info("%d landmarks are in %s", len(landmarks), path.absolute())
 
     def step(
@@ -233,6 +235,19 @@ class LandmarkLocalizer:
             return None
         base = T[:3, :3] @ odom.position_xyz + T[:3, 3]
         return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file; it takes the place of what is there when all of it is written."""
+    if path.suffix != ".yaml":
+        raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
+    target = TargetFile(path, overwrite=True)
+    try:
+        target.require_room(len(data))
+        target.write(data)
+        target.close()
+    except OSError as error:
+        raise target.give_up(error, 0) from None
 
 
 def _errors(p: LocalizerParams) -> ErrorModel:

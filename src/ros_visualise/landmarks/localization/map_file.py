@@ -22,11 +22,10 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.sinks.files import TargetFile
 from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
 
 
@@ -60,26 +59,6 @@ def load(path: Path) -> tuple[str, list[Track]]:
             f"{path}: is no map of landmarks: it needs a frame_id and a list of landmarks"
         ) from None
     return frame_id, [_track(path, number, one) for number, one in enumerate(found, 1)]
-
-
-def save(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
-    """Write a map to a file; it takes the place of what is there when all of it is written.
-
-    Raises:
-        UsageError: the name does not end in .yaml.
-        OpenError: it cannot be written.
-        RecordingError: it could not be written to its end.
-    """
-    if path.suffix != ".yaml":
-        raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
-    data = to_text(frame_id, landmarks).encode()
-    target = TargetFile(path, overwrite=True)
-    try:
-        target.require_room(len(data))
-        target.write(data)
-        target.close()
-    except OSError as error:
-        raise target.give_up(error, 0) from None
 
 
 def _values(track: Track) -> dict[str, Any]:
