@@ -19,7 +19,7 @@ from ros_visualise.landmarks.localization.localizer import Localizer, Rules
 from ros_visualise.landmarks.localization.robot_error import ErrorModel
 from ros_visualise.landmarks.localization.seen import Ground, turn_between
 
-RUNS = 40
+RUNS = 60
 FOREVER = 1e9
 MODEL = ErrorModel(0.1, math.radians(1.5), FOREVER, FOREVER)
 DEVIATIONS = np.repeat([MODEL.position_m, MODEL.attitude_rad], 3)
