@@ -1,17 +1,18 @@
 """From corners in an image, and the camera's calibration, to poses with a covariance."""
 
-from ros_visualise.landmarks.pose.corner_noise import REAL_CAMERA_PX, corner_sigma
+from ros_visualise.landmarks.pose.corner_noise import corner_sigma
 from ros_visualise.landmarks.pose.estimating import (
     PoseEstimate,
+    merged,
     rig_poses,
     square_poses,
     squares_poses,
 )
 
 __all__ = [
-    "REAL_CAMERA_PX",
     "PoseEstimate",
     "corner_sigma",
+    "merged",
     "rig_poses",
     "square_poses",
     "squares_poses",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.landmarks.pose.corner_noise import corner_sigma
+from ros_visualise.landmarks.pose.corner_noise import corner_sigma, with_extra
+from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 from ros_visualise.landmarks.pose.refinement import Fit, refine
 from ros_visualise.landmarks.pose.starting import starts
@@ -45,6 +47,7 @@ def square_poses(
     size_m: float,
     info: CameraInfo,
     sigma_px: float | None = None,
+    floor_px: float = 0.0,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a square tag may have: best first, one, two, or none if there is none.
 
@@ -55,7 +58,9 @@ def square_poses(
             top-left pixel: the tag's lower left, lower right, upper right and upper left corner.
         size_m: side of the square. The tag's frame is x right, y up, z towards the viewer.
         info: the camera's calibration.
-        sigma_px: standard deviation of each coordinate of a corner; by default `corner_sigma`.
+        sigma_px: standard deviation of each coordinate of a corner; by default it is that of the
+            tag's size, `corner_sigma`, and what the residuals tell, `with_extra`.
+        floor_px: what the camera adds at least where ``sigma_px`` is not given.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -64,7 +69,8 @@ def square_poses(
     corners = np.asarray(corners_uv, np.float64)
     if corners.shape != (4, 2):
         raise ValueError(f"corners of a square are (4, 2), not {corners.shape}")
-    return squares_poses(corners[None], [size_m], info, None if sigma_px is None else [sigma_px])[0]
+    sigmas = None if sigma_px is None else [sigma_px]
+    return squares_poses(corners[None], [size_m], info, sigmas, floor_px)[0]
 
 
 def squares_poses(
@@ -72,6 +78,7 @@ def squares_poses(
     sizes_m: npt.ArrayLike,
     info: CameraInfo,
     sigmas_px: npt.ArrayLike | None = None,
+    floor_px: float = 0.0,
 ) -> list[tuple[PoseEstimate, ...]]:
     """As `square_poses`, of T tags in one image at once: corners (T, 4, 2), sizes and sigmas (T,).
 
@@ -82,9 +89,10 @@ def squares_poses(
     if not (sizes > 0).all():
         raise ValueError("a tag's size is above zero metres")
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
-    sigmas = corner_sigma(seen) if sigmas_px is None else np.asarray(sigmas_px, np.float64)
+    given = sigmas_px is not None
+    sigmas = np.asarray(sigmas_px, np.float64) if given else corner_sigma(seen, floor_px)
     points = _SQUARE * sizes[:, None, None]
-    return _estimate(points, rays_of(seen, info), np.repeat(sigmas[:, None], 4, axis=1))
+    return _estimate(points, rays_of(seen, info), np.repeat(sigmas[:, None], 4, axis=1), given)
 
 
 def rig_poses(
@@ -92,6 +100,7 @@ def rig_poses(
     points_xyz: npt.ArrayLike,
     info: CameraInfo,
     sigma_px: npt.ArrayLike | None = None,
+    floor_px: float = 0.0,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a rigid body of several tags may have, as `square_poses` has them.
 
@@ -99,8 +108,9 @@ def rig_poses(
         corners_uv: (N, 2) pixels, N >= 4.
         points_xyz: (N, 3) metres in the body's frame.
         info: the camera's calibration.
-        sigma_px: for all points or (N,); by default `corner_sigma`, the points being the corners
-            of tags, four to each.
+        sigma_px: for all points or (N,); by default as of a square, the points being
+            the corners of tags, four to each.
+        floor_px: as of a square.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -109,10 +119,29 @@ def rig_poses(
     corners, points = np.asarray(corners_uv, np.float64), np.asarray(points_xyz, np.float64)
     if corners.shape != (len(points), 2) or points.shape != (len(points), 3) or len(points) < 4:
         raise ValueError(f"a body has 4 points or more: {corners.shape} and {points.shape}")
+    given = sigma_px is not None
     if sigma_px is None:
-        sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2)), 4)
+        sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2), floor_px), 4)
     sigmas = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
-    return _estimate(points[None], rays_of(corners[None], info), sigmas[None])[0]
+    return _estimate(points[None], rays_of(corners[None], info), sigmas[None].copy(), given)[0]
+
+
+def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
+    """The best of them, for who takes but one: its covariance spans the others as well.
+
+    That is the second moment about the best, each weighed by its probability; so it holds
+    whichever of them is right.
+
+    Args:
+        estimates: one or more, best first, as `square_poses` gives them.
+    """
+    best = estimates[0]
+    R, t = rotations.to_matrix(best.quat_xyzw), best.position_xyz
+    total = np.zeros((6, 6))
+    for one in estimates:
+        away = difference(R, t, rotations.to_matrix(one.quat_xyzw), one.position_xyz)
+        total += one.probability * (one.covariance + np.outer(away, away))
+    return replace(best, covariance=total / sum(one.probability for one in estimates))
 
 
 def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
@@ -124,8 +153,10 @@ def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(finite.all(axis=(1, 2)) & (areas > _SMALLEST_PX2).all(axis=1))
 
 
-def _estimate(points: Floats, rays: Rays, sigmas: Floats) -> list[tuple[PoseEstimate, ...]]:
-    """Of each body (B, N, ...), which all have N points."""
+def _estimate(
+    points: Floats, rays: Rays, sigmas: Floats, given: bool
+) -> list[tuple[PoseEstimate, ...]]:
+    """Of each body (B, N, ...), which all have N points; deviations may be given or by size."""
     begun = {
         body: start
         for body in range(len(points))
@@ -136,37 +167,40 @@ def _estimate(points: Floats, rays: Rays, sigmas: Floats) -> list[tuple[PoseEsti
     if not begun:
         return found
     R, t = (np.concatenate(parts) for parts in zip(*begun.values(), strict=True))
-    twice = np.repeat(list(begun), 2)
-    fit = refine(R, t, points[twice], Rays(rays[0][twice], rays[1][twice]), sigmas[twice])
-    for number, body in enumerate(begun):
-        two = Fit(*(part[2 * number : 2 * number + 2] for part in fit))
-        found[body] = _solutions(two, sigmas[body])
+    bodies = list(begun)
+    twice = np.repeat(bodies, 2)
+    seen = points[twice], Rays(rays[0][twice], rays[1][twice])
+    fit = refine(R, t, *seen, sigmas[twice])
+    if not given:
+        sigmas[bodies] = with_extra(sigmas[bodies], fit.chi2.reshape(-1, 2).min(axis=1))
+        fit = refine(fit.R, fit.t, *seen, sigmas[twice])
+    spreads = covariances(fit, *seen, sigmas[twice])
+    for number, body in enumerate(bodies):
+        both = slice(2 * number, 2 * number + 2)
+        two = Fit(*(part[both] for part in fit))
+        found[body] = _solutions(two, spreads[both], sigmas[body])
     return found
 
 
-def _solutions(fit: Fit, sigmas: Floats) -> tuple[PoseEstimate, ...]:
-    order = np.argsort(fit.chi2)
-    kept = [order[0]] if np.isfinite(fit.chi2[order[0]]) else []
-    if kept and _is_other(fit) and np.diff(fit.chi2[order])[0] / 2 < _EXCLUDED:
-        kept.append(order[1])
-    covariances = [np.linalg.inv(fit.information[one]) for one in kept]
-    weights = [
-        np.exp((fit.chi2[order[0]] - fit.chi2[one]) / 2) * np.sqrt(np.linalg.det(covariance))
-        for one, covariance in zip(kept, covariances, strict=True)
-    ]
-    spread = np.sqrt(np.mean(sigmas**2) / len(sigmas))
+def _solutions(fit: Fit, spreads: Floats, sigmas: Floats) -> tuple[PoseEstimate, ...]:
+    chi2 = np.where(np.isfinite(spreads).all(axis=(1, 2)), fit.chi2, np.inf)
+    better, worse = np.argsort(chi2)
+    if not np.isfinite(chi2[better]):
+        return ()
+    kept = [better]
+    apart = difference(fit.R[0], fit.t[0], fit.R[1], fit.t[1])
+    if np.linalg.norm(apart[3:]) > _SAME and (chi2[worse] - chi2[better]) / 2 < _EXCLUDED:
+        kept.append(worse)
+    # Laplace's approximation of how much of the likelihood is about each
+    weights = np.exp((chi2[better] - chi2[kept]) / 2) * np.sqrt(np.linalg.det(spreads[kept]))
+    to_px = np.sqrt(np.mean(sigmas**2) / len(sigmas))
     return tuple(
         PoseEstimate(
             fit.t[one],
             rotations.from_matrix(fit.R[one]),
-            covariance,
-            float(np.sqrt(fit.chi2[one]) * spread),
-            float(weight / sum(weights)),
+            spreads[one],
+            float(np.sqrt(chi2[one]) * to_px),
+            float(weight / weights.sum()),
         )
-        for one, covariance, weight in zip(kept, covariances, weights, strict=True)
+        for one, weight in zip(kept, weights, strict=True)
     )
-
-
-def _is_other(fit: Fit) -> bool:
-    cosine = (np.trace(fit.R[0].T @ fit.R[1]) - 1) / 2
-    return bool(np.arccos(np.clip(cosine, -1, 1)) > _SAME)

@@ -1,0 +1,62 @@
+"""The covariance of refined poses, and of two readings taken as one pose."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose.rays import Rays
+from ros_visualise.landmarks.pose.refinement import Fit, linearise, moved
+
+_RIDGE = 1e-13  # of a scaled information, so that nothing is known of what it does not hold
+
+
+def covariances(fit: Fit, points: Floats, rays: Rays, sigma_px: Floats) -> Floats:
+    """(B, 6, 6) of refined poses; arguments as `refinement.refine` has them.
+
+    To first order a covariance is the inverse of the information. How much is known of the tilt
+    of a tag that faces the camera depends on the tilt itself, which is known badly. So it is the
+    mean over where the truth may be: at the root of two deviations to both sides along the two
+    rotations that are known worst.
+
+    Source: S. Julier, J. Uhlmann, Unscented Filtering and Nonlinear Estimation, 2004 (the points).
+    """
+    central = _inverse(fit.information)
+    variances, axes = np.linalg.eigh(central[:, 3:, 3:])
+    around = []
+    for worst in (1, 2):
+        deviation = central[:, :, 3:] @ axes[:, :, worst, None] / _root(variances[:, worst])
+        for side in (-np.sqrt(2), np.sqrt(2)):
+            R, t = moved(fit.R, fit.t, side * deviation[..., 0])
+            _, jacobian = linearise(R, t, points, rays, sigma_px)
+            there = _inverse(np.swapaxes(jacobian, -1, -2) @ jacobian)
+            around.append(np.where(np.isfinite(there), there, central))
+    mean: Floats = np.mean(around, axis=0)
+    return mean
+
+
+def difference(R_a: Floats, t_a: Floats, R_b: Floats, t_b: Floats) -> Floats:
+    """The six numbers that change pose a into b: see `refinement.moved`."""
+    x, y, z, w = rotations.from_matrix(R_b @ R_a.T)
+    imaginary = np.array([x, y, z])
+    sine = np.linalg.norm(imaginary)
+    turned = imaginary * (2 * np.arctan2(sine, w) / sine if sine > 0 else 2.0)
+    return np.concatenate([t_b - t_a, turned])
+
+
+def _root(variances: Floats) -> Floats:
+    root: Floats = np.sqrt(variances)[:, None, None]
+    return root
+
+
+def _inverse(information: Floats) -> Floats:
+    scale = np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normed = information / scale[:, :, None] / scale[:, None, :]
+    known = np.asarray(np.isfinite(normed).all(axis=(1, 2)))[:, None, None]
+    normed = np.where(known, normed, np.eye(6)) + _RIDGE * np.eye(6)
+    inverse = np.asarray(np.linalg.inv(normed), np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = inverse / scale[:, :, None] / scale[:, None, :]
+    return np.where(known, inverse, np.nan)
