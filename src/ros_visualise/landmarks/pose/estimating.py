@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose.borders import TYPICAL, Borders
 from ros_visualise.landmarks.pose.corner_noise import corner_sigma, with_extra
 from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
@@ -17,7 +18,7 @@ from ros_visualise.landmarks.pose.refinement import Fit, refine
 from ros_visualise.landmarks.pose.starting import starts
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
-_EXCLUDED = 6.9  # log of the likelihood ratio, 1 to 1000, at which a solution is left out
+_EXCLUDED = 9.0  # log of the likelihood ratio, 1 to 8000, at which a solution is left out
 _FAR_PX = 1e6  # no image is that large
 _SMALLEST_PX2 = 1.0  # twice the area that three corners of a square have at least
 _SAME = 1e-3  # radians between solutions that are one
@@ -48,6 +49,7 @@ def square_poses(
     info: CameraInfo,
     sigma_px: float | None = None,
     floor_px: float = 0.0,
+    borders: Borders = TYPICAL,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a square tag may have: best first, one, two, or none if there is none.
 
@@ -61,6 +63,7 @@ def square_poses(
         sigma_px: standard deviation of each coordinate of a corner; by default it is that of the
             tag's size, `corner_sigma`, and what the residuals tell, `with_extra`.
         floor_px: what the camera adds at least where ``sigma_px`` is not given.
+        borders: what the tag's border looks like in the image, `borders_of`.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -70,7 +73,7 @@ def square_poses(
     if corners.shape != (4, 2):
         raise ValueError(f"corners of a square are (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
-    return squares_poses(corners[None], [size_m], info, sigmas, floor_px)[0]
+    return squares_poses(corners[None], [size_m], info, sigmas, floor_px, borders)[0]
 
 
 def squares_poses(
@@ -79,6 +82,7 @@ def squares_poses(
     info: CameraInfo,
     sigmas_px: npt.ArrayLike | None = None,
     floor_px: float = 0.0,
+    borders: Borders = TYPICAL,
 ) -> list[tuple[PoseEstimate, ...]]:
     """As `square_poses`, of T tags in one image at once: corners (T, 4, 2), sizes and sigmas (T,).
 
@@ -90,7 +94,7 @@ def squares_poses(
         raise ValueError("a tag's size is above zero metres")
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
     given = sigmas_px is not None
-    sigmas = np.asarray(sigmas_px, np.float64) if given else corner_sigma(seen, floor_px)
+    sigmas = np.asarray(sigmas_px, np.float64) if given else corner_sigma(seen, floor_px, borders)
     points = _SQUARE * sizes[:, None, None]
     return _estimate(points, rays_of(seen, info), np.repeat(sigmas[:, None], 4, axis=1), given)
 
@@ -101,6 +105,7 @@ def rig_poses(
     info: CameraInfo,
     sigma_px: npt.ArrayLike | None = None,
     floor_px: float = 0.0,
+    borders: Borders = TYPICAL,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a rigid body of several tags may have, as `square_poses` has them.
 
@@ -110,7 +115,7 @@ def rig_poses(
         info: the camera's calibration.
         sigma_px: for all points or (N,); by default as of a square, the points being
             the corners of tags, four to each.
-        floor_px: as of a square.
+        floor_px, borders: as of squares, of each tag.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -121,7 +126,7 @@ def rig_poses(
         raise ValueError(f"a body has 4 points or more: {corners.shape} and {points.shape}")
     given = sigma_px is not None
     if sigma_px is None:
-        sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2), floor_px), 4)
+        sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2), floor_px, borders), 4)
     sigmas = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
     return _estimate(points[None], rays_of(corners[None], info), sigmas[None].copy(), given)[0]
 

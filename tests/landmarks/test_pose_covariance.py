@@ -1,0 +1,169 @@
+"""Covariances of poses, against errors whose distribution is known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.data import CameraInfo
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose import (
+    TYPICAL,
+    Borders,
+    borders_of,
+    corner_sigma,
+    merged,
+    rig_poses,
+    square_poses,
+    squares_poses,
+)
+from ros_visualise.landmarks.pose.refinement import turn
+from ros_visualise.vision.projection import project
+
+K = np.array([[600.0, 0, 319.5], [0, 600, 239.5], [0, 0, 1]])
+PINHOLE = CameraInfo(480, 640, K)
+FISHEYE = CameraInfo(
+    480,
+    640,
+    K / [[2], [2], [1]],
+    np.array([0.02, -0.01, 0.003, -0.001]),
+    distortion_model="equidistant",
+)
+SIZE, TAGS = 0.2, 200
+SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * SIZE / 2
+INSIDE = 12.59
+"""Of chi squared of 6 numbers 95% are below it."""
+
+
+def scatter(side_px, degrees, sigma_px, seed=4, info=PINHOLE):
+    """True poses R (T, 3, 3) and t (T, 3) of tags all over the image, and their noisy corners."""
+    rng = np.random.default_rng(seed)
+    about, roll = rng.uniform(0, 2 * np.pi, (2, TAGS))
+    none = np.zeros(TAGS)
+    axes = np.stack([np.cos(about), np.sin(about), none], axis=1)
+    R = turn(axes * np.deg2rad(degrees)) @ np.diag([1.0, -1, -1])
+    R = R @ turn(np.stack([none, none, roll], axis=1))
+    z = info.K[0, 0] * SIZE / side_px
+    t = np.stack([*rng.uniform([[-0.35], [-0.25]], [[0.35], [0.25]], (2, TAGS)), none + 1], 1) * z
+    points = (SQUARE @ np.swapaxes(R, 1, 2) + t[:, None]).reshape(-1, 3)
+    corners = project(points, info)[0].reshape(TAGS, 4, 2)
+    return R, t, corners + rng.normal(size=corners.shape) * sigma_px
+
+
+def errors_of(found, R, t):
+    rest = R @ np.swapaxes(rotations.to_matrix([one.quat_xyzw for one in found]), 1, 2)
+    turned = [cv2.Rodrigues(one)[0].ravel() for one in rest]
+    return np.concatenate([t - [one.position_xyz for one in found], turned], axis=1)
+
+
+def nees(found, R, t):
+    errors = errors_of(found, R, t)
+    return np.array(
+        [e @ np.linalg.solve(p.covariance, e) for e, p in zip(errors, found, strict=True)]
+    )
+
+
+def right_ones(found, R):
+    """Of each pair of solutions the one that is nearer to the truth."""
+
+    def away(one, true):
+        return np.trace(true.T @ rotations.to_matrix(one.quat_xyzw))
+
+    return [
+        max(several, key=lambda one: away(one, true))
+        for several, true in zip(found, R, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("side", "degrees", "sigma", "info"),
+    [
+        (20, 30, 0.15, PINHOLE),
+        (20, 60, 0.15, PINHOLE),
+        (40, 0, 0.05, PINHOLE),
+        (40, 20, 0.3, PINHOLE),
+        (80, 10, 0.02, PINHOLE),
+        (80, 50, 0.3, PINHOLE),
+        (60, 30, 0.1, FISHEYE),
+    ],
+)
+def test_errors_are_as_large_as_the_covariance_says(side, degrees, sigma, info):
+    R, t, corners = scatter(side, degrees, sigma, info=info)
+    found = squares_poses(corners, [SIZE] * TAGS, info, [sigma] * TAGS)
+    assert all(found)
+    of_right = nees(right_ones(found, R), R, t)
+    # 95% of means of 200 are within 6 +- 0.48; a bit more, as there are many cases
+    assert abs(of_right.mean() - 6) < 0.65
+    assert np.mean(of_right < INSIDE) > 0.92
+
+
+@pytest.mark.parametrize(("side", "degrees", "sigma"), [(16, 0, 0.17), (24, 10, 0.1), (40, 0, 0.3)])
+def test_of_two_readings_the_merged_one_holds_whichever_is_right(side, degrees, sigma):
+    R, t, corners = scatter(side, degrees, sigma)
+    found = squares_poses(corners, [SIZE] * TAGS, PINHOLE, [sigma] * TAGS)
+    is_wrong = np.array([a is not b[0] for a, b in zip(right_ones(found, R), found, strict=True)])
+    expected = sum(1 - several[0].probability for several in found)
+    assert is_wrong.sum() > 20
+    assert abs(expected - is_wrong.sum()) < 3 * np.sqrt(TAGS / 4)
+    of_best = nees([several[0] for several in found], R, t)
+    assert of_best.mean() > 20, "the best alone promises too much"
+    of_merged = nees([merged(several) for several in found], R, t)
+    assert abs(of_merged.mean() - 6) < 1
+    assert np.mean(of_merged < INSIDE) > 0.88
+
+
+def test_rotations_are_about_the_axes_of_the_camera():
+    R, t, corners = scatter(60, 40, 0.2, seed=8)
+    once = np.repeat(corners[:1] * 0 + project(SQUARE @ R[0].T + t[0], PINHOLE)[0], TAGS, axis=0)
+    noisy = once + np.random.default_rng(1).normal(size=once.shape) * 0.2
+    found = [one[0] for one in squares_poses(noisy, [SIZE] * TAGS, PINHOLE, [0.2] * TAGS)]
+    exact = square_poses(once[0], SIZE, PINHOLE, 0.2)[0].covariance
+    sampled = np.cov(errors_of(found, R[:1].repeat(TAGS, 0), t[:1].repeat(TAGS, 0)).T)
+    scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    assert np.abs((sampled - exact) / scale).max() < 0.25
+
+
+def test_a_rig_of_tags_is_as_sure_as_it_says():
+    R, t, _ = scatter(40, 20, 0.2)
+    body = np.concatenate([SQUARE + np.array([x, 0, 0]) for x in (-0.15, 0.15)])
+    rng, found = np.random.default_rng(2), []
+    for one, at in zip(R[:100], t[:100], strict=True):
+        pixels = project(body @ one.T + at, PINHOLE)[0]
+        found.append(rig_poses(pixels + rng.normal(size=(8, 2)) * 0.2, body, PINHOLE, 0.2))
+    of_right = nees(right_ones(found, R[:100]), R[:100], t[:100])
+    assert 5.2 < of_right.mean() < 6.9
+
+
+def test_a_camera_that_fits_badly_is_seen_in_the_residuals():
+    R, t, corners = scatter(60, 30, 0.3)
+    found = squares_poses(corners, [SIZE] * TAGS, PINHOLE)
+    assert abs(nees(right_ones(found, R), R, t).mean() - 6) < 1
+    _, _, sharp = scatter(60, 30, 0.015)
+    narrow = squares_poses(sharp, [SIZE] * TAGS, PINHOLE)[0][0]
+    assert np.linalg.det(narrow.covariance) < np.linalg.det(found[0][0].covariance) * 1e-8
+
+
+def test_borders_tell_blur_and_noise():
+    corners = np.array([[30.0, 90], [90, 95], [95, 35], [35, 30]])
+    big = np.full((1200, 1200), 200, np.float32)
+    cv2.fillConvexPoly(big, np.round((corners + 0.5) * 10 - 0.5).astype(int), 40)
+    small = cv2.resize(big, (120, 120), interpolation=cv2.INTER_AREA)
+    looks = []
+    for blur in (0.5, 1.0, 1.5):
+        noise = np.random.default_rng(3).normal(size=small.shape) * 4
+        looks.append(
+            borders_of((cv2.GaussianBlur(small, (0, 0), blur) + noise).astype(np.uint8), [corners])
+        )
+    assert np.allclose([look.blur_px[0] for look in looks], [0.66, 1.09, 1.42], atol=0.06)
+    assert np.allclose([look.noise[0] for look in looks], 4 / 160, atol=0.01)
+    plain = borders_of(np.zeros((120, 120), np.uint8), [corners])
+    assert plain.blur_px[0] == TYPICAL.blur_px
+
+
+def test_corners_of_small_and_blurred_tags_are_found_worse():
+    square = np.array([[0.0, 1], [1, 1], [1, 0], [0, 0]])
+    sharp, soft = (Borders(np.array(blur), np.array(0.01)) for blur in (0.5, 1.5))
+    sigmas = [corner_sigma(square * side, 0.0, sharp) for side in (15, 20, 30, 60)]
+    assert sigmas == sorted(sigmas, reverse=True)
+    assert corner_sigma(square * 30, 0.0, soft) > 2 * corner_sigma(square * 30, 0.0, sharp)
+    assert corner_sigma(square * 60, 0.3) == pytest.approx(0.3, abs=0.01)
+    assert corner_sigma(square[None].repeat(3, 0)).shape == (3,)
