@@ -17,7 +17,8 @@ from rospy.impl.transport import OUTBOUND
 from sensor_msgs.msg import Image
 
 from ros_visualise.runtime.ros1.outbox import Outbox
-from ros_visualise.runtime.ros1.wire import Stream, decode, encode
+from ros_visualise.runtime.ros1.stream import Stream
+from ros_visualise.runtime.ros1.wire import decode, encode
 
 SIZE = 1_000_000
 

@@ -19,15 +19,9 @@ from std_msgs.msg import Empty, Header
 
 from ros_visualise import messages
 from ros_visualise.data import Image as OurImage
-from ros_visualise.runtime.ros1.wire import (
-    BrokenStream,
-    BufferPool,
-    Stream,
-    as_bytes,
-    decode,
-    encode,
-    is_large,
-)
+from ros_visualise.runtime.ros1.buffers import BufferPool
+from ros_visualise.runtime.ros1.stream import BrokenStream, Stream
+from ros_visualise.runtime.ros1.wire import as_bytes, decode, encode, is_large
 
 HEADER = Header(7, genpy.Time(1_700_000_000, 9), "camera_ß")
 FIELDS = [PointField("x", 0, PointField.FLOAT32, 1), PointField("intensity", 4, 7, 1)]

@@ -7,14 +7,16 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from ros_visualise.runtime.ros1.borrowing import Borrower
 from ros_visualise.runtime.ros1.wire import Parcel
 
 
 class Outbox:
     """Stands for a connection of rospy's to one subscriber.
 
-    A message goes straight to the socket as far as that has room; the rest is sent by a thread of
-    this connection's own. Meanwhile one message waits, which a newer one replaces.
+    A message goes straight to the socket as far as that has room, or to memory that the subscriber
+    lends (see `lending`); the rest is sent by a thread of this connection's own. Meanwhile one
+    message waits, which a newer one replaces.
 
     Attributes:
         cleanup_cb: called with this outbox when the connection is closed, by whomever.
@@ -26,6 +28,7 @@ class Outbox:
         self._socket: socket.socket = connection.socket
         self._socket.setblocking(True)  # with a timeout sendmsg would wait, MSG_DONTWAIT or not
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)  # messages go whole
+        self._borrower = Borrower(self._socket)
         self._unsent: list[memoryview] = []
         self._waiting: Parcel | None = None
         self._busy = self._closed = False
@@ -54,8 +57,12 @@ class Outbox:
             if self._busy:
                 replaced, self._waiting = self._waiting, parcel
                 return replaced is not None
+            if not self._borrower.is_ready(parcel.size):
+                self._waiting = parcel
+                self._hand_over()
+                return False
             try:
-                self._unsent = self._send_now(parcel)
+                self._unsent = self._send_now(self._borrower.deliver(parcel))
             except OSError:
                 pass  # closed below, without the lock
             else:
@@ -76,13 +83,13 @@ class Outbox:
         with self._changed:
             return self._changed.wait_for(lambda: self._closed or not self._busy, timeout_s)
 
-    def _send_now(self, parcel: Parcel) -> list[memoryview]:
+    def _send_now(self, buffers: list[memoryview]) -> list[memoryview]:
         """Send what the socket has room for; what is left."""
         try:
-            sent = self._socket.sendmsg(parcel.buffers, (), socket.MSG_DONTWAIT)
+            sent = self._socket.sendmsg(buffers, (), socket.MSG_DONTWAIT)
         except BlockingIOError:
             sent = 0
-        return _after(parcel.buffers, sent)
+        return _after(buffers, sent)
 
     def _hand_over(self) -> None:
         self._busy = True
@@ -109,15 +116,21 @@ class Outbox:
     def _next(self) -> list[memoryview]:
         """What to send next; nothing when the connection is closed."""
         with self._changed:
-            if not self._unsent and self._waiting is not None:
-                self._count(self._waiting)
-                self._unsent, self._waiting = self._waiting.buffers, None
-            if not self._unsent:
+            if not self._unsent and self._waiting is None:
                 self._busy = False
                 self._changed.notify_all()
-                self._changed.wait_for(lambda: self._unsent or self._closed)
+                self._changed.wait_for(lambda: self._busy or self._closed)
             unsent, self._unsent = self._unsent, []
+            size = self._waiting.size if self._waiting is not None else 0
+        if unsent or self._closed:
             return [] if self._closed else unsent
+        self._borrower.is_ready(size, wait=True)  # a newer one may come meanwhile
+        with self._changed:
+            newest, self._waiting = self._waiting, None
+            if newest is None:
+                return []
+            self._count(newest)
+        return self._borrower.deliver(newest)
 
     def _count(self, parcel: Parcel) -> None:
         self._connection.stat_bytes += parcel.size
@@ -127,6 +140,7 @@ class Outbox:
         with self._changed:
             again, self._closed = self._closed, True  # two threads may close at once
             self._waiting = None
+            self._borrower.close()
             self._changed.notify_all()
         if self.cleanup_cb is not None and not again:
             self.cleanup_cb(self)

@@ -25,16 +25,15 @@ import genpy
 import numpy as np
 import rospy
 from rospy import topics
-from rospy.exceptions import TransportTerminated
 from rospy.impl.registration import Registration, get_topic_manager
 from rospy.impl.tcpros_base import TCPROSTransport
 
 from ros_visualise.runtime.ros1.outbox import Outbox
-from ros_visualise.runtime.ros1.wire import BrokenStream, Stream, as_bytes, decode, encode, is_large
+from ros_visualise.runtime.ros1.receiver import Receiver
+from ros_visualise.runtime.ros1.wire import as_bytes, encode, is_large
 
 log = logging.getLogger(__name__)
 
-_SAY_AGAIN_S = 10
 _LOOK_AGAIN_S = 0.002
 
 
@@ -218,12 +217,14 @@ class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
         self.set_tcp_nodelay(True)  # before anybody connects
 
     def add_connection(self, connection: Any) -> bool:
-        connection.receive_once = partial(_receive_first, connection, self.data_class)
+        connection.receive_once = Receiver(connection, self.data_class)
         return bool(super().add_connection(connection))
 
     def remove_connection(self, connection: Any) -> None:
         super().remove_connection(connection)
-        vars(connection).pop("receive_once", None)  # a cycle that would keep the buffers
+        receiver = vars(connection).pop("receive_once", None)  # a cycle that would keep the buffers
+        if receiver is not None:
+            receiver.close()
 
 
 _IMPLS: dict[str, Any] = {Registration.PUB: _PublisherImpl, Registration.SUB: _SubscriberImpl}
@@ -257,34 +258,6 @@ def _fits() -> bool:
     if not all(there):
         log.warning("this rospy is not known: large images pass as slowly as it passes them")
     return all(there)
-
-
-def _receive_first(connection: Any, message_class: Any) -> list[Any]:
-    """As `_receive_once`, beginning with what rospy has read together with the handshake."""
-    stream = Stream(connection.socket, connection.read_buff.getvalue())
-    connection.receive_once = partial(_receive_once, connection, message_class, stream)
-    return _receive_once(connection, message_class, stream)
-
-
-def _receive_once(connection: Any, message_class: Any, stream: Stream) -> list[Any]:
-    """The next message of a connection, as TCPROSTransport.receive_once gives it."""
-    try:
-        body = stream.receive()
-        message = decode(body, message_class)
-    except genpy.DeserializationError as error:
-        rospy.logwarn_throttle(_SAY_AGAIN_S, f"{connection.name}: not a message: {error}")
-        return []
-    except BrokenStream as error:
-        log.warning("%s: %s; leaving %s", connection.name, error, connection.endpoint_id)
-        raise TransportTerminated(str(error)) from error
-    except (EOFError, OSError) as error:
-        raise TransportTerminated("the publisher has gone") from error
-    message._connection_header = connection.header
-    connection.stat_bytes += body.nbytes + 4
-    connection.stat_num_msg += 1
-    if connection.is_latched:
-        connection.latch = message
-    return [message]
 
 
 def _with_array(callback: Callable[[Any], None], message: Any) -> None:

@@ -1,0 +1,110 @@
+"""Memory that a reader lends to the writer of its connection, for large messages.
+
+Through a TCP connection an image is copied twice, and by the kernel. So it is written once, to
+where it is read: the reader lends a block when it has time for a message, and the writer sends a
+note of a few bytes in the message's place when it has filled it. All blocks are the reader's own:
+it uses one anew when nobody holds what was received in it. They are no files: nothing is left of
+them when either side is killed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import itertools
+import mmap
+import os
+import socket
+import struct
+
+import numpy as np
+
+from ros_visualise.runtime.ros1 import same_host
+from ros_visualise.runtime.ros1.buffers import MOST_HELD, SPARE, Buffer, is_held
+
+LARGE = 2**18
+"""Messages of fewer bytes go through the connection, which costs them less."""
+
+LOAN = struct.Struct("<QQ")
+"""From the reader: a block's number, and its bytes; none if it is there no longer."""
+
+FILLED = 2**31
+"""To the reader, in a message's place: this + its bytes, and the number of the block that has it.
+
+Without bytes: the block is given back, since it is too small for the message that follows.
+"""
+
+NUMBER = struct.Struct("<Q")
+
+_ROOM = 1.5  # of a block, as a multiple of the message that it is made for
+_SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+
+
+class Lender:
+    """The reader's side.
+
+    Args:
+        beside: to the writer, see `same_host`.
+    """
+
+    def __init__(self, beside: socket.socket) -> None:
+        self._socket = beside
+        self._blocks: dict[int, Buffer] = {}
+        self._numbers = itertools.count(1)
+        self._lent = 0  # no block has this number
+
+    def lend(self, size: int) -> None:
+        """Lend a block for a message of that size, if none is lent.
+
+        Without memory, or without a writer, that was the last one: the writer notices it.
+        """
+        if self._lent or self._socket.fileno() < 0:
+            return
+        try:
+            self._lent = self._unheld(size)
+            if self._lent:
+                self._tell(self._lent, self._blocks[self._lent].nbytes)
+            else:
+                self._lent = self._add(size)
+        except OSError:
+            self.close()
+
+    def take(self, number: int, size: int) -> Buffer:
+        """The message that was written into a block, which is lent no longer.
+
+        Raises:
+            KeyError: there is no such block.
+        """
+        if number != self._lent or size > self._blocks[number].nbytes:
+            raise KeyError(number)
+        self._lent = 0
+        return self._blocks[number][:size]
+
+    def close(self) -> None:
+        """Lend nothing more."""
+        self._socket.close()
+
+    def _unheld(self, size: int) -> int:
+        """A block that nobody holds; the others that nobody holds go, but for a few."""
+        unheld = [number for number in self._blocks if not is_held(self._blocks, number)]
+        held = [number for number in self._blocks if number not in unheld]
+        fitting = [n for n in unheld if size <= self._blocks[n].nbytes <= 2 * size][:SPARE]
+        for number in {*unheld, *held[:-MOST_HELD]} - {*fitting}:
+            del self._blocks[number]
+            self._tell(number, 0)
+        return fitting[0] if fitting else 0
+
+    def _add(self, size: int) -> int:
+        number = next(self._numbers)
+        length = int(size * _ROOM)  # what is never written to takes no memory
+        descriptor = os.memfd_create("ros_visualise", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+        try:
+            os.ftruncate(descriptor, length)
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
+            self._blocks[number] = np.frombuffer(mmap.mmap(descriptor, length), np.uint8)
+            self._tell(number, length, descriptor)
+        finally:
+            os.close(descriptor)
+        return number
+
+    def _tell(self, number: int, size: int, descriptor: int | None = None) -> None:
+        same_host.send(self._socket, LOAN.pack(number, size), descriptor)
