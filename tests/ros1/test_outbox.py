@@ -10,48 +10,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pair import SIZE, Pair
 from ros_graph import wait_for
-from rospy.impl.tcpros_base import TCPROSTransport
-from rospy.impl.tcpros_pubsub import TCPROSPub
 from rospy.impl.transport import OUTBOUND
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1.outbox import Outbox
-from ros_visualise.runtime.ros1.stream import Stream
-from ros_visualise.runtime.ros1.wire import decode, encode
-
-SIZE = 1_000_000
+from ros_visualise.runtime.ros1 import lending
+from ros_visualise.runtime.ros1.wire import encode
 
 
-class Pair:
-    """An outbox, and the socket of its subscriber."""
-
-    def __init__(self) -> None:
-        with socket.create_server(("127.0.0.1", 0)) as server:
-            self.there = socket.create_connection(server.getsockname())
-            here, _ = server.accept()
-        self.there.settimeout(60)
-        self.connection = TCPROSTransport(TCPROSPub("/images", Image), "/images")
-        self.connection.set_socket(here, "/viewer")
-        self.outbox = Outbox(self.connection)
-        self.stream = Stream(self.there)
-
-    def offer(self, number: int, size: int = SIZE) -> bool:
-        return self.outbox.offer(encode(Image(data=np.full(size, number, np.uint8)), number))
-
-    def read(self) -> int:
-        """The number of the next message, which is whole."""
-        message = decode(self.stream.receive(), Image)
-        assert (message.data == message.header.seq).all()
-        return int(message.header.seq)
-
-
-@pytest.fixture
-def pair():
+@pytest.fixture(params=["by the socket", "in memory"])
+def pair(request, monkeypatch):
     pair = Pair()
+    if request.param == "in memory":
+        monkeypatch.setattr(lending, "LARGE", SIZE)
+        pair.meet()
+    pair.connection.stat_bytes = pair.connection.stat_num_msg = 0
     yield pair
-    pair.connection.close()
-    pair.there.close()
+    pair.close()
 
 
 def senders() -> list[threading.Thread]:
@@ -153,6 +129,7 @@ def test_who_goes_away_is_closed(pair, busy):
     # with an answer that nothing more is wanted, at once
     pair.there.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     pair.there.close()
+    pair.stream.close()
     wait_for(lambda: pair.offer(1) or pair.connection.done, "the outbox to notice")
     wait_for(lambda: pair.connection.done, "the connection to close")
     wait_for(lambda: not senders(), "the sender to end")

@@ -8,12 +8,10 @@ import socket
 
 import numpy as np
 
-from ros_visualise.runtime.ros1 import same_host
+from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.buffers import Buffer
-from ros_visualise.runtime.ros1.lending import FILLED, LARGE, LOAN, NUMBER
+from ros_visualise.runtime.ros1.lending import FILLED, LOAN, NUMBER
 from ros_visualise.runtime.ros1.wire import LENGTH, Parcel
-
-_MOST_SENT = FILLED - 1
 
 
 class Borrower:
@@ -30,12 +28,12 @@ class Borrower:
         self._listener: socket.socket | None = None
         self._lender: socket.socket | None = None
         self._blocks: dict[int, Buffer] = {}
-        self._lent = 0
+        self._lent = 0  # no block has this number
         self._may_listen = True
 
     def is_ready(self, size: int, wait: bool = False) -> bool:
         """Whether a message of that size can be delivered now; ``wait``: until it can."""
-        if not LARGE <= size <= _MOST_SENT:
+        if not _is_large(size):
             return True
         if self._lender is None:
             self._meet()
@@ -52,10 +50,11 @@ class Borrower:
     def deliver(self, parcel: Parcel) -> list[memoryview]:
         """Bring a message on its way, when it can be; gives what has to go by the connection."""
         self.is_ready(parcel.size, wait=True)
-        if self._lender is None or not LARGE <= parcel.size <= _MOST_SENT:
+        if self._lender is None or not _is_large(parcel.size):
             return parcel.buffers
         number, self._lent = self._lent, 0
-        return _fill(self._blocks[number], number, parcel)
+        block = self._blocks.get(number)
+        return parcel.buffers if block is None else _fill(block, number, parcel)
 
     def close(self) -> None:
         """Borrow nothing more; ends a wait."""
@@ -65,6 +64,7 @@ class Borrower:
         lender = self._lender
         if lender is not None:
             same_host.end(lender)
+        self._blocks = {}
 
     def _meet(self) -> None:
         """Find the reader, if it has come."""
@@ -89,6 +89,10 @@ class Borrower:
             self._lent = number
         else:
             self._blocks.pop(number, None)
+
+
+def _is_large(size: int) -> bool:
+    return lending.LARGE <= size < FILLED
 
 
 def _fill(block: Buffer, number: int, parcel: Parcel) -> list[memoryview]:

@@ -21,8 +21,8 @@ import numpy as np
 from ros_visualise.runtime.ros1 import same_host
 from ros_visualise.runtime.ros1.buffers import MOST_HELD, SPARE, Buffer, is_held
 
-LARGE = 2**18
-"""Messages of fewer bytes go through the connection, which costs them less."""
+LARGE = 4 * 2**20
+"""Messages of fewer bytes go through the connection: its sockets have room for several of them."""
 
 LOAN = struct.Struct("<QQ")
 """From the reader: a block's number, and its bytes; none if it is there no longer."""

@@ -101,9 +101,10 @@ def _name(connection: socket.socket, writer: Address, reader: Address) -> bytes 
     if not (inet and hasattr(os, "memfd_create")):  # else no Linux
         return None
     try:
-        return f"\0ros_visualise {writer()[:2]} {reader()[:2]}".encode()
+        (host, port, *_), (reader_host, reader_port, *_) = writer(), reader()
     except OSError:  # it is closed
         return None
+    return f"\0ros_visualise {host}:{port} {reader_host}:{reader_port}".encode()
 
 
 def _of_same_user(beside: socket.socket) -> socket.socket | None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import socket
 import struct
 
-from ros_visualise.runtime.ros1 import same_host
+from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.buffers import Buffer, BufferPool
-from ros_visualise.runtime.ros1.lending import FILLED, LARGE, NUMBER, Lender
+from ros_visualise.runtime.ros1.lending import FILLED, NUMBER, Lender
 from ros_visualise.runtime.ros1.wire import LENGTH
 
 _LARGEST = 2**30  # bytes; a longer message is a broken stream
@@ -51,7 +51,7 @@ class Stream:
             size = self._read(LENGTH)  # of the message for which the block was too small
         if size > _LARGEST:
             raise BrokenStream(f"a message of {size} bytes is announced")
-        self._large = size if size >= LARGE else self._large
+        self._large = size if size >= lending.LARGE else self._large
         try:
             body = self._pool.take(size)
         except MemoryError:
