@@ -2,9 +2,10 @@
 
 rospy registers the topics, connects and keeps the connections; only what is sent and received on
 our own topics goes another way: from the message's buffer to the sockets (see `outbox`), and from
-the socket into the buffer that the message then holds (see `wire`). Stock rospy and roscpp at the
-other end see no difference. Whoever uses rospy's own classes on such a topic in the same process
-shares this way, and gets numpy arrays too.
+the socket into the buffer that the message then holds (see `stream`); large messages between our
+own nodes of one host go by memory (see `lending`). Stock rospy and roscpp at the other end see no
+difference. Whoever uses rospy's own classes on such a topic in the same process shares this way,
+and gets numpy arrays too.
 
 Measured at 3840x2160, from one process to another: 111 fps, by stock rospy 24, in one run (see
 ``benchmarks/ros1``). Receiving without MSG_WAITALL halved that; the kernel's own buffers were
