@@ -44,13 +44,18 @@ def project(
 
 
 def corners_in(image: Image) -> dict[int, np.ndarray]:
-    """Tag -> its corners' pixels as OpenCV finds and refines them."""
+    """Tag -> its corners' pixels as OpenCV finds and refines them, but from the upper left on.
+
+    OpenCV's dictionary has the tags upside down.
+    """
     found = cv2.aruco.ArucoDetector(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters()
     ).detectMarkers(cv2.cvtColor(image.pixels, cv2.COLOR_RGB2GRAY))
     corners, ids, _ = found
     return (
-        {int(i): c[0] for i, c in zip(np.ravel(ids), corners, strict=True)} if len(corners) else {}
+        {int(i): np.roll(c[0], 2, axis=0) for i, c in zip(np.ravel(ids), corners, strict=True)}
+        if len(corners)
+        else {}
     )
 
 

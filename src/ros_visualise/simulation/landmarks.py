@@ -54,9 +54,10 @@ def lying(yaw: float) -> Floats:
 def tag_bits(tag_id: int) -> npt.NDArray[np.uint8]:
     """The cells of a tag of family 36h11, (8, 8): 1 is white.
 
-    Source: Wang and Olson, AprilTag 2, 2016; the patterns as OpenCV's dictionary has them.
+    Source: Wang and Olson, AprilTag 2, 2016; upright as AprilTag prints them. OpenCV's dictionary
+    has them upside down.
     """
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
     code = np.ravel(dictionary.bytesList[tag_id])[:5]  # turned by quarters, it goes on there
     inner = np.concatenate([np.unpackbits(code[:4]), np.unpackbits(code[4:])[4:]])
-    return np.pad(inner.reshape(6, 6), 1)
+    return np.pad(inner[::-1].reshape(6, 6), 1)
