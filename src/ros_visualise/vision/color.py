@@ -72,6 +72,11 @@ def demosaic(mosaic: Pixels, encoding: str) -> Pixels:
     return np.ascontiguousarray(cv2.cvtColor(wide, code)[2:-2, 2:-2])
 
 
+def demosaiced(pixels: Pixels, encoding: str) -> Pixels:
+    """The pixels as colours or gray: a mosaic as `demosaic`, others as they are."""
+    return demosaic(pixels, encoding) if is_bayer(encoding) else pixels
+
+
 def refuse_measurements(encoding: str) -> None:
     """Refuse depth and other measurements.
 

@@ -9,6 +9,9 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 
+_HIGHEST = 1.001  # a score that was rounded
+_FARTHEST = 1e6  # pixels; what is no number is not less either
+
 Kept = npt.NDArray[np.bool_] | npt.NDArray[np.intp]
 
 
@@ -66,8 +69,8 @@ def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candida
         overlapping: the network tells the same thing several times.
     """
     boxes, scores = candidates.boxes_xyxy, candidates.scores
-    good = np.isfinite(boxes).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
-    good &= scores >= choice.min_score  # which nan is not
+    good = (np.abs(boxes) < _FARTHEST).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
+    good &= (scores >= choice.min_score) & (scores <= _HIGHEST)  # which nan is not
     if candidates.points_uv is not None:
         good &= np.isfinite(candidates.points_uv).all(axis=1)
     if candidates.covariances is not None:

@@ -7,11 +7,12 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, ParameterError
 
 _MOST_BYTES = 1 << 20
 _MOST_CLASSES = 10_000
 _LONGEST = 100
+_MOST_LISTED = 20
 _ENTRY = re.compile(r"""(?:(\d{1,9})\s*:\s*)?('(?:[^'\\\n]|\\.)*'|"(?:[^"\\\n]|\\.)*")""")
 
 
@@ -51,6 +52,22 @@ def load_names(path: str) -> dict[int, str]:
     if len(data) > _MOST_BYTES or len(lines) > _MOST_CLASSES:
         raise OpenError(f"{path}: too long; give one name of a class a line")
     return {number: _clean(line) for number, line in enumerate(lines) if line.strip()}
+
+
+def numbers_of(text: str, names: Mapping[int, str]) -> frozenset[int] | None:
+    """The numbers of classes, which a person names or numbers, with commas between; all: None.
+
+    Raises:
+        ParameterError: there is no class of such a name; some that there are are listed.
+    """
+    wanted = [word.strip() for word in text.split(",") if word.strip()]
+    by_name = {name: number for number, name in names.items()}
+    for word in wanted:
+        if word not in by_name and not word.isdecimal():
+            there = ", ".join(list(by_name)[:_MOST_LISTED]) or "none with a name: give numbers"
+            more = ", ..." if len(by_name) > _MOST_LISTED else ""
+            raise ParameterError(f"classes: no class {word!r}; there is {there}{more}")
+    return frozenset(by_name[word] if word in by_name else int(word) for word in wanted) or None
 
 
 def _unquoted(text: str) -> str:

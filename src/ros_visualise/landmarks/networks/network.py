@@ -80,10 +80,11 @@ class Network:
         size = _size_of(self._blob)
         outputs = self._run(self._outputs)
         try:
-            found = self.layout.decode(outputs, size, choice.min_score)
+            with np.errstate(all="ignore"):  # what is no number is left out
+                found = self.layout.decode(outputs, size, choice.min_score)
+                found = choose(found, choice, self.layout.overlapping)
         except (IndexError, KeyError, ValueError) as error:  # not the shapes of the first image
             raise RosVisualiseError(f"{self._session.path}: {error}") from None
-        found = choose(found, choice, self.layout.overlapping)
         return placement.to_image(found)
 
     def _blob_of(self, size: Size) -> Floats:

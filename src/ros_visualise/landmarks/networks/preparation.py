@@ -100,10 +100,11 @@ def prepare(pixels: Pixels, order: str, to: Preparation, blob: Floats) -> Placem
     size = (pixels.shape[1], pixels.shape[0])
     taken, left, top = _layout(size, (blob.shape[3], blob.shape[2]), to.fit)
     scaled = _scale(pixels, taken, to)
-    inside = blob[0, :, top : top + taken[1], left : left + taken[0]]
-    if inside.shape != blob.shape[1:]:
-        blob[0] = np.reshape((_PAD - np.array(to.mean)) / to.std, (3, 1, 1))
-    _write(scaled, order, to, inside)
+    right, bottom = left + taken[0], top + taken[1]
+    gray = np.reshape((_PAD - np.array(to.mean)) / to.std, (3, 1, 1))
+    blob[0, :, :top], blob[0, :, bottom:] = gray, gray
+    blob[0, :, top:bottom, :left], blob[0, :, top:bottom, right:] = gray, gray
+    _write(scaled, order, to, blob[0, :, top:bottom, left:right])
     return Placement(np.array(taken) / size, np.array([left, top], np.float64))
 
 

@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.landmarks.networks.layouts.layout import Outputs
 from ros_visualise.landmarks.networks.preparation import Size
+
+_LARGEST_CLASS = 1_000_000
 
 
 def only(outputs: Outputs) -> Floats:
@@ -31,6 +34,11 @@ def likeliest(boxes_xyxy: Floats, scores: Floats) -> Candidates:
     classes = scores.argmax(axis=1)
     best = scores[np.arange(len(scores)), classes]
     return Candidates(boxes_xyxy, best, classes.astype(np.int64))
+
+
+def class_numbers(numbers: Floats) -> npt.NDArray[np.int64]:
+    """Whole numbers from floats that may be anything."""
+    return np.clip(np.nan_to_num(numbers, nan=-1), -1, _LARGEST_CLASS).astype(np.int64)
 
 
 def grid(size: Size, strides: Sequence[int]) -> tuple[Floats, Floats]:

@@ -9,7 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.landmarks.networks.candidates import Candidates
-from ros_visualise.landmarks.networks.layouts.boxes import from_centers, likeliest, only, sigmoid
+from ros_visualise.landmarks.networks.layouts.boxes import (
+    class_numbers,
+    from_centers,
+    likeliest,
+    only,
+    sigmoid,
+)
 from ros_visualise.landmarks.networks.layouts.layout import (
     SIZES_INPUT,
     Layout,
@@ -31,7 +37,7 @@ def _is_detr(found: Signature) -> bool:
 
 
 def _decode_detr(outputs: Outputs, size: Size, min_score: float) -> Candidates:
-    classes = outputs["labels"][0].astype(np.int64)
+    classes = class_numbers(outputs["labels"][0])
     return Candidates(outputs["boxes"][0], outputs["scores"][0], classes)
 
 

@@ -8,7 +8,12 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.landmarks.networks.candidates import Candidates
-from ros_visualise.landmarks.networks.layouts.boxes import from_centers, likeliest, only
+from ros_visualise.landmarks.networks.layouts.boxes import (
+    class_numbers,
+    from_centers,
+    likeliest,
+    only,
+)
 from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
 from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
 
@@ -55,7 +60,7 @@ def _is_10(found: Signature) -> bool:
 def _decode_10(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     output = only(outputs)
     output = output[np.isfinite(output).all(axis=1)]
-    return Candidates(output[:, :4], output[:, 4], output[:, 5].astype(np.int64))
+    return Candidates(output[:, :4], output[:, 4], class_numbers(output[:, 5]))
 
 
 YOLO_5 = Layout(

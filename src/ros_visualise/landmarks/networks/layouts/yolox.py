@@ -31,8 +31,7 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     cells, steps = grid(size, _STRIDES)
     seen = output[:, 4] >= min_score
     output, cells, steps = output[seen], cells[seen], steps[seen]
-    with np.errstate(over="ignore"):  # what is infinite is left out later
-        boxes = np.hstack([output[:, :2] + cells, np.exp(output[:, 2:4])]) * steps
+    boxes = np.hstack([output[:, :2] + cells, np.exp(output[:, 2:4])]) * steps
     return likeliest(from_centers(boxes), output[:, 4:5] * output[:, 5:])
 
 

@@ -1,0 +1,190 @@
+"""The node that finds things by a network, and tells in which directions they are."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Deferred, Detection, Detections, Image, VisionInfo
+from ros_visualise.errors import OpenError, UncalibratedCamera, UnsupportedImage
+from ros_visualise.landmarks.networks.candidates import Candidates, Choice
+from ros_visualise.landmarks.networks.finding import Place, Stand, to_detections
+from ros_visualise.landmarks.networks.names import load_names, numbers_of
+from ros_visualise.landmarks.networks.network import Network
+from ros_visualise.landmarks.networks.session import Provider
+from ros_visualise.landmarks.tags.drawing import draw_detections
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import color
+from ros_visualise.vision.threads import fit_threads
+
+log = logging.getLogger(__name__)
+
+OWN_MODEL = Path(__file__).parents[1] / "landmarks" / "networks" / "models" / "aerial.onnx"
+"""The network of this project, which is taken where no other is named."""
+
+
+@dataclass(frozen=True)
+class LandmarkParams:
+    """Parameters of `landmark_detector`."""
+
+    model: str = param(
+        "",
+        "ONNX file of a network that finds things; empty: the one for landmarks seen from above",
+        restart=True,
+    )
+    names: str = param(
+        "",
+        "text file with one name of a class a line; empty: the names in the network's own file",
+        restart=True,
+    )
+    classes: str = param(
+        "", "names or numbers of the classes to find, such as helipad, 7; empty: all"
+    )
+    min_score: float = param(0.4, "least score, from 0 to 1, of what counts as found", min=0, max=1)
+    max_overlap: float = param(
+        0.5,
+        "two boxes of a class that overlap by more than this share are one thing; of networks "
+        "that tell a thing several times",
+        min=0,
+        max=1,
+        group="choice",
+    )
+    max_detections: int = param(
+        100, "most things in one image, the best ones", min=1, max=1_000, slider=(1, 300)
+    )
+    stands_on: Place = param(
+        Place.BOTTOM,
+        "where a box stands on the ground, for networks that tell no point: the middle of its "
+        "lower side, or its centre, which fits a view from above",
+        group="direction",
+    )
+    box_sigma: float = param(
+        0.1,
+        "standard deviation of where a box stands, as a share of its width and height",
+        min=0.001,
+        max=1,
+        slider=(0.01, 0.5),
+        group="direction",
+    )
+    input_size: int = param(
+        0,
+        "longer side of what the network is given, pixels, where its file leaves that open; "
+        "0: as the file says, else 640",
+        min=0,
+        max=4096,
+        restart=True,
+    )
+    provider: Provider = param(
+        Provider.CPU, "what the network is run on; cuda needs onnxruntime-gpu", restart=True
+    )
+    threads: int = param(
+        1,
+        "threads that work on one image; 1 leaves a core of two to the page",
+        min=1,
+        max=64,
+        restart=True,
+    )
+    database_location: str = param(
+        "",
+        "where readers of vision_info find the names of the classes, such as a ROS parameter; "
+        "empty: the file that has them",
+        restart=True,
+    )
+
+
+@node(
+    "landmark_detector",
+    params=LandmarkParams,
+    inputs={"image": Image},
+    outputs={"detections": Detections, "debug_image": Image, "vision_info": VisionInfo},
+    on_demand=("debug_image",),
+    latched=("vision_info",),
+    calibrated=True,
+)
+class LandmarkDetector:
+    """Finds things by a network in an ONNX file, and their directions if calibrated."""
+
+    def __init__(self, params: LandmarkParams) -> None:
+        self._said: set[str] = set()
+        self._opened: tuple[str | int | Provider, ...] = ()
+        self._told: dict[int, str] | None = None
+        self._version = 0
+        self._prepare(params)
+
+    def step(self, image: Image, params: LandmarkParams) -> dict[str, Any]:
+        if params is not self._params:
+            self._prepare(params)
+        color.refuse_measurements(image.encoding)
+        fit_threads(image.pixels)
+        pixels, order = (
+            color.demosaiced(image.pixels, image.encoding),
+            color.order_of(image.encoding),
+        )
+        candidates = self._network.detect(pixels, order, self._choice)
+        found = self._locate(candidates, image)
+        size = (image.height, image.width, 3)
+        shown = Deferred(size, np.uint8, lambda: draw_detections(pixels, order, found))
+        return {
+            "detections": Detections(found, image.header, image.camera_info),
+            "debug_image": replace(image, data=shown, encoding="bgr8"),
+            "vision_info": self._tell_names(image),
+        }
+
+    def _prepare(self, params: LandmarkParams) -> None:
+        """Take over parameters; where they are refused, what was before stays."""
+        self._params = params
+        opened = (params.model, params.provider, params.threads, params.input_size)
+        if opened != self._opened:
+            self._network = Network(
+                _file_of(params.model), params.provider, params.threads, params.input_size
+            )
+            self._opened = opened
+        self._names = load_names(params.names) if params.names else self._network.names
+        classes = numbers_of(params.classes, self._names)
+        self._choice = Choice(params.min_score, params.max_overlap, params.max_detections, classes)
+
+    def _tell_names(self, image: Image) -> VisionInfo | None:
+        """Once, and again when they have changed."""
+        if self._names == self._told:
+            return None
+        self._told, self._version = self._names, self._version + 1
+        params = self._params
+        file = Path(_file_of(params.model))
+        place = params.database_location or params.names or str(file)
+        method = f"{self._network.layout.name} {file.name}"
+        return VisionInfo(method, place, self._version, image.header)
+
+    def _locate(self, found: Candidates, image: Image) -> tuple[Detection, ...]:
+        """With directions, or once a word that tells why there are none."""
+        params, info = self._params, image.camera_info
+        stand = Stand(params.stands_on, params.box_sigma)
+        if info and (info.width, info.height) != (image.width, image.height):
+            size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
+            self._say_once(f"no directions in images of {size} with a calibration for {of_info}")
+            info = None
+        try:
+            return to_detections(found, self._names, stand, info)
+        except (UncalibratedCamera, UnsupportedImage) as error:
+            self._say_once(f"no directions: {error}")
+            return to_detections(found, self._names, stand, None)
+
+    def _say_once(self, text: str) -> None:
+        if text not in self._said:
+            self._said.add(text)
+            log.warning("landmark_detector: %s (said once)", text)
+
+
+def _file_of(model: str) -> str:
+    """The file of a network.
+
+    Raises:
+        OpenError: none is named, and this installation has none of its own.
+    """
+    if not model and not OWN_MODEL.is_file():
+        raise OpenError("landmark_detector: give an ONNX file by model=FILE.onnx")
+    return model or str(OWN_MODEL)
