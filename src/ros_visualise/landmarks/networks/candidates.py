@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -61,7 +62,7 @@ class Choice:
 
 
 def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candidates:
-    """The best ones, the best first; what has no number or no area is none.
+    """The best ones, the best first; what has no number, no area or a score of 0 is none.
 
     Args:
         candidates: of one image.
@@ -70,7 +71,7 @@ def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candida
     """
     boxes, scores = candidates.boxes_xyxy, candidates.scores
     good = (np.abs(boxes) < _FARTHEST).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
-    good &= (scores >= choice.min_score) & (scores <= _HIGHEST)  # which nan is not
+    good &= (scores > 0) & (scores >= choice.min_score) & (scores <= _HIGHEST)  # which nan is not
     if candidates.points_uv is not None:
         good &= np.isfinite(candidates.points_uv).all(axis=1)
     if candidates.covariances is not None:
@@ -86,21 +87,10 @@ def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candida
 
 def _without_overlaps(candidates: Candidates, choice: Choice) -> npt.NDArray[np.intp]:
     """The numbers of those that no better one of their class covers; the best come first."""
-    boxes, classes = candidates.boxes_xyxy, candidates.classes
-    kept: list[int] = []
-    left = np.arange(len(candidates))
-    while len(left) and len(kept) < choice.most:
-        best, left = left[0], left[1:]
-        kept.append(best)
-        covered = _overlaps(boxes[best], boxes[left]) > choice.max_overlap
-        left = left[~covered | (classes[left] != classes[best])]
-    return np.array(kept, np.intp)
-
-
-def _overlaps(box: Floats, others: Floats) -> Floats:
-    """Intersection over union of a box (4,) with others (N, 4)."""
-    low, high = np.maximum(box[:2], others[:, :2]), np.minimum(box[2:], others[:, 2:])
-    shared = np.prod(np.maximum(high - low, 0), axis=1)
-    areas = np.prod(others[:, 2:] - others[:, :2], axis=1)
-    found: Floats = shared / (np.prod(box[2:] - box[:2]) + areas - shared)
-    return found
+    boxes = candidates.boxes_xyxy.astype(np.float64)
+    # each class lies in a place of its own, so that one search does for all
+    apart = candidates.classes[:, None] * (2 * np.abs(boxes).max(initial=0) + 1)
+    rectangles = np.hstack([boxes[:, :2] + apart, boxes[:, 2:] - boxes[:, :2]]).tolist()
+    scores = candidates.scores.tolist()
+    kept = cv2.dnn.NMSBoxes(rectangles, scores, 0.0, choice.max_overlap)
+    return np.asarray(kept, np.intp).reshape(-1)
