@@ -186,7 +186,7 @@ class Graph:
         ``after``; then those that are called as the input, or are the only ones of its type.
         The main output is the first of a type that the node takes, rather one that a node hears.
         Whoever listened to the main output listens to the new node's instead, if that has this one
-        input, and an output of that type.
+        input, and an output of that type that is not made on demand.
 
         Args:
             added: the new node.
@@ -205,7 +205,11 @@ class Graph:
         taken = [output for output in new.outputs.values() if output in self.topics]
         if taken:
             raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
-        makes = [topic for topic, made in new.topics.items() if made.type is given.type]
+        makes = [
+            topic
+            for topic, made in new.topics.items()
+            if made.type is given.type and not made.on_demand
+        ]
         takes_over = makes and [new.inputs[port] for port in added.stepped] == [main]
         nodes = (
             [_rewired(node, main, makes[0]) for node in self.nodes] if takes_over else self.nodes

@@ -36,6 +36,11 @@ _OUTPUTS = {
     "filters": {"image": "/processed_image"},
     "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
     "rectify": {"image_rect": "/image_rect"},
+    "landmark_detector": {
+        "detections": "/detections",
+        "debug_image": "/debug_image",
+        "vision_info": "/vision_info",
+    },
     "landmark_localizer": {
         "landmarks": "/landmarks",
         "markers": "/landmark_markers",
@@ -88,7 +93,8 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
         inputs = {next(iter(declared.stepped)): topic}
         node = place(declared, inputs, known_topics(declared))
         nodes += (node,)
-        topic = next((t for p, t in node.outputs.items() if declared.outputs[p] is given), topic)
+        passed = [p for p, made in declared.outputs.items() if made is given]
+        topic = next((node.outputs[p] for p in passed if p not in declared.on_demand), topic)
     return nodes
 
 

@@ -159,7 +159,9 @@ def test_what_cannot_be_simulated_is_said(simulator, words):
         Launched("main_path", bag="none", simulator=simulator)
 
 
-@pytest.mark.parametrize("name", ["fps_control", "filters", "edge_detector", "path"])
+@pytest.mark.parametrize(
+    "name", ["fps_control", "filters", "edge_detector", "landmark_detector", "path"]
+)
 def test_input_of_one_node_is_an_argument(name):
     argument = "odom" if name == "path" else "input"
     launched = Launched(name, **{argument: "/elsewhere"})

@@ -264,3 +264,20 @@ def answering(path, answer, width=64, height=64, **metadata):
     graph.add("Add", graph.constant(answer), zero, output="output0")
     inputs = {"images": image_input(width, height)}
     return save(path, graph, inputs, {"output0": (TensorProto.FLOAT, None)}, metadata)
+
+
+def endless(path):
+    """A network that never answers."""
+    value = {name: helper.make_tensor_value_info(name, TensorProto.FLOAT, []) for name in "ab"}
+    number = helper.make_tensor_value_info("number", TensorProto.INT64, [])
+    goes_on = [helper.make_tensor_value_info(n, TensorProto.BOOL, []) for n in ("go", "goes")]
+    steps = [helper.make_node("Identity", ["go"], ["goes"]), helper.make_node("Sin", ["a"], ["b"])]
+    body = helper.make_graph(
+        steps, "body", [number, goes_on[0], value["a"]], [goes_on[1], value["b"]]
+    )
+    graph = Graph()
+    some = graph.add("ReduceMax", "images", keepdims=0)
+    limit, always = graph.constant(2**62, np.int64), graph.constant(True, np.bool_)
+    graph.add("Loop", limit, always, some, output="output0", body=body)
+    inputs = {"images": image_input(64, 64)}
+    return save(path, graph, inputs, {"output0": (TensorProto.FLOAT, None)})

@@ -241,3 +241,18 @@ def test_nothing_is_said_on_standard_error(tmp_path):
     )
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("refused\n", "")
+
+
+def test_a_process_ends_while_a_network_never_answers(tmp_path):
+    """A thread in C++ at the end of Python would abort it."""
+    code = (
+        "import sys, threading, time\n"
+        "from ros_visualise.landmarks.networks import session\n"
+        "from ros_visualise.landmarks.networks.network import Network\n"
+        "threading.Thread(target=Network, args=(sys.argv[1],), daemon=True).start()\n"
+        "while not session._at_work: time.sleep(0.01)\n"
+        "time.sleep(0.5)\n"
+    )
+    path = made.endless(tmp_path / "n.onnx")
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

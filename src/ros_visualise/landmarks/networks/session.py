@@ -6,11 +6,16 @@ files that are none of theirs.
 
 from __future__ import annotations
 
+import atexit
 import importlib
 import mmap
 import re
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from enum import Enum
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +24,7 @@ from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
 
 _INSTALL = "pip install 'ros_visualise[detect]'"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too
+_SPIN_S, _PATIENCE_S = 0.01, 0.5
 _LONGEST_WORD = 200
 _LOCATION = re.compile(rb"\x0a\x08location\x12(.)", re.DOTALL)  # protobuf: key, value's length
 
@@ -48,10 +54,10 @@ class Session:
         self._runtime = _load_onnxruntime()
         _check_file(path)
         options = self._options(threads)
+        providers = [self._find(provider)]
         try:
-            self._session = self._runtime.InferenceSession(
-                path, options, providers=[self._find(provider)]
-            )
+            with _stoppable(partial(_cancel, options)):
+                self._session = self._runtime.InferenceSession(path, options, providers)
         except _errors() as error:
             raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
         meta = self._session.get_modelmeta()
@@ -65,8 +71,10 @@ class Session:
         Raises:
             RosVisualiseError: the network fails on this input.
         """
+        options = self._runtime.RunOptions()
         try:
-            outputs: list[Any] = self._session.run(names, inputs)
+            with _stoppable(partial(setattr, options, "terminate", True)):
+                outputs: list[Any] = self._session.run(names, inputs, options)
         except _errors() as error:
             raise RosVisualiseError(f"{self.path}: {_short(error)}") from None
         return outputs
@@ -90,6 +98,42 @@ class Session:
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.use_env_allocators", "1")
         return options
+
+
+_at_work: set[Callable[[], None]] = set()
+_is_over = threading.Event()
+
+
+@contextmanager
+def _stoppable(stop: Callable[[], None]) -> Iterator[None]:
+    """Within this, a thread is in onnxruntime, and may be called back at the end of the process.
+
+    A thread that is there when Python ends ends the process as if it had crashed. One that was
+    called back waits for that end, as what it works on concerns nobody any more.
+    """
+    _at_work.add(stop)
+    try:
+        yield
+    finally:
+        _at_work.discard(stop)
+        if _is_over.is_set():
+            threading.Event().wait()
+
+
+@atexit.register
+def _call_back() -> None:
+    _is_over.set()
+    until_s = time.monotonic() + _PATIENCE_S
+    while _at_work and time.monotonic() < until_s:
+        for stop in tuple(_at_work):
+            stop()
+        time.sleep(_SPIN_S)
+
+
+def _cancel(options: Any) -> None:
+    """Stop loading a file, which onnxruntime can from 1.21 on."""
+    if hasattr(options, "set_load_cancellation_flag"):
+        options.set_load_cancellation_flag(True)
 
 
 def _load_onnxruntime() -> Any:
