@@ -14,6 +14,7 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.options import (
+    add_calibrate,
     add_memory_option,
     add_playing_options,
     not_negative,
@@ -186,6 +187,7 @@ def _add_asking(commands: Any) -> None:
     add_memory_option(info)
     _add_convert(commands)
     _add_trajectory(commands)
+    add_calibrate(commands)
     nodes = commands.add_parser(
         "nodes", help="list all nodes with their topics, actions and parameters"
     )

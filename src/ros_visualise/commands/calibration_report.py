@@ -1,0 +1,216 @@
+"""What ``calibrate`` tells: a glance for people, an object for programs, and a picture."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.commands.wording import counted
+from ros_visualise.landmarks.calibration.calibrating import APART, Calibration
+from ros_visualise.landmarks.calibration.collecting import Collector
+from ros_visualise.landmarks.calibration.lenses import Lens
+from ros_visualise.landmarks.calibration.views import Coverage
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Color, Figure
+
+_SHADES = " .:*#"
+_BAR = 20
+_FEW_VIEWS = 10
+_LARGE_RMS_PX = 1.0
+_UNSURE_PX = 1.0
+_LISTED = 3
+
+
+def summary(found: Calibration, collector: Collector, better: Lens | None) -> list[str]:
+    """Some thirty lines that tell at one glance how good it is."""
+    rows = [
+        ("board", _about_board(found, collector)),
+        ("camera", _numbers(found, 0, 4, ".2f")),
+        (found.model.name, _numbers(found, 4, None, ".4f")),
+        ("rms", _about_rms(found)),
+        ("halves", _about_halves(found)),
+        ("unsure by", _about_uncertainty(found)),
+        ("worst views", _about_views(found)),
+    ]
+    left_out = _left_out(found, collector)
+    if left_out:
+        rows.append(("left out", left_out))
+    coverage = collector.coverage
+    rows += [
+        (name, f"[{'#' * round(bar * _BAR):{_BAR}}] {bar:4.0%}")
+        for name, bar in coverage.bars.items()
+    ]
+    lines = [f"{name + ':':<20}{text}" for name, text in rows]
+    lines += [f"{'covered:' if not row else '':<20}|{text}|" for row, text in _map(coverage)]
+    if coverage.advice:
+        lines.append(f"{'next:':<20}{coverage.advice}")
+    return lines + [f"warning: {text}" for text in warnings_of(found, better)]
+
+
+def warnings_of(found: Calibration, better: Lens | None) -> list[str]:
+    """Reasons not to believe it."""
+    texts = []
+    count = len(found.views)
+    if count < _FEW_VIEWS:
+        texts.append(f"only {counted(count, 'view')}: take 15 or more that differ")
+    if found.halves is None:
+        texts.append("too few views to calibrate halves of them apart: nobody knows how true it is")
+    elif found.halves.difference > APART:
+        texts.append(
+            f"halves of the views differ by {found.halves.difference:.2%} in focal length: do not"
+            " trust it; take more views, tilted, near and far"
+        )
+    if found.fit.rms > _LARGE_RMS_PX:
+        texts.append("the rms is large: is the board flat, and were the pictures sharp?")
+    if found.uncertainty.corners > _UNSURE_PX:
+        texts.append("the image's corners are unsure: hold the board there too")
+    if better is not None:
+        texts.append(
+            f"--model {better.value} predicts views that it has not seen better or as well"
+        )
+    return texts
+
+
+def to_json(found: Calibration, collector: Collector, better: Lens | None) -> dict[str, Any]:
+    """All of it, as the README tells."""
+    info, coverage, halves = found.info, collector.coverage, found.halves
+    names = found.model.numbers
+    board = collector.finder.board
+    assert board is not None
+    return {
+        "board": {
+            "pattern": board.kind.value,
+            "columns": board.columns,
+            "rows": board.rows,
+            "as_said": board.counts == collector.finder.said.counts,
+            "words": board.words,
+        },
+        "images": collector.seen,
+        "found": collector.found,
+        "alike": collector.alike,
+        "width": info.width,
+        "height": info.height,
+        "distortion_model": info.distortion_model,
+        "K": info.K.ravel().tolist(),
+        "D": info.D.tolist(),
+        "P": info.projection.ravel().tolist(),
+        "numbers": dict(zip(names, found.fit.numbers.tolist(), strict=True)),
+        "deviations": dict(zip(names, found.deviations.tolist(), strict=True)),
+        "rms": found.fit.rms,
+        "views": [
+            {"name": view.name, "points": len(view.points.uv), "rms": rms}
+            for view, rms in zip(found.views, found.fit.view_rms, strict=True)
+        ],
+        "outliers": [{"name": view.name, "rms": rms} for view, rms in found.outliers],
+        "stray_points": found.stray,
+        "halves": halves
+        and {
+            "focal_lengths": halves.focal_lengths,
+            "difference": halves.difference,
+            "held_out_rms": halves.rms,
+        },
+        "uncertainty": {
+            "centre": _finite(found.uncertainty.centre),
+            "corners": _finite(found.uncertainty.corners),
+        },
+        "coverage": {**coverage.bars, "share": coverage.share},
+        "next": coverage.advice,
+        "better_model": better and better.value,
+        "warnings": warnings_of(found, better),
+    }
+
+
+def draw(found: Calibration, coverage: Coverage) -> Figure:
+    """Every point in the image, and by how much it was missed, a hundred times as long."""
+    width, height = found.size
+    figure = Figure(800, 140 + round(700 * height / width))
+    title = f"{found.model.name}: rms {found.fit.rms:.3f} px, {counted(len(found.views), 'view')}"
+    figure.text(70, 28, f"{title}, {coverage.share:.0%} of the image covered", 15)
+    box = (70.0, 60.0, 700.0, 700.0 * height / width)
+    low, high = np.array([0.0, -height]), np.array([width, 0.0])
+    image = Axes(figure, box, low, high, equal=True)
+    image.draw("u (px); lines: 100 times the residual", "-v (px)")
+    for number, (view, residuals) in enumerate(zip(found.views, found.fit.residuals, strict=True)):
+        start = view.points.uv * [1, -1]
+        ends = start + residuals * [1, -1] * 100
+        color = _color(number)
+        for place, end in zip(image.places(start), image.places(ends), strict=True):
+            figure.dot(place[0], place[1], 1.8, color)
+            figure.line(np.array([place, end]), color, 0.8)
+    return figure
+
+
+def _color(number: int) -> Color:
+    """Neighbouring numbers differ."""
+    angle = number * 2.4
+    red, green, blue = (round(110 + 90 * math.cos(angle + at)) for at in (0, 2.1, 4.2))
+    return red, green, blue
+
+
+def _about_board(found: Calibration, collector: Collector) -> str:
+    board, said = collector.finder.board, collector.finder.said
+    assert board is not None
+    width, height = found.size
+    other = "" if board.counts == said.counts else f" (not of {said.counts})"
+    where = f"in {collector.found} of {counted(collector.seen, 'image')} of {width}x{height}"
+    return f"{board.words}{other}, {where}"
+
+
+def _numbers(found: Calibration, start: int, stop: int | None, form: str) -> str:
+    names, numbers = found.model.numbers[start:stop], found.fit.numbers[start:stop]
+    deviations = found.deviations[start:stop]
+    return "  ".join(
+        f"{name} {number:{form}} ± {deviation:{form}}"
+        for name, number, deviation in zip(names, numbers, deviations, strict=True)
+    )
+
+
+def _about_rms(found: Calibration) -> str:
+    held = f"; of views held out {found.halves.rms:.3f} px" if found.halves else ""
+    return f"{found.fit.rms:.3f} px{held}"
+
+
+def _about_halves(found: Calibration) -> str:
+    if found.halves is None:
+        return "too few views"
+    one, other = found.halves.focal_lengths
+    return f"focal lengths {one:.2f} and {other:.2f}, {found.halves.difference:.2%} apart"
+
+
+def _about_uncertainty(found: Calibration) -> str:
+    centre, corners = found.uncertainty.centre, found.uncertainty.corners
+    at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "nobody knows how much"
+    return f"{centre:.2f} px in the image's centre, {at_corners} in its corners (one sigma)"
+
+
+def _about_views(found: Calibration) -> str:
+    worst = sorted(zip(found.fit.view_rms, found.views, strict=True), key=lambda one: -one[0])
+    return ", ".join(f"{view.name} {rms:.2f} px" for rms, view in worst[:_LISTED])
+
+
+def _left_out(found: Calibration, collector: Collector) -> str:
+    parts = [f"{view.name} (rms {rms:.2f} px)" for view, rms in found.outliers]
+    if found.stray:
+        parts.append(f"{counted(found.stray, 'point')} that lie astray")
+    if collector.alike:
+        parts.append(f"{counted(collector.alike, 'view')} like others")
+    if collector.other_sizes:
+        parts.append(f"{counted(collector.other_sizes, 'image')} of another size")
+    if collector.missed:
+        names = ", ".join(collector.missed[:_LISTED])
+        more = ", ..." if len(collector.missed) > _LISTED else ""
+        parts.append(f"{counted(len(collector.missed), 'image')} without the board ({names}{more})")
+    return "; ".join(parts)
+
+
+def _map(coverage: Coverage) -> list[tuple[int, str]]:
+    """Rows of the image, each of its parts as a letter: the darker, the more points."""
+    top = max(float(coverage.cells.max()), 1.0)
+    level = np.ceil(coverage.cells / top * (len(_SHADES) - 1)).astype(int)
+    return [(row, "".join(_SHADES[one] * 2 for one in line)) for row, line in enumerate(level)]
+
+
+def _finite(number: float) -> float | None:
+    return number if math.isfinite(number) else None

@@ -1,0 +1,188 @@
+"""Bundle adjustment of a camera and the boards that it saw.
+
+The least squares of the reprojection, by Levenberg and Marquardt. Each board's pose touches its own
+view alone, so poses are eliminated first (the Schur complement), and what is left for the camera's
+numbers is also their information, of which the inverse is their covariance.
+
+Source: Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, sections 5 and 6.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_rays
+from ros_visualise.landmarks.calibration.views import View
+
+_MOST_STEPS = 60
+_DONE = 1e-9  # of the sum of squares: so little less, and it ends
+_FAR_RAY = 6.0  # a slope: beyond, slopes say little
+_FOCAL_LENGTHS = np.geomspace(0.2, 5, 30)  # of the longer side: where the search begins
+_BEGUN_WITH = 12  # views
+_HOPELESS = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A camera and boards that fit.
+
+    Attributes:
+        numbers: (n,) the camera's.
+        poses: (V, 6) of the boards for the camera.
+        residuals: of each view (N, 2), pixels: predicted less seen.
+        covariance: (n, n) of the numbers, from the residuals' own size; None where the camera was
+            held.
+    """
+
+    numbers: Floats
+    poses: Floats
+    residuals: list[Floats]
+    covariance: Floats | None
+
+    @property
+    def rms(self) -> float:
+        """Of the distance between predicted and seen points, pixels."""
+        return rms_of(np.vstack(self.residuals))
+
+    @property
+    def view_rms(self) -> list[float]:
+        """The same, of each view."""
+        return [rms_of(one) for one in self.residuals]
+
+
+def rms_of(residuals: Floats) -> float:
+    """Root of the mean squared length of residuals (N, 2)."""
+    return float(np.sqrt((residuals**2).sum(axis=1).mean()))
+
+
+def begin(views: Sequence[View], model: LensModel) -> Floats:
+    """The camera's numbers to begin with: no distortion, and the focal length that fits best."""
+    width, height = views[0].size
+    middle = [(width - 1) / 2, (height - 1) / 2]
+    some = views[:: max(1, len(views) // _BEGUN_WITH)]
+
+    def misfit(focal: float) -> float:
+        numbers = np.array([focal, focal, *middle, *[0.0] * len(model.coefficients)])
+        return float(np.median([_misfit(view, numbers, model) for view in some]))
+
+    focal_lengths = _FOCAL_LENGTHS * max(width, height)
+    best = min(focal_lengths, key=misfit)
+    return np.array([best, best, *middle, *[0.0] * len(model.coefficients)])
+
+
+def adjust(views: Sequence[View], model: LensModel, numbers: Floats, *, held: bool = False) -> Fit:
+    """The camera and the boards' poses that fit the views best.
+
+    Args:
+        views: of at least 3 boards, unless the camera is held.
+        model: of the lens.
+        numbers: the camera's, to begin with.
+        held: the camera stays as it is, only the boards move.
+    """
+    poses = np.array([_pose(view, numbers, model) for view in views])
+    system = _System(views, model, numbers, poses, held)
+    damping = 1e-3
+    for _ in range(_MOST_STEPS):
+        step = system.step(damping)
+        tried = _System(views, model, numbers + step[0], poses + step[1], held)
+        if tried.cost < system.cost:
+            is_done = system.cost - tried.cost < _DONE * system.cost
+            numbers, poses, system = numbers + step[0], poses + step[1], tried
+            damping = max(damping / 10, 1e-12)
+            if is_done:
+                break
+        elif damping > _HOPELESS:
+            break
+        else:
+            damping *= 10
+    covariance = None if held else system.covariance()
+    return Fit(numbers, poses, system.residuals, covariance)
+
+
+class _System:
+    """The equations around one state."""
+
+    def __init__(
+        self,
+        views: Sequence[View],
+        model: LensModel,
+        numbers: Floats,
+        poses: Floats,
+        held: bool,
+    ) -> None:
+        self._held = held
+        self._U = np.zeros((len(numbers), len(numbers)))
+        self._ga = np.zeros(len(numbers))
+        self._blocks: list[tuple[Floats, Floats, Floats]] = []
+        self.residuals: list[Floats] = []
+        for view, pose in zip(views, poses, strict=True):
+            uv, A, B = project(view.points_xyz, pose, numbers, model)
+            residual = uv - view.points.uv
+            flat = residual.ravel()
+            self.residuals.append(residual)
+            self._U += A.T @ A
+            self._ga += A.T @ flat
+            self._blocks.append((B.T @ B, A.T @ B, B.T @ flat))
+        cost = sum(float((one**2).sum()) for one in self.residuals)
+        self.cost = cost if np.isfinite(cost) else np.inf
+
+    def step(self, damping: float) -> tuple[Floats, Floats]:
+        """How to change the camera's numbers and the poses (V, 6)."""
+        V_inverse = [np.linalg.inv(_damped(V, damping)) for V, _, _ in self._blocks]
+        numbers = np.zeros(len(self._U))
+        if not self._held:
+            S, g = _damped(self._U, damping), self._ga.copy()
+            for inverse, (_, W, gb) in zip(V_inverse, self._blocks, strict=True):
+                S -= W @ inverse @ W.T
+                g -= W @ inverse @ gb
+            numbers = -np.linalg.lstsq(S, g, rcond=None)[0]
+        poses = [
+            -inverse @ (gb + W.T @ numbers)
+            for inverse, (_, W, gb) in zip(V_inverse, self._blocks, strict=True)
+        ]
+        return numbers, np.array(poses)
+
+    def covariance(self) -> Floats:
+        """Of the camera's numbers, where each pixel is as uncertain as the residuals are large."""
+        S = self._U.copy()
+        for V, W, _ in self._blocks:
+            S -= W @ np.linalg.pinv(V) @ W.T
+        count = sum(one.size for one in self.residuals)
+        free = max(count - len(S) - 6 * len(self._blocks), 1)
+        scale = 1 / np.sqrt(np.maximum(np.diag(S), 1e-300))  # numbers differ in size by far
+        return (
+            np.linalg.pinv(S * np.outer(scale, scale)) * np.outer(scale, scale) * self.cost / free
+        )
+
+
+def _damped(matrix: Floats, damping: float) -> Floats:
+    return matrix + np.diag(np.diag(matrix) * damping + 1e-12)
+
+
+def _pose(view: View, numbers: Floats, model: LensModel) -> Floats:
+    """A board's pose (6,) by its points' rays, where they are not too far aside."""
+    rays = to_rays(view.points.uv, numbers, model)
+    points = view.points_xyz
+    near = np.abs(rays).max(axis=1) < _FAR_RAY
+    if near.sum() < 4:
+        near[:] = True
+    flat = points[near] - points.mean(axis=0) * [1, 1, 0]
+    ok, turn, move = cv2.solvePnP(
+        flat[:, None], rays[near][:, None], np.eye(3), None, flags=cv2.SOLVEPNP_IPPE
+    )
+    if not ok:
+        return np.array([0.0, 0, 0, 0, 0, 1])
+    offset = cv2.Rodrigues(turn)[0] @ (points.mean(axis=0) * [1, 1, 0])
+    return np.concatenate([turn.ravel(), move.ravel() - offset])
+
+
+def _misfit(view: View, numbers: Floats, model: LensModel) -> float:
+    pose = _pose(view, numbers, model)
+    uv, _, _ = project(view.points_xyz, pose, numbers, model)
+    error = rms_of(uv - view.points.uv)
+    return error if np.isfinite(error) else np.inf

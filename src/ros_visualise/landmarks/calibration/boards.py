@@ -1,0 +1,251 @@
+"""Boards that a camera is calibrated with: where their points are, and what is black on them.
+
+A board's frame has its origin at the top left corner of the pattern, x right, y down, as one looks
+at it; all lengths are in metres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import lru_cache
+from typing import Any
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats
+from ros_visualise.errors import UsageError
+
+Ints = npt.NDArray[np.int64]
+
+
+class Kind(Enum):
+    """What a board shows."""
+
+    CHESSBOARD = "chessboard"
+    CHARUCO = "charuco"
+    APRILGRID = "aprilgrid"
+
+
+@dataclass(frozen=True)
+class Board:
+    """One reading of what a person said of a board.
+
+    ``columns`` and ``rows`` count a chessboard's inner corners, a ChArUco board's squares, an
+    AprilGrid's tags. ``square`` is the side of a square, or of a tag; ``share`` that of a ChArUco
+    marker, or an AprilGrid's spacing, as a share of it. ``dictionary`` is OpenCV's, as
+    ``5X5_1000``. ``white_first``: a ChArUco board's top left square is white, as OpenCV drew those
+    of an even number of rows before 4.7. ``border``: black cells around a tag's code: Kalibr has 2,
+    others 1. ``upwards``: tags are counted from the lowest row, as Kalibr does.
+    """
+
+    kind: Kind
+    columns: int
+    rows: int
+    square: float = 0.025
+    share: float = 0.0
+    dictionary: str = ""
+    white_first: bool = False
+    border: int = 1
+    upwards: bool = False
+
+    @property
+    def counts(self) -> str:
+        """As ``9x6 inner corners``."""
+        nouns = {Kind.CHESSBOARD: "inner corners", Kind.CHARUCO: "squares", Kind.APRILGRID: "tags"}
+        return f"{self.columns}x{self.rows} {nouns[self.kind]}"
+
+    @property
+    def noun(self) -> str:
+        """As ``chessboard``."""
+        nouns = {Kind.CHARUCO: "ChArUco board", Kind.APRILGRID: "AprilGrid"}
+        return nouns.get(self.kind, "chessboard")
+
+    @property
+    def words(self) -> str:
+        """What it is, for people: ``chessboard of 9x6 inner corners``."""
+        words = f"{self.noun} of {self.counts}"
+        if self.kind is Kind.CHARUCO and self.white_first:
+            return f"{words}, the first one white"
+        if self.kind is not Kind.APRILGRID:
+            return words
+        rims = "two cells" if self.border == 2 else "one cell"
+        end = "bottom" if self.upwards else "top"
+        return f"{words} with black rims of {rims}, counted from the {end}"
+
+
+_SHARES = {Kind.CHESSBOARD: 0.0, Kind.CHARUCO: 0.75, Kind.APRILGRID: 0.3}
+_DICTIONARIES = {Kind.CHESSBOARD: "", Kind.CHARUCO: "5X5_1000", Kind.APRILGRID: "APRILTAG_36h11"}
+_MOST = 100
+
+
+def board_of(
+    kind: Kind,
+    counts: str,
+    square: float | None = None,
+    share: float | None = None,
+    dictionary: str | None = None,
+) -> Board:
+    """A board as a person tells of it.
+
+    Args:
+        kind: of board.
+        counts: ``COLUMNSxROWS``, as `Board` counts them.
+        square: side of a square or a tag, metres; of no matter for the camera.
+        share: as `Board` has it; None: 0.75 of ChArUco, 0.3 of an AprilGrid, as Kalibr's.
+        dictionary: OpenCV's name; None: 5X5_1000 of ChArUco, APRILTAG_36h11 of an AprilGrid.
+
+    Raises:
+        UsageError: there is no such board.
+    """
+    columns, _, rows = counts.lower().partition("x")
+    sides = [int(text) if text.isdecimal() and len(text) < 4 else 0 for text in (columns, rows)]
+    if not 2 <= min(sides) <= max(sides) <= _MOST:
+        raise UsageError(f"--size {counts}: give COLUMNSxROWS, such as 9x6, each from 2 to {_MOST}")
+    if dictionary and not has_dictionary(dictionary):
+        raise UsageError(f"--dictionary {dictionary}: OpenCV has none; such as 4X4_50 or 5X5_1000")
+    found = _SHARES[kind] if share is None else share
+    if kind is not Kind.CHESSBOARD and not 0.05 <= found <= 0.95:
+        raise UsageError(
+            f"--share {found:g}: give a share of a square's or tag's side, 0.05 to 0.95"
+        )
+    words = dictionary or _DICTIONARIES[kind]
+    board = Board(kind, sides[0], sides[1], square or 0.025, found, words)
+    if kind is Kind.APRILGRID:
+        board = replace(board, border=2, upwards=True)
+    if kind is not Kind.CHESSBOARD and len(marker_corners(board)) > len(
+        dictionary_of(board).bytesList
+    ):
+        raise UsageError(f"--size {counts}: {board.dictionary} has too few markers for it")
+    return board
+
+
+def readings(board: Board) -> tuple[Board, ...]:
+    """What a person may have meant, the likeliest first.
+
+    Squares are taken for inner corners and the other way round, columns for rows; of tags, where
+    their numbers begin.
+    """
+    columns, rows = board.columns, board.rows
+    if board.kind is Kind.CHESSBOARD:
+        counts = [(columns, rows), (columns - 1, rows - 1), (columns + 1, rows + 1)]
+        return tuple(replace(board, columns=c, rows=r) for c, r in counts if min(c, r) > 2)
+    counts = [(columns, rows), (rows, columns)]
+    if board.kind is Kind.CHARUCO:
+        counts += [(columns + 1, rows + 1), (rows + 1, columns + 1)]
+        meant = [replace(board, columns=c, rows=r) for c, r in counts]
+        # only of an even number of rows did OpenCV ever begin with white
+        white = [replace(one, white_first=True) for one in meant if one.rows % 2 == 0]
+        return tuple(dict.fromkeys([*meant[:1], *white[:1], *meant[1:], *white[1:]]))
+    return tuple(
+        dict.fromkeys(
+            replace(board, columns=c, rows=r, border=border, upwards=upwards)
+            for border in (2, 1)
+            for c, r in counts
+            for upwards in (True, False)
+        )
+    )
+
+
+def outer_size(board: Board) -> tuple[float, float]:
+    """Width and height of the pattern, with an AprilGrid's outermost black squares."""
+    if board.kind is Kind.APRILGRID:
+        pitch, gap = board.square * (1 + board.share), board.square * board.share
+        return board.columns * pitch + gap, board.rows * pitch + gap
+    more = 1 if board.kind is Kind.CHESSBOARD else 0
+    return (board.columns + more) * board.square, (board.rows + more) * board.square
+
+
+@lru_cache(maxsize=32)
+def points_xy(board: Board) -> Floats:
+    """The points that are found on it, (N, 2).
+
+    Inner corners row by row from the top left one; of an AprilGrid the corners of tag after tag,
+    each from its top left one clockwise.
+    """
+    if board.kind is Kind.APRILGRID:
+        return marker_corners(board).reshape(-1, 2)
+    less = 1 if board.kind is Kind.CHARUCO else 0
+    x, y = np.meshgrid(range(1, board.columns - less + 1), range(1, board.rows - less + 1))
+    return np.stack([x.ravel(), y.ravel()], axis=1) * board.square
+
+
+@lru_cache(maxsize=32)
+def marker_corners(board: Board) -> Floats:
+    """(M, 4, 2): of marker after marker, by their ids, from its top left corner clockwise.
+
+    Source: OpenCV 4.6 and 4.7, CharucoBoard; Kalibr, GridCalibrationTargetAprilgrid.
+    """
+    if board.kind is Kind.APRILGRID:
+        pitch, gap = board.square * (1 + board.share), board.square * board.share
+        rows = reversed(range(board.rows)) if board.upwards else range(board.rows)
+        origins = [(c * pitch + gap, r * pitch + gap) for r in rows for c in range(board.columns)]
+        side = board.square
+    else:
+        side = board.square * board.share
+        gap = (board.square - side) / 2
+        origins = [
+            (c * board.square + gap, r * board.square + gap)
+            for r in range(board.rows)
+            for c in range(board.columns)
+            if (r + c) % 2 != board.white_first
+        ]
+    unit = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * side
+    return np.array(origins)[:, None] + unit
+
+
+def dark_rectangles(board: Board) -> Floats:
+    """What is black on it, (N, 4): x, y, width, height; all else is white."""
+    if board.kind is Kind.CHESSBOARD:
+        return _checks(board.columns + 1, board.rows + 1, board.square, False)
+    if board.kind is Kind.CHARUCO:
+        checks = _checks(board.columns, board.rows, board.square, board.white_first)
+        return np.vstack([checks, _marker_cells(board)])
+    pitch, gap = board.square * (1 + board.share), board.square * board.share
+    joints = [
+        (c * pitch, r * pitch, gap, gap)
+        for r in range(board.rows + 1)
+        for c in range(board.columns + 1)
+    ]
+    return np.vstack([joints, _marker_cells(board)])
+
+
+def has_dictionary(name: str) -> bool:
+    """Whether OpenCV has a dictionary of markers of that name, without ``DICT_``."""
+    return hasattr(cv2.aruco, f"DICT_{name}")
+
+
+def dictionary_of(board: Board) -> Any:
+    """OpenCV's dictionary of a board's markers."""
+    return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
+
+
+def _checks(columns: int, rows: int, side: float, white_first: bool) -> Floats:
+    places = [(c, r) for r in range(rows) for c in range(columns) if (r + c) % 2 == white_first]
+    return np.array([(c * side, r * side, side, side) for c, r in places])
+
+
+def _marker_cells(board: Board) -> Floats:
+    """The black cells of all markers, those beside one another as one rectangle."""
+    found = []
+    dictionary = dictionary_of(board)
+    size = dictionary.markerSize + 2 * board.border
+    for number, corners in enumerate(marker_corners(board)):
+        cell = float(corners[1, 0] - corners[0, 0]) / size
+        for row, bits in enumerate(_draw_marker(dictionary, number, size, board.border)):
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], bits == 0, [0]]).astype(int)))
+            for start, stop in edges.reshape(-1, 2):
+                at = corners[0] + cell * np.array([start, row])
+                found.append((*at, cell * (stop - start), cell))
+    return np.array(found)
+
+
+def _draw_marker(dictionary: Any, number: int, size: int, border: int) -> npt.NDArray[np.uint8]:
+    """One pixel for each cell; 0 is black."""
+    aruco: Any = cv2.aruco
+    # OpenCV 4.7 gave it another name
+    draw = getattr(aruco, "generateImageMarker", None) or aruco.drawMarker
+    cells: npt.NDArray[np.uint8] = draw(dictionary, number, size, borderBits=border)
+    return cells

@@ -1,0 +1,180 @@
+"""Calibrating by views, and how far the result is to be believed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Floats
+from ros_visualise.errors import UsageError
+from ros_visualise.landmarks.calibration.adjustment import Fit, adjust, begin, rms_of
+from ros_visualise.landmarks.calibration.finding import FEWEST, Points
+from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, to_info
+from ros_visualise.landmarks.calibration.uncertainty import Uncertainty, uncertainty_of
+from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.vision.rectification import model_of
+from ros_visualise.vision.reshape import Size
+
+FEWEST_VIEWS = 3
+APART = 0.005
+"""Halves whose focal lengths differ by more, as a share of them, are not to be trusted."""
+_OUTLYING = 3.0  # times the median of all views
+_OUTLYING_PX = 0.3  # a view that fits so well is never one
+_MOST_OUTLYING = 0.2  # of the views
+_STRAY_PX = 0.3
+_STRAY = 6.0  # times the rms: the point was taken for another one
+
+
+@dataclass(frozen=True, eq=False)
+class Halves:
+    """The views in two halves, calibrated apart.
+
+    Attributes:
+        focal_lengths: of the one and the other, the mean of fx and fy, pixels.
+        rms: held-out: of each half's points by the camera of the other one, whose boards alone
+            move, pixels.
+    """
+
+    focal_lengths: tuple[float, float]
+    rms: float
+
+    @property
+    def difference(self) -> float:
+        """Of the focal lengths, as a share of them."""
+        one, other = self.focal_lengths
+        return abs(one - other) / ((one + other) / 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """A calibrated camera.
+
+    Attributes:
+        model: of its lens.
+        size: width and height of its images.
+        fit: the camera's numbers and how well they fit.
+        views: that it is made of.
+        outliers: views that were left out, and their rms, pixels.
+        stray: points that were left out.
+        halves: None where the views are too few for it.
+        uncertainty: of the projection.
+    """
+
+    model: LensModel
+    size: Size
+    fit: Fit
+    views: tuple[View, ...]
+    outliers: tuple[tuple[View, float], ...]
+    stray: int
+    halves: Halves | None
+    uncertainty: Uncertainty
+
+    @property
+    def info(self) -> CameraInfo:
+        """For ROS; P shows valid pixels alone, as cameracalibrator lays it out."""
+        info = to_info(self.fit.numbers, self.model, self.size)
+        return replace(info, P=model_of(info, 0.0).P)
+
+    @property
+    def deviations(self) -> Floats:
+        """(n,) standard deviations of the camera's numbers."""
+        assert self.fit.covariance is not None
+        deviations: Floats = np.sqrt(np.diag(self.fit.covariance))
+        return deviations
+
+
+def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
+    """The camera that took the views, all of one size.
+
+    Views and points that fit far worse than the others are left out.
+
+    Raises:
+        UsageError: there are too few views.
+    """
+    if len(views) < FEWEST_VIEWS:
+        raise UsageError(
+            f"the board was found in {len(views)} different views, and it takes at least"
+            f" {FEWEST_VIEWS}, better 15: show it tilted, near, and in all corners"
+        )
+    model = MODELS[lens]
+    kept, outliers = list(views), []
+    fit = adjust(kept, model, begin(kept, model))
+    for number in _outlying(fit):
+        outliers.append((kept[number], fit.view_rms[number]))
+    if outliers:
+        gone = [view for view, _ in outliers]
+        kept = [view for view in kept if view not in gone]
+        fit = adjust(kept, model, fit.numbers)
+    kept, stray = _without_stray(kept, fit)
+    if stray:
+        fit = adjust(kept, model, fit.numbers)
+    size = views[0].size
+    return Calibration(
+        model=model,
+        size=size,
+        fit=fit,
+        views=tuple(kept),
+        outliers=tuple(outliers),
+        stray=stray,
+        halves=compare_halves(kept, model),
+        uncertainty=uncertainty_of(fit, model, size),
+    )
+
+
+def compare_halves(views: Sequence[View], model: LensModel) -> Halves | None:
+    """Calibrate every other view, and the others, apart; None of too few views."""
+    halves = views[::2], views[1::2]
+    if len(halves[1]) < FEWEST_VIEWS:
+        return None
+    fits = [adjust(half, model, begin(half, model)) for half in halves]
+    held = [
+        adjust(half, model, fit.numbers, held=True)
+        for half, fit in zip(halves, reversed(fits), strict=True)
+    ]
+    one, other = (float(fit.numbers[:2].mean()) for fit in fits)
+    return Halves((one, other), rms_of(np.vstack([r for fit in held for r in fit.residuals])))
+
+
+def better_lens(calibration: Calibration) -> Lens | None:
+    """The simplest other lens that predicts held-out views clearly better, or as well.
+
+    None where the chosen one is the right one.
+    """
+    if calibration.halves is None:
+        return None
+    chosen = calibration.model.lens
+    rms = {chosen: calibration.halves.rms}
+    for lens, model in MODELS.items():
+        if lens is not chosen:
+            halves = compare_halves(calibration.views, model)
+            rms[lens] = np.inf if halves is None else halves.rms
+    best = min(rms.values())
+    wanted = next(lens for lens in Lens if rms[lens] <= best * 1.03)
+    is_simpler = [*Lens].index(wanted) < [*Lens].index(chosen) and chosen is Lens.RATIONAL
+    is_better = rms[wanted] < rms[chosen] * 0.95
+    return wanted if wanted is not chosen and (is_simpler or is_better) else None
+
+
+def _outlying(fit: Fit) -> list[int]:
+    """Views that fit far worse than most, the worst first; a share of them at most."""
+    # medians, so that one stray point does not cost its whole view
+    error = np.array([np.median(np.linalg.norm(one, axis=1)) for one in fit.residuals])
+    limit = max(_OUTLYING * float(np.median(error)), _OUTLYING_PX)
+    worst = np.argsort(-error)[: int(len(error) * _MOST_OUTLYING)]
+    return [int(number) for number in worst if error[number] > limit]
+
+
+def _without_stray(views: list[View], fit: Fit) -> tuple[list[View], int]:
+    """The views without points that lie far from where they should, and how many these are."""
+    limit = max(_STRAY * fit.rms, _STRAY_PX)
+    kept, stray = [], 0
+    for view, residual in zip(views, fit.residuals, strict=True):
+        is_near = np.linalg.norm(residual, axis=1) < limit
+        if is_near.sum() >= FEWEST and not is_near.all():
+            stray += int((~is_near).sum())
+            points = Points(view.points.numbers[is_near], view.points.uv[is_near])
+            view = replace(view, points=points)
+        kept.append(view)
+    return kept, stray

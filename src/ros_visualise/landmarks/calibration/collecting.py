@@ -1,0 +1,93 @@
+"""Pictures come in, views of the board that differ are kept."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from ros_visualise.data import Image, Pixels
+from ros_visualise.landmarks.calibration.boards import Board
+from ros_visualise.landmarks.calibration.finder import Finder
+from ros_visualise.landmarks.calibration.views import Coverage, Gallery, View, cover
+from ros_visualise.vision.color import demosaic, is_bayer, order_of, refuse_measurements, to_gray
+from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.reshape import Size
+
+
+class Collector:
+    """Looks for a board in images of one camera.
+
+    Args:
+        board: what a person said of it.
+        most: views that are kept.
+    """
+
+    def __init__(self, board: Board, most: int = 60) -> None:
+        self.finder = Finder(board)
+        self._gallery = Gallery(most)
+        self._sizes: Counter[Size] = Counter()
+        self.seen = 0
+        """Images that were looked at."""
+        self.found = 0
+        """Images with a board."""
+        self.missed: list[str] = []
+        """Names of images without one."""
+
+    def add(self, image: Image, name: str, thorough: bool = True) -> View | None:
+        """The board in an image, whether or not the view is kept.
+
+        Args:
+            image: in gray or colours.
+            name: of the image.
+            thorough: as of `find_board`.
+
+        Raises:
+            UnsupportedImage: its pixels are measurements.
+        """
+        self.seen += 1
+        view = self.finder.look(to_gray_8(image), name, thorough)
+        if view is None:
+            self.missed.append(name)
+            return None
+        self.found += 1
+        self._sizes[view.size] += 1
+        self._gallery.offer(view)
+        return view
+
+    @property
+    def size(self) -> Size | None:
+        """Width and height of most images; None before one showed a board."""
+        return self._sizes.most_common(1)[0][0] if self._sizes else None
+
+    @property
+    def views(self) -> list[View]:
+        """Those that are kept, of the reading of the board and the size that most are of."""
+        chosen = (self.finder.board, self.size)
+        return [view for view in self._gallery.views if (view.board, view.size) == chosen]
+
+    @property
+    def alike(self) -> int:
+        """Views that were left out, as others are like them."""
+        return self._gallery.alike
+
+    @property
+    def other_sizes(self) -> int:
+        """Images with a board that are of another size than most."""
+        return self.found - (self._sizes[self.size] if self.size else 0)
+
+    @property
+    def coverage(self) -> Coverage:
+        """What the views cover."""
+        return cover(self.views, self.size or (1, 1))
+
+
+def to_gray_8(image: Image) -> Pixels:
+    """An image in gray of 8 bits, whatever it was.
+
+    Raises:
+        UnsupportedImage: its pixels are measurements.
+    """
+    refuse_measurements(image.encoding)
+    pixels = to_8_bit(image.pixels)
+    if is_bayer(image.encoding):
+        return to_gray(demosaic(pixels, image.encoding), "BGR")
+    return to_gray(pixels, order_of(image.encoding))

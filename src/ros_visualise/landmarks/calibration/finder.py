@@ -1,0 +1,72 @@
+"""Finding a board of which a person may have told the counts in another way."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from ros_visualise.data import Pixels
+from ros_visualise.landmarks.calibration.boards import Board, Kind, readings
+from ros_visualise.landmarks.calibration.finding import Markers, find_board, find_markers
+from ros_visualise.landmarks.calibration.views import View
+
+_SURE = 3
+
+
+class Finder:
+    """Finds a board in pictures, and which reading of it fits.
+
+    Each reading is tried until one was found three times; from then on that one alone is looked
+    for.
+
+    Args:
+        board: what a person said.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self.said = board
+        self._readings = readings(board)
+        self._found: Counter[Board] = Counter()
+
+    @property
+    def board(self) -> Board | None:
+        """The reading that was found most often; None before one was found."""
+        return self._found.most_common(1)[0][0] if self._found else None
+
+    @property
+    def tried(self) -> str:
+        """What was looked for, for people."""
+        first, *others = dict.fromkeys(one.counts for one in self._readings)
+        return f"{self._readings[0].noun} of {first}" + (
+            f", nor one of {' or '.join(others)}" if others else ""
+        )
+
+    def look(self, gray: Pixels, name: str, thorough: bool = True) -> View | None:
+        """The board in a picture.
+
+        Args:
+            gray: (height, width) uint8.
+            name: of the picture.
+            thorough: as of `find_board`.
+        """
+        size = (gray.shape[1], gray.shape[0])
+        seen = []
+        markers: dict[int, Markers] = {}  # by the only thing in which readings differ for them
+        for board in self._candidates():
+            if board.kind is not Kind.CHESSBOARD and board.border not in markers:
+                markers[board.border] = find_markers(gray, board)
+            seen.append((board, find_board(gray, board, thorough, markers.get(board.border))))
+        views = [View(name, board, points, size) for board, points in seen if points is not None]
+        best = max(views, key=_how_well, default=None)
+        if best is not None:
+            self._found[best.board] += 1
+        return best
+
+    def _candidates(self) -> list[Board]:
+        board = self.board
+        is_sure = board is not None and self._found[board] >= _SURE
+        return [board] if board is not None and is_sure else list(self._readings)
+
+
+def _how_well(view: View) -> tuple[float, int]:
+    """Markers tell one reading from another; a small chessboard is found in a larger one too."""
+    return round(view.points.fitting, 2), len(view.points.numbers)

@@ -1,0 +1,170 @@
+"""A board on a sheet of paper, to scale, as SVG or PDF."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from io import BytesIO
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from PIL import Image as Pictures
+
+from ros_visualise.errors import UsageError
+from ros_visualise.landmarks.calibration.boards import Board, Kind, dark_rectangles, outer_size
+
+PAGES = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
+"""Name -> width and height, mm."""
+_MARGIN_MM = 10.0  # printers leave that much white
+_FOOT_MM = 22.0  # for what is written below
+_LEAST_MM = 1.0
+_DPI = 600
+_MM_PER_INCH = 25.4
+_RULER_MM = 100
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A board on a page; all in millimetres.
+
+    ``left`` and ``top``: of the pattern; ``dark``: (x, y, width, height) on the page.
+    """
+
+    board: Board
+    width: float
+    height: float
+    left: float
+    top: float
+
+    @property
+    def dark(self) -> npt.NDArray[np.float64]:
+        """(N, 4): what is black."""
+        return dark_rectangles(self.board) * 1000 + [self.left, self.top, 0, 0]
+
+    @property
+    def caption(self) -> str:
+        """What the board is, and how to check that it was printed to scale."""
+        square = f"{self.board.square * 1000:g} mm"
+        sides = {
+            Kind.CHESSBOARD: f"squares of {square}",
+            Kind.CHARUCO: f"squares of {square}, markers {self.board.dictionary} of"
+            f" {self.board.square * self.board.share * 1000:g} mm",
+            Kind.APRILGRID: f"tags of {square}, {self.board.square * self.board.share * 1000:g} mm"
+            " between them",
+        }
+        return f"{self.board.noun} of {self.board.counts}, {sides[self.board.kind]}"
+
+
+def lay_out(board: Board, page: str, square: float | None) -> Sheet:
+    """A board in the middle of a page, upright or across, as it fits better.
+
+    Args:
+        board: what is printed.
+        page: one of `PAGES`, or WIDTHxHEIGHT in millimetres.
+        square: side of a square or tag, metres; None: whole millimetres, as large as it goes.
+
+    Raises:
+        UsageError: no such page, or the board does not fit on it.
+    """
+    size = _page_size(page)
+    unit = np.array(outer_size(replace(board, square=1.0)))
+    upright = np.array([min(size), max(size)]) - 2 * _MARGIN_MM
+    rooms = [upright - [0, _FOOT_MM], upright[::-1] - [0, _FOOT_MM]]
+    across = bool(min(rooms[1] / unit) > min(rooms[0] / unit))
+    most = float(min(rooms[across] / unit))
+    side = math.floor(most) if square is None else square * 1000
+    if not _LEAST_MM <= side <= most:
+        raise UsageError(
+            f"a board of {board.counts} with a side of {max(side, _LEAST_MM):g} mm does not fit on"
+            f" {page}; at most {math.floor(most * 10) / 10:g} mm do: --square"
+            f" {math.floor(most * 10) / 10000:g}, or give a larger --page"
+        )
+    board = replace(board, square=side / 1000)
+    width, height = (max(size), min(size)) if across else (min(size), max(size))
+    wide, tall = unit * side
+    top = _MARGIN_MM + (height - 2 * _MARGIN_MM - _FOOT_MM - tall) / 2
+    return Sheet(board, width, height, (width - wide) / 2, top)
+
+
+def to_svg(sheet: Sheet) -> bytes:
+    """As an SVG file, of which a unit is a millimetre."""
+    path = "".join(f"M{x:.4f} {y:.4f}h{w:.4f}v{h:.4f}h{-w:.4f}z" for x, y, w, h in sheet.dark)
+    marks = "".join(f"M{x:.2f} {y:.2f}v{-h:.2f}" for x, y, h in _ruler(sheet))
+    size = f'width="{sheet.width:g}mm" height="{sheet.height:g}mm"'
+    box = f'viewBox="0 0 {sheet.width:g} {sheet.height:g}"'
+    texts = "".join(
+        f'<text x="{x:.2f}" y="{y:.2f}" font-size="3.5" font-family="sans-serif">{text}</text>'
+        for x, y, text in _texts(sheet)
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} {box}>'
+        f'<rect width="100%" height="100%" fill="white"/><path d="{path}"/>'
+        f'<path d="{marks}" stroke="black" stroke-width="0.2"/>{texts}</svg>\n'
+    ).encode()
+
+
+def to_pdf(sheet: Sheet) -> bytes:
+    """As a PDF file of one picture, whose pixels are 1/600 inch: edges lie within 0.02 mm."""
+    file = BytesIO()
+    picture = Pictures.fromarray(rasterise(sheet, _DPI)).convert("1")
+    picture.save(file, "PDF", resolution=_DPI)
+    return file.getvalue()
+
+
+SHEET_FORMATS: dict[str, Callable[[Sheet], bytes]] = {".pdf": to_pdf, ".svg": to_svg}
+"""A file's suffix -> what makes it."""
+
+
+def rasterise(sheet: Sheet, dpi: float) -> npt.NDArray[np.uint8]:
+    """The page in gray, (height, width)."""
+    scale = dpi / _MM_PER_INCH
+    page = np.full((round(sheet.height * scale), round(sheet.width * scale)), 255, np.uint8)
+    for x, y, w, h in sheet.dark:
+        left, top, right, bottom = np.rint(np.array([x, y, x + w, y + h]) * scale).astype(int)
+        page[top:bottom, left:right] = 0
+    for x, y, h in _ruler(sheet):
+        low, high = ((round(x * scale), round(at * scale)) for at in (y, y - h))
+        cv2.line(page, low, high, 0, max(1, round(0.2 * scale)))
+    for x, y, text in _texts(sheet):
+        place = round(x * scale), round(y * scale)
+        size = 3.5 * scale / 30
+        cv2.putText(page, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, 0, max(1, round(size * 1.5)))
+    return page
+
+
+def _page_size(page: str) -> tuple[float, float]:
+    known = {name.lower(): size for name, size in PAGES.items()}
+    if page.lower() in known:
+        return known[page.lower()]
+    width, _, height = page.lower().partition("x")
+    try:
+        size = float(width), float(height)
+    except ValueError:
+        size = (0.0, 0.0)
+    if not all(50 <= side <= 2000 for side in size):
+        raise UsageError(
+            f"--page {page}: give {', '.join(PAGES)} or WIDTHxHEIGHT in mm, from 50 to 2000"
+        )
+    return size
+
+
+def _ruler(sheet: Sheet) -> list[tuple[float, float, float]]:
+    """(x, lower end, length) of the marks of a ruler, one for each centimetre."""
+    left, bottom = _MARGIN_MM, sheet.height - _MARGIN_MM
+    length = min(_RULER_MM, int(sheet.width - 2 * _MARGIN_MM) // 10 * 10)
+    return [(left + at, bottom, 5.0 if at % 50 == 0 else 3.0) for at in range(0, length + 1, 10)]
+
+
+def _texts(sheet: Sheet) -> list[tuple[float, float, str]]:
+    bottom = sheet.height - _MARGIN_MM
+    length = (len(_ruler(sheet)) - 1) * 10
+    return [
+        (_MARGIN_MM, bottom - 13, sheet.caption),
+        (
+            _MARGIN_MM,
+            bottom - 7.5,
+            f"Print at 100%: these marks are 10 mm apart, {length} mm in all.",
+        ),
+    ]

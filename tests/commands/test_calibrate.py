@@ -1,0 +1,100 @@
+"""`ros-visualise calibrate`: real pictures, what it writes, and what it says."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from made_videos import write_video
+
+from ros_visualise.cli import main
+from ros_visualise.sources.calibration import read_calibration
+
+
+@pytest.fixture
+def run(monkeypatch, capsys):
+    """Run the command; its exit status, output and what it said of errors."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+
+    def run(*arguments):
+        status = main(["calibrate", *map(str, arguments)])
+        said = capsys.readouterr()
+        return status, said.out, said.err
+
+    return run
+
+
+def test_opencvs_pictures(recordings, run, tmp_path):
+    """Published: fx = fy = 535.92; halves calibrated apart give 532 to 533."""
+    out, plot = tmp_path / "left.yaml", tmp_path / "left.svg"
+    pictures = sorted((recordings / "calib" / "opencv").glob("left*.jpg"))
+    status, said, _ = run(*pictures, "--json", "--output", out, "--plot", plot)
+    report = json.loads(said)
+    assert (status, report["found"], report["outliers"]) == (0, 13, [])
+    assert report["rms"] < 0.19
+    assert report["halves"]["difference"] < 0.003
+    assert report["K"][0] == pytest.approx(532.8, abs=1)
+    assert report["deviations"]["fx"] == pytest.approx(0.4, abs=0.1)
+    assert report["coverage"]["skew"] == 1
+    info = read_calibration(str(out))
+    assert (info.width, info.height, info.distortion_model) == (640, 480, "plumb_bob")
+    assert info.K.ravel().tolist() == report["K"]
+    assert plot.read_bytes().startswith(b"<svg")
+
+
+def test_a_folder_told_by_its_squares(recordings, run):
+    status, said, _ = run(recordings / "tags" / "swatbotics" / "calibration", "--size", "8x6")
+    assert status == 0
+    assert "chessboard of 7x5 inner corners (not of 8x6 inner corners), in 17 of 17" in said
+    assert "rms:                0.17" in said
+    assert "next:               hold the board nearer to the" in said
+
+
+def test_a_video(recordings, run, tmp_path):
+    frames = [
+        cv2.imread(str(path))
+        for path in sorted((recordings / "calib" / "opencv").glob("left*.jpg"))
+        for _ in range(2)
+    ]
+    write_video(tmp_path / "board.mp4", frames)
+    status, said, _ = run(tmp_path / "board.mp4", "--json")
+    report = json.loads(said)
+    assert status == 0
+    assert len(report["views"]) <= 13 <= report["images"]
+    assert report["alike"] >= 10  # each picture comes twice
+    assert report["K"][0] == pytest.approx(533, rel=0.01)
+
+
+def test_without_a_board_it_says_what_was_tried(run, tmp_path):
+    cv2.imwrite(str(tmp_path / "gray.png"), np.full((48, 64), 128, np.uint8))
+    status, said, errors = run(tmp_path, "--size", "9x6")
+    assert (status, said, errors.count("\n")) == (2, "", 1)
+    assert "no chessboard of 9x6 inner corners, nor one of 8x5" in errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "nothing to do"),
+        (["nix.jpg"], "no such file"),
+        (["nix.jpg", "--size", "9"], "give COLUMNSxROWS"),
+        (["--board", "board.doc"], "ends in .pdf or .svg"),
+        (["--board", "board.pdf", "--page", "B9"], "--page B9: give A4"),
+        (["--board", "b.pdf", "--pattern", "charuco", "--dictionary", "X"], "OpenCV has none"),
+        (["--board", "b.pdf", "--pattern", "charuco", "--dictionary", "4X4_50", "--size", "30x30"],
+         "too few markers"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_done_is_one_line(run, arguments, words):
+    status, _, errors = run(*arguments)
+    assert (status, errors.count("\n")) == (2, 1)
+    assert words in errors
+
+
+def test_the_board_is_written_once(run, tmp_path):
+    out = tmp_path / "board.svg"
+    status, _, said = run("--board", out, "--pattern", "aprilgrid", "--size", "6x6")
+    assert (status, out.read_bytes()[:4]) == (0, b"<svg")
+    assert "AprilGrid of 6x6 tags, tags of 23 mm, 6.9 mm between them" in said
+    assert run("--board", out)[0] == 2
+    assert run("--board", out, "--overwrite")[0] == 0
