@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
+from typing import TypeVar
 
 from tqdm import tqdm
 
 from ros_visualise.commands.calibration_report import draw, summary, to_json
-from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.landmarks.calibration.boards import Board, Kind, board_of
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
@@ -28,13 +28,11 @@ from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
 from ros_visualise.sources.calibration_store import to_yaml
 from ros_visualise.sources.camera import Camera
-from ros_visualise.sources.pictures import (
-    find_pictures,
-    image_topic,
-    is_live,
-    read_picture,
-    recorded_images,
-)
+from ros_visualise.sources.live import is_live
+from ros_visualise.sources.pictures import Pictures, is_pictures, read_picture
+from ros_visualise.sources.recordings.images import image_topic, recorded_images
+
+T = TypeVar("T")
 
 _MOST_LOOKED_AT = 400  # images of a video or recording
 _ENOUGH_VIEWS = 25  # of a camera, where they cover all
@@ -70,8 +68,7 @@ def _calibrate(args: Namespace, board: Board) -> int:
     """Collect views, calibrate, write and report; the exit status."""
     collector = Collector(board)
     with noticed() as wish:
-        for source in args.input:
-            _collect(source, args, collector, wish)
+        losses = [loss for one in args.input for loss in _collect(one, args, collector, wish)]
     if wish.asked and not any(map(is_live, args.input)):
         return STOPPED
     if not collector.found:
@@ -92,39 +89,45 @@ def _calibrate(args: Namespace, board: Board) -> int:
         answer([json.dumps(to_json(found, collector, better))])
     else:
         answer(summary(found, collector, better))
-    return 0
+    for loss in losses:
+        say(f"ros-visualise: {loss}")
+    return 1 if losses else 0
 
 
-def _collect(source: str, args: Namespace, collector: Collector, wish: Wish) -> None:
-    """All images of a source, until somebody asks for the end."""
+def _collect(source: str, args: Namespace, collector: Collector, wish: Wish) -> list[str]:
+    """Look at all images of a source, until somebody asks for the end; what was lost."""
     if is_live(source):
         _follow(source, args, collector, wish)
-        return
-    paths = find_pictures(source)
-    with (
-        _images(source, paths, args.topic) as images,
-        tqdm(images, unit=" images", disable=None, leave=False) as bar,
-    ):
-        for name, image in bar:
-            collector.add(image, name, thorough=bool(paths))
-            if wish.asked:
-                return
-
-
-@contextmanager
-def _images(
-    source: str, paths: list[Path], topic: str | None
-) -> Iterator[Iterator[tuple[str, Image]]]:
-    """(Name, image) of pictures, a video or a recording."""
-    if paths:
-        yield ((path.name, read_picture(path)) for path in paths)
-        return
+        return []
+    if is_pictures(source):
+        return _look_at_pictures(Pictures(source, 1.0).files, collector, wish)
     with closing(open_source(source)) as recording:
-        images = recorded_images(recording, image_topic(recording, topic), _MOST_LOOKED_AT)
-        start_ns = recording.start_ns
-        yield ((f"{(stamp_ns - start_ns) / 1e9:.2f} s", image) for stamp_ns, image in images)
-        for note in recording.loss.notes:
-            say(f"ros-visualise: {source}: {note}")
+        images = recorded_images(recording, image_topic(recording, args.topic), _MOST_LOOKED_AT)
+        for stamp_ns, image in _bar(images):
+            name = f"{(stamp_ns - recording.start_ns) / 1e9:.2f} s"
+            collector.add(image, name, thorough=False)
+            if wish.asked:
+                break
+        return [f"{source}: {note}" for note in recording.loss.notes]
+
+
+def _look_at_pictures(paths: Sequence[Path], collector: Collector, wish: Wish) -> list[str]:
+    lost = []
+    for path in _bar(paths):
+        try:
+            collector.add(read_picture(path), path.name)
+        except OpenError as error:
+            if len(paths) == 1:
+                raise
+            lost.append(str(error))
+        if wish.asked:
+            break
+    return lost
+
+
+def _bar(images: Iterable[T]) -> Iterable[T]:
+    bar: Iterable[T] = tqdm(images, unit=" images", disable=None, leave=False)
+    return bar
 
 
 def _follow(source: str, args: Namespace, collector: Collector, wish: Wish) -> None:

@@ -6,6 +6,7 @@ import os
 import re
 from dataclasses import dataclass, field
 from glob import glob
+from pathlib import Path
 
 import av
 from av.container import InputContainer
@@ -40,6 +41,13 @@ class Address:
     """It gives frames as fast as they are read."""
     is_device: bool = False
     """Its times are those of the wall clock, and a read of it waits without end."""
+
+
+def is_live(source: str) -> bool:
+    """Whether it names a camera: a device, its number, a URL, ``test`` or ``lavfi:GRAPH``."""
+    if Path(source).exists():
+        return Path(source).is_char_device()
+    return source == "test" or source.isdecimal() or "://" in source or source.startswith("lavfi:")
 
 
 def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address:

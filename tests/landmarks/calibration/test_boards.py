@@ -7,6 +7,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pyapriltags
 import pytest
 from board_pictures import Studio, poses_of
 
@@ -38,8 +39,8 @@ def pictures():
         if len(have) < count:
             random = np.random.default_rng(7)
             studio = Studio(board, CAMERA, MODEL, SIZE)
-            poses = poses_of(board, count, random, 1.1, spread=0.12)
-            have[:] = [(studio.take(pose, random), pose) for pose in poses]
+            poses = poses_of(board, 9, random, 1.1, spread=0.12)
+            have += [(studio.take(pose, random), pose) for pose in poses[len(have) : count]]
         return have[:count]
 
     return take
@@ -55,15 +56,15 @@ def test_points_are_found_to_a_fraction_of_a_pixel(pictures, board):
         if board is CHESSBOARD and np.abs(true - found.uv).max() > 5:
             true = true[::-1]  # it looks the same turned by half a turn
         errors = np.linalg.norm(true - found.uv, axis=1)
-        assert np.median(errors) < 0.06
+        assert np.median(errors) < 0.08
+        assert errors.max() < 1
 
 
 def test_the_camera_lies_within_its_own_deviations(pictures):
     """By pictures, not by points: the mean of 9 squared errors, each of variance 1."""
-    views = [
-        View("", APRILGRID, find_board(picture, APRILGRID), SIZE)
-        for picture, _ in pictures(APRILGRID, 9)
-    ]
+    seen = [find_board(picture, APRILGRID) for picture, _ in pictures(APRILGRID, 9)]
+    views = [View("", APRILGRID, points, SIZE) for points in seen if points is not None]
+    assert len(views) >= 7
     found = calibrate(views, Lens.PINHOLE)
     error = found.fit.numbers - CAMERA
     assert abs(error[0]) < 1
@@ -155,10 +156,11 @@ def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path):
         "    print(len(found.numbers), *found.uv.mean(axis=0))\n"
     )
     counts = [f"{board.columns}x{board.rows}" for board in boards]
-    source = str(Path(__file__).parents[3] / "src")
+    (tmp_path / "pyapriltags").symlink_to(Path(pyapriltags.__file__).parent)
+    paths = f"{Path(__file__).parents[3] / 'src'}:{tmp_path}"
     done = subprocess.run(
         [SYSTEM_PYTHON, "-c", code, tmp_path, *counts],
-        env={"PYTHONPATH": source},
+        env={"PYTHONPATH": paths},
         capture_output=True,
         text=True,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.calibration.boards import Board, Kind, readings
+from ros_visualise.landmarks.calibration.boards import Board, Kind, points_xy, readings
 from ros_visualise.landmarks.calibration.finding import Markers, find_board, find_markers
 from ros_visualise.landmarks.calibration.views import View
 
@@ -67,6 +67,12 @@ class Finder:
         return [board] if board is not None and is_sure else list(self._readings)
 
 
-def _how_well(view: View) -> tuple[float, int]:
-    """Markers tell one reading from another; a small chessboard is found in a larger one too."""
-    return round(view.points.fitting, 2), len(view.points.numbers)
+def _how_well(view: View) -> tuple[float, float, int]:
+    """Markers tell most; of a board with more rows than there are, less is found.
+
+    A small chessboard is found in a larger one too, so of these the most points tell.
+    """
+    count = len(view.points.numbers)
+    is_whole = view.board.kind is Kind.CHESSBOARD
+    share = 1.0 if is_whole else count / len(points_xy(view.board))
+    return round(view.points.fitting, 2), share, count

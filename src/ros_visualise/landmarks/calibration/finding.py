@@ -7,6 +7,8 @@ pictures that left less than findChessboardCornersSB: 0.18 and 0.17 px against 0
 
 from __future__ import annotations
 
+from functools import lru_cache
+from threading import Lock
 from typing import Any, NamedTuple
 
 import cv2
@@ -18,10 +20,11 @@ from ros_visualise.landmarks.calibration.boards import (
     Board,
     Ints,
     Kind,
-    dictionary_of,
     marker_corners,
     points_xy,
 )
+from ros_visualise.landmarks.tags.families import Family
+from ros_visualise.landmarks.tags.finder import TagFinder
 
 Bools = npt.NDArray[np.bool_]
 Markers = tuple[Ints, Floats]
@@ -35,7 +38,11 @@ _WINDOWS = (2, 20)
 _FITTING = 0.6  # of the markers seen have to lie where the board has them
 _ASTRAY = 0.35  # of a marker's side: it lies elsewhere
 _GAP_SHARE = 0.9  # of what is white around a marker, or black around its code
-_MOVED = (2.5, 0.08)  # pixels, and of a square: the corner that was refined is another one
+_MOVED = (1.5, 0.06)  # pixels, and of a square: the corner that was refined is another one
+_HAMMING, _MARGIN = 1, 10.0  # where a marker lies tells too whether it is one
+_NEAREST = 4  # markers that say where another one is
+_CONTRAST = 20  # levels between black and white
+_ONE_AT_A_TIME = Lock()
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 
 
@@ -82,18 +89,17 @@ def find_markers(gray: Pixels, board: Board) -> Markers:
         gray: (height, width) uint8.
         board: its dictionary and the black cells around a marker's code count.
     """
-    aruco: Any = cv2.aruco
-    is_new = hasattr(aruco, "ArucoDetector")  # from OpenCV 4.7 on
-    parameters = aruco.DetectorParameters() if is_new else aruco.DetectorParameters_create()
-    parameters.markerBorderBits = board.border
-    words = dictionary_of(board)
-    if is_new:
-        corners, numbers, _ = aruco.ArucoDetector(words, parameters).detectMarkers(gray)
-    else:
-        corners, numbers, _ = aruco.detectMarkers(gray, words, parameters=parameters)
-    if numbers is None:
-        return np.zeros(0, np.int64), np.zeros((0, 4, 2))
-    return numbers.ravel().astype(np.int64), np.array(corners, np.float64).reshape(-1, 4, 2)
+    with _ONE_AT_A_TIME:
+        tags = _finder_of(board.dictionary, board.border).find(gray)
+    numbers = np.array([tag.id for tag in tags], np.int64)
+    corners = [tag.corners_uv[::-1] for tag in tags]  # else anticlockwise from the lower left
+    return numbers, np.array(corners, np.float64).reshape(-1, 4, 2)
+
+
+@lru_cache(maxsize=4)
+def _finder_of(dictionary: str, border: int) -> TagFinder:
+    name = f"DICT_{dictionary}"
+    return TagFinder([Family(f"{name}, rim of {border}", _HAMMING, _MARGIN, name, rim=border)])
 
 
 def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | None:
@@ -109,7 +115,9 @@ def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | Non
     uv = (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) / scale - 0.5
     grid = uv.reshape(board.rows, board.columns, 2)
     sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
-    return Points(np.arange(len(uv)), _refined(gray, uv, float(min(sides)) * _WINDOW_SHARE))
+    uv = _refined(gray, uv, float(min(sides)) * _WINDOW_SHARE)
+    is_seen = np.isfinite(uv[:, 0])
+    return Points(np.flatnonzero(is_seen), uv[is_seen]) if is_seen.sum() >= FEWEST else None
 
 
 def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
@@ -128,17 +136,46 @@ def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
 
 
 def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
-    """An AprilGrid's points are its tags' corners."""
+    """An AprilGrid's points are its tags' corners, where black squares touch them.
+
+    Where these touch, the tags are seen as one, and many are not recognized. So all are looked for
+    where the nearest that were recognized say.
+    """
+    places = marker_corners(board)
+    middles = places.mean(axis=1)
     black = min(board.share, board.border / (6 + 2 * board.border))
-    sides = np.linalg.norm(np.diff(corners, axis=1), axis=2).min(axis=1)
-    uv = np.vstack(
-        [
-            _refined(gray, quad, float(side) * black * _GAP_SHARE)
-            for quad, side in zip(corners, sides, strict=True)
-        ]
-    )
-    is_kept = _in_place(uv, corners.reshape(-1, 2), np.repeat(sides, 4))
-    return Points((numbers[:, None] * 4 + np.arange(4)).ravel()[is_kept], uv[is_kept])
+    found: dict[int, Floats] = {}
+    for tag, own in enumerate(places):
+        near = np.argsort(np.linalg.norm(middles[numbers] - middles[tag], axis=1))[:_NEAREST]
+        source, seen = places[numbers[near]].reshape(-1, 2), corners[near].reshape(-1, 2)
+        H, _ = cv2.findHomography(source, seen)
+        if H is None:
+            continue
+        start = _seen(own, H)
+        side = float(np.linalg.norm(np.diff(start, axis=0), axis=1).min())
+        uv = _refined(gray, start, side * black * _GAP_SHARE)
+        kept = _in_place(uv, start, np.full(4, side)) & _is_crossing(gray, own, H, black / 2)
+        found |= {4 * tag + int(corner): uv[corner] for corner in np.flatnonzero(kept)}
+    return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
+
+
+def _is_crossing(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
+    """At which corners (4,) of a square black meets black across white, all around it.
+
+    Args:
+        square: (4, 2) on the board.
+        H: homography from the board to pixels.
+        share: how far from the corner to look, of the square's side.
+    """
+    step = float(square[1, 0] - square[0, 0]) * share
+    around = square[:, None] + step * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    seen = np.rint(_seen(around.reshape(-1, 2), H)).astype(int)
+    u, v = (np.clip(seen[:, axis], 0, gray.shape[1 - axis] - 1) for axis in (0, 1))
+    level = gray[v, u].reshape(4, 4).astype(int)
+    inside = np.arange(4)
+    dark = [level[inside, (inside + turn) % 4] for turn in (0, 2)]
+    light = [level[inside, (inside + turn) % 4] for turn in (1, 3)]
+    return np.asarray(np.minimum(*light) - np.maximum(*dark) > _CONTRAST)
 
 
 def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
@@ -156,7 +193,7 @@ def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats)
         if H is None:
             continue
         around = xy + board.square * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-        start, *others = cv2.perspectiveTransform(around[:, None], H)[:, 0]
+        start, *others = _seen(around, H)
         side = np.linalg.norm(np.array(others) - start, axis=1).min()
         uv = _refined(gray, start[None], float(side) * gap)
         if _in_place(uv, start[None], np.array([side]))[0]:
@@ -164,15 +201,25 @@ def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats)
     return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
 
 
+def _seen(places: Floats, H: Any) -> Floats:
+    """Places (N, 2) on the board by a homography, pixels."""
+    return np.asarray(cv2.perspectiveTransform(places[:, None], H), np.float64)[:, 0]
+
+
 def _refined(gray: Pixels, uv: Floats, half: float) -> Floats:
-    """Corners (N, 2) moved to where black and white meet, within ``half`` a window, pixels."""
+    """Corners (N, 2) moved to where black and white meet; NaN too near to the image's border.
+
+    Args:
+        half: half a window, pixels.
+    """
     window = int(np.clip(half, *_WINDOWS))
-    start = np.ascontiguousarray(uv, np.float32).reshape(-1, 1, 2)
-    inside = (uv >= 0).all() and (uv < gray.shape[::-1]).all()
-    if not inside:
-        return np.full(uv.shape, np.nan)
-    found = cv2.cornerSubPix(gray, start, (window, window), (-1, -1), _STOP)
-    return np.asarray(found, np.float64).reshape(-1, 2)
+    found = np.full(uv.shape, np.nan)
+    size = gray.shape[::-1]
+    is_inside = ((uv > window) & (uv < np.subtract(size, 1 + window))).all(axis=1)
+    if is_inside.any():
+        start = uv[is_inside].astype(np.float32).reshape(-1, 1, 2)
+        found[is_inside] = cv2.cornerSubPix(gray, start, (window,) * 2, (-1, -1), _STOP)[:, 0]
+    return found
 
 
 def _in_place(uv: Floats, start: Floats, sides: Floats) -> Bools:

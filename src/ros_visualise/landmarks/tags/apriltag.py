@@ -40,7 +40,8 @@ class AprilTag3(Detector):
     def _made(self, one: Family) -> Any:
         """The library's struct of a family: its own ones are destroyed with the detector."""
         if one.dictionary:
-            self._codes.append(_CodedFamily.of_cells(one.name, dictionary_cells(one.dictionary)))
+            cells = dictionary_cells(one.dictionary)
+            self._codes.append(_CodedFamily.of_cells(one.name, cells, one.rim))
             return ctypes.byref(self._codes[-1])
         made = getattr(self.libc, f"{one.name}_create")()
         self.tag_families[one.name] = made
@@ -65,8 +66,8 @@ class _CodedFamily(ctypes.Structure):
     )
 
     @classmethod
-    def of_cells(cls, name: str, cells: Cells) -> _CodedFamily:
-        """A family of tags (ids, N, N) with a black rim of one cell."""
+    def of_cells(cls, name: str, cells: Cells, rim: int) -> _CodedFamily:
+        """A family of tags (ids, N, N) with a black rim of so many cells."""
         count, side = cells.shape[:2]
         x, y = _order(side)
         weights = np.uint64(1) << np.arange(side * side, dtype=np.uint64)[::-1]
@@ -74,12 +75,12 @@ class _CodedFamily(ctypes.Structure):
         return cls(
             count,
             (ctypes.c_uint64 * count)(*codes.tolist()),
-            side + 2,
-            side + 4,
+            side + 2 * rim,
+            side + 2 * rim + 2,
             False,
             side * side,
-            (ctypes.c_int32 * len(x))(*(x + 1).tolist()),
-            (ctypes.c_int32 * len(y))(*(y + 1).tolist()),
+            (ctypes.c_int32 * len(x))(*(x + rim).tolist()),
+            (ctypes.c_int32 * len(y))(*(y + rim).tolist()),
             0,
             name.encode(),
             None,

@@ -21,7 +21,8 @@ class Family:
 
     A square is a tag where at most ``max_hamming`` of its cells are wrong, and the others differ
     from the gray between black and white by ``min_margin`` levels or more. ``dictionary`` is
-    OpenCV's name of an ArUco dictionary; ``unsafe_ids`` are those that any stripe looks like.
+    OpenCV's name of an ArUco dictionary; ``unsafe_ids`` are those that any stripe looks like;
+    ``rim`` counts the black cells around a code of a dictionary.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Family:
     min_margin: float
     dictionary: str = ""
     unsafe_ids: tuple[int, ...] = ()
+    rim: int = 1
 
 
 _APRILTAG = {

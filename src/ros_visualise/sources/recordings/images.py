@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 
 from ros_visualise.data import ENCODINGS, Image
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording
 
@@ -23,6 +23,49 @@ def first_image(recording: Recording, topics: Sequence[str]) -> str | None:
             if _is_picture(recording, topic):
                 return topic
     return next(iter(filled), None)
+
+
+def image_topic(recording: Recording, wanted: str | None) -> str:
+    """The topic of images that is asked for, else the first in gray or colours.
+
+    Raises:
+        UsageError: there is none; those that there are are listed.
+    """
+    topics = [name for name, topic in recording.topics.items() if topic.type.data_class is Image]
+    if wanted in topics:
+        return str(wanted)
+    if wanted is not None:
+        there = ", ".join(topics) or "none with images"
+        raise UsageError(f"{recording.path}: no topic {wanted} of images; there is {there}")
+    found = first_image(recording, topics)
+    if found is None:
+        raise UsageError(f"{recording.path}: holds no images")
+    return found
+
+
+def recorded_images(
+    recording: Recording, topic: str, most: int | None = None
+) -> Iterator[tuple[int, Image]]:
+    """(Stamp, image) of a topic; what cannot be decoded is left out.
+
+    Args:
+        recording: of any kind, also a video.
+        topic: of images.
+        most: about so many at most, evenly spread over time.
+    """
+    period_ns = (recording.end_ns - recording.start_ns) // most if most else 0
+    next_ns = recording.start_ns
+    with closing(recording.read(topics=[topic])) as entries:
+        for entry in entries:
+            if entry.stamp_ns < next_ns:
+                continue
+            next_ns = max(next_ns, entry.stamp_ns - period_ns) + period_ns
+            try:
+                image = content(entry.message)
+            except DamagedMessage:
+                continue
+            if isinstance(image, Image):
+                yield entry.stamp_ns, image
 
 
 def _is_picture(recording: Recording, topic: str) -> bool:
