@@ -102,8 +102,11 @@ def test_package_is_imported_from_its_space(built, space, home):
 def test_whole_package_is_installed(built):
     [installed] = (built.folder / "install" / "lib").glob("python3*/*/ros_visualise")
     source = PACKAGE / "src" / "ros_visualise"
-    there = {str(path.relative_to(installed)) for path in installed.rglob("*.py")}
-    assert there == {str(path.relative_to(source)) for path in source.rglob("*.py")}
+    files, expected = (
+        {str(path.relative_to(home)) for path in home.rglob("*.*") if path.suffix != ".pyc"}
+        for home in (installed, source)
+    )
+    assert files == expected
     share = built.folder / "install" / "share" / "ros_visualise"
     for folder in ("launch", "config"):
         expected = {str(path.relative_to(PACKAGE)) for path in (PACKAGE / folder).rglob("*.*")}
