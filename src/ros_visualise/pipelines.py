@@ -46,6 +46,7 @@ _OUTPUTS = {
         "markers": "/landmark_markers",
         "tf_static": "/landmarks/tf_static",
     },
+    "tag_detector": {"detections": "/detections", "debug_image": "/debug_image"},
 }
 
 

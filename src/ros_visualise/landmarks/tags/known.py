@@ -1,0 +1,173 @@
+"""What is known of printed tags: their sizes, and bodies that bear several of them.
+
+The file is apriltag_ros's ``tags.yaml``; lengths are metres:
+
+    standalone_tags:
+      - {id: 3, size: 0.162}
+      - {id: 4, size: 0.05, name: dock}
+    tag_bundles:
+      - name: box
+        layout:
+          - {id: 10, size: 0.05, x: 0.0, y: 0.0, z: 0.0, qw: 1.0, qx: 0.0, qy: 0.0, qz: 0.0}
+          - {id: 11, size: 0.05, x: 0.1}
+
+A tag's pose in its bundle takes points of the tag's frame (x right, y up, z towards the viewer) to
+the bundle's. Ids hold in every family.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.errors import OpenError
+from ros_visualise.geometry import rotations
+from ros_visualise.yaml_files import BadYaml, load_yaml
+
+_SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+_POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """A body with several tags: id -> corners (4, 3) in its frame, ordered as those of a `Tag`."""
+
+    name: str
+    corners_xyz: Mapping[int, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class KnownTags:
+    """Tags by id: the sides of their squares in metres, their names, and bundles of them."""
+
+    sizes: Mapping[int, float] = field(default_factory=dict)
+    names: Mapping[int, str] = field(default_factory=dict)
+    bundles: tuple[Bundle, ...] = ()
+
+    @property
+    def every(self) -> Collection[int]:
+        """The ids whose size is known."""
+        return {*self.sizes, *(id for bundle in self.bundles for id in bundle.corners_xyz)}
+
+
+def read_known_tags(path: str | Path) -> KnownTags:
+    """The tags of a file.
+
+    Raises:
+        OpenError: it cannot be read, or something in it is wrong; the message says what and where.
+    """
+    try:
+        return _known(load_yaml(Path(path)))
+    except FileNotFoundError:
+        raise OpenError.missing(path, "give a YAML file of tags") from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; give a YAML file of tags") from None
+    except (BadYaml, _Wrong) as error:
+        raise OpenError(f"{path}: {error}") from None
+
+
+class _Wrong(ValueError):
+    """Something in the file is wrong; says where, and what would be right."""
+
+
+def _known(values: Any) -> KnownTags:
+    parts = _fields("the file", values, (), ("standalone_tags", "tag_bundles"))
+    sizes: dict[int, float] = {}
+    names: dict[int, str] = {}
+    for number, one in enumerate(_listed(parts, "standalone_tags"), 1):
+        where = f"standalone_tags, entry {number}"
+        tag = _fields(where, one, ("id", "size"), ("name",))
+        id = _id(where, tag, sizes)
+        sizes[id] = _size(where, tag)
+        if "name" in tag:
+            names[id] = _name(where, tag)
+    bundles = [
+        _bundle(f"tag_bundles, entry {number}", one, sizes)
+        for number, one in enumerate(_listed(parts, "tag_bundles"), 1)
+    ]
+    every = [*names.values(), *(one.name for one in bundles)]
+    for name in every:
+        if every.count(name) > 1:
+            raise _Wrong(f"the name {name!r} is there twice; give each its own")
+    return KnownTags(sizes, names, tuple(bundles))
+
+
+def _bundle(where: str, values: Any, sizes: Mapping[int, float]) -> Bundle:
+    bundle = _fields(where, values, ("name", "layout"), ())
+    corners: dict[int, Floats] = {}
+    for number, one in enumerate(_listed(bundle, "layout"), 1):
+        place = f"{where}, layout entry {number}"
+        tag = {**_POSE, **_fields(place, one, ("id", "size"), tuple(_POSE))}
+        id, size = _id(place, tag, corners), _size(place, tag)
+        if sizes.get(id, size) != size:
+            raise _Wrong(
+                f"{place}: size {size:g}, but standalone_tags say {sizes[id]:g} of tag {id}"
+            )
+        x, y, z, *quat_wxyz = (_number(place, tag, name) for name in _POSE)
+        length = math.hypot(*quat_wxyz)
+        if not 0.9 < length < 1.1:
+            raise _Wrong(f"{place}: qw, qx, qy, qz have length {length:g}; give a unit quaternion")
+        R = rotations.to_matrix(np.roll(quat_wxyz, -1) / length)
+        corners[id] = _SQUARE * size @ R.T + [x, y, z]
+    if not corners:
+        raise _Wrong(f"{where}: its layout has no tags")
+    return Bundle(_name(where, bundle), corners)
+
+
+def _fields(
+    where: str, values: Any, needed: Collection[str], allowed: Collection[str]
+) -> dict[str, Any]:
+    every = (*needed, *allowed)
+    if not isinstance(values, dict):
+        raise _Wrong(f"{where}: give keys and values, {', '.join(every)}")
+    for key in values:
+        if key not in every:
+            raise _Wrong(f"{where}: no key {key!r}; there is {', '.join(every)}")
+    for key in needed:
+        if key not in values:
+            raise _Wrong(f"{where}: has no {key}")
+    return values
+
+
+def _listed(values: Mapping[str, Any], name: str) -> list[Any]:
+    found = values.get(name)
+    if found is not None and not isinstance(found, list):
+        raise _Wrong(f"{name}: give a list")
+    return found or []
+
+
+def _id(where: str, tag: Mapping[str, Any], taken: Collection[int]) -> int:
+    id = tag["id"]
+    if isinstance(id, bool) or not isinstance(id, int) or id < 0:
+        raise _Wrong(f"{where}: id is {id!r}; give a whole number from 0 on")
+    if id in taken:
+        raise _Wrong(f"{where}: tag {id} is there twice")
+    return id
+
+
+def _size(where: str, tag: Mapping[str, Any]) -> float:
+    size = _number(where, tag, "size")
+    if size <= 0:
+        raise _Wrong(f"{where}: size is {size:g}; give the side of its square in metres")
+    return size
+
+
+def _number(where: str, tag: Mapping[str, Any], name: str) -> float:
+    number = tag[name]
+    is_number = isinstance(number, int | float) and not isinstance(number, bool)
+    if not is_number or not math.isfinite(number):
+        raise _Wrong(f"{where}: {name} is {number!r}; give a number")
+    return float(number)
+
+
+def _name(where: str, values: Mapping[str, Any]) -> str:
+    name = values["name"]
+    if not isinstance(name, str) or not name.strip():
+        raise _Wrong(f"{where}: name is {name!r}; give a word")
+    return name

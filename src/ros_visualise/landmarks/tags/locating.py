@@ -1,0 +1,112 @@
+"""From tags in an image to detections: what they are called, and where they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Detection, Hypothesis
+from ros_visualise.landmarks.pose import (
+    REAL_CAMERA_PX,
+    PoseEstimate,
+    corner_sigma,
+    rig_poses,
+    squares_poses,
+)
+from ros_visualise.landmarks.tags.finder import Tag
+from ros_visualise.landmarks.tags.known import Bundle, KnownTags
+
+
+def locate(
+    tags: Sequence[Tag],
+    known: KnownTags,
+    size_m: float,
+    info: CameraInfo | None,
+    floor_px: float = REAL_CAMERA_PX,
+) -> tuple[Detection, ...]:
+    """Detections of tags, then those of bundles, each with the poses that it may have.
+
+    Where two poses fit the corners, they are two hypotheses of one class, the likelier first.
+    Tags of a bundle that do not stand alone too are part of its detection. Without a calibration
+    there are no poses, and no bundles: each tag is there by itself.
+
+    Args:
+        tags: of one image.
+        known: their sizes, and bundles.
+        size_m: the side of all others; 0 where nobody knows, so that they have no poses.
+        info: the camera's calibration.
+        floor_px: see `corner_sigma`.
+    """
+    bundles = known.bundles if info else ()
+    members = {id for bundle in bundles for id in bundle.corners_xyz}
+    alone = [tag for tag in tags if tag.id not in members or tag.id in known.sizes]
+    sizes = [known.sizes.get(tag.id, size_m) for tag in alone]
+    poses = _poses(alone, sizes, info, floor_px)
+    found = [_of_tag(tag, known, one) for tag, one in zip(alone, poses, strict=True)]
+    if info:
+        found += [one for bundle in bundles for one in _of_bundle(tags, bundle, info, floor_px)]
+    return tuple(found)
+
+
+def _poses(
+    tags: Sequence[Tag], sizes: Sequence[float], info: CameraInfo | None, floor_px: float
+) -> list[tuple[PoseEstimate, ...]]:
+    found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
+    sized = [number for number, size in enumerate(sizes) if size > 0]
+    if info and sized:
+        corners = np.array([tags[number].corners_uv for number in sized])
+        sigmas = corner_sigma(corners, floor_px)
+        estimates = squares_poses(corners, [sizes[number] for number in sized], info, sigmas)
+        for number, one in zip(sized, estimates, strict=True):
+            found[number] = one
+    return found
+
+
+def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detection:
+    name = known.names.get(tag.id, tag.name)
+    hypotheses = _hypotheses(name, _score(tag), tag.id, poses)
+    found = Detection.of_corners(tag.corners_uv, hypotheses, str(tag.id))
+    return replace(found, point_uv=tag.center_uv)
+
+
+def _of_bundle(
+    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, floor_px: float
+) -> list[Detection]:
+    """One detection, of all of its tags that are seen; none where none is."""
+    seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
+    if not seen:
+        return []
+    corners = np.array([tag.corners_uv for tag in seen])
+    points = np.concatenate([bundle.corners_xyz[tag.id] for tag in seen])
+    sigmas = np.repeat(corner_sigma(corners, floor_px), 4)
+    poses = rig_poses(corners.reshape(-1, 2), points, info, sigmas)
+    score = max(map(_score, seen))
+    box = Detection.of_corners(
+        corners.reshape(-1, 2), _hypotheses(bundle.name, score, -1, poses), bundle.name
+    )
+    return [replace(box, corners_uv=np.zeros((0, 2)))]  # an outline it has not
+
+
+def _hypotheses(
+    name: str, score: float, number: int, poses: Sequence[PoseEstimate]
+) -> tuple[Hypothesis, ...]:
+    if not poses:
+        return (Hypothesis(name, score, number=number),)
+    return tuple(
+        Hypothesis(
+            name,
+            score * one.probability,
+            one.position_xyz,
+            one.quat_xyzw,
+            one.covariance,
+            number,
+        )
+        for one in poses
+    )
+
+
+def _score(tag: Tag) -> float:
+    """The fewer cells were wrong, the better; as of recorded tags."""
+    return 1 / (1 + tag.hamming)

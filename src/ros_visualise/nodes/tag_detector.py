@@ -1,0 +1,152 @@
+"""The node that finds tags, and tells where they are."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ros_visualise.data import Deferred, Detection, Detections, Image, Pixels
+from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
+from ros_visualise.landmarks.pose import REAL_CAMERA_PX
+from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
+from ros_visualise.landmarks.tags.drawing import draw_detections
+from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
+from ros_visualise.landmarks.tags.locating import locate
+from ros_visualise.landmarks.tags.search import Search
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import color
+from ros_visualise.vision.depth import to_8_bit
+from ros_visualise.vision.threads import fit_threads
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class TagParams:
+    """Parameters of `tag_detector`."""
+
+    families: str = param(
+        "tag36h11",
+        "families of tags to look for, such as tag36h11, tagStandard41h12, 5x5_1000",
+    )
+    size: float = param(
+        0.0,
+        "side of the black square in metres, of tags that the file does not know; 0: unknown, "
+        "without a pose",
+        min=0,
+        max=100,
+        slider=(0, 1),
+    )
+    tags: str = param(
+        "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
+    )
+    quad_decimate: float = param(
+        1.0,
+        "look for squares in an image so many times smaller: faster, blind to small tags",
+        min=1,
+        max=8,
+        slider=(1, 4),
+        group="search",
+    )
+    search_every: int = param(
+        1,
+        "look over the whole image every so many images, and in others only around the last tags; "
+        "1: always, 5: faster for video",
+        min=1,
+        max=100,
+        slider=(1, 30),
+        group="search",
+    )
+    refine: bool = param(
+        True, "fit the sides of squares to the image's gradient: better corners", group="search"
+    )
+    min_margin: float = param(
+        0.0,
+        "gray levels that cells differ at least from the middle between black and white; "
+        "a family may ask for more",
+        min=0,
+        max=127,
+        group="search",
+    )
+    corner_floor: float = param(
+        REAL_CAMERA_PX,
+        "least standard deviation of corners in pixels, for the covariance; 0 fits rendered images",
+        min=0,
+        max=10,
+        slider=(0, 2),
+        group="search",
+    )
+
+
+@node(
+    "tag_detector",
+    params=TagParams,
+    inputs={"image": Image},
+    outputs={"detections": Detections, "debug_image": Image},
+    on_demand=("debug_image",),
+    calibrated=True,
+)
+class TagDetector:
+    """Finds AprilTag and ArUco tags, with their poses where the camera is calibrated."""
+
+    def __init__(self, params: TagParams) -> None:
+        self._search = Search()
+        self._said: set[str] = set()
+        self._prepare(params)
+
+    def reset(self) -> None:
+        self._search.reset()
+
+    def step(self, image: Image, params: TagParams) -> dict[str, Image | Detections]:
+        if params is not self._params:
+            self._prepare(params)
+        color.refuse_measurements(image.encoding)
+        fit_threads(image.pixels)
+        pixels = _demosaiced(image)
+        order = color.order_of(image.encoding)
+        gray = to_8_bit(color.to_gray(pixels, order))
+        tags = self._search.find(self._finder, gray, params.search_every)
+        found = self._locate(tags, image, params)
+        shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
+        return {
+            "detections": Detections(found, image.header, image.camera_info),
+            "debug_image": replace(image, data=shown, encoding="bgr8"),
+        }
+
+    def _prepare(self, params: TagParams) -> None:
+        families = parse_families(params.families)
+        self._known = read_known_tags(params.tags) if params.tags else KnownTags()
+        self._finder = TagFinder(families, params.quad_decimate, params.refine, params.min_margin)
+        self._params = params
+        self._search.reset()
+
+    def _locate(
+        self, tags: tuple[Tag, ...], image: Image, params: TagParams
+    ) -> tuple[Detection, ...]:
+        """With poses, or once a word that tells why there are none."""
+        info = image.camera_info
+        if info and (info.width, info.height) != (image.width, image.height):
+            size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
+            self._say_once(f"no poses of images of {size} with a calibration for {of_info}")
+            info = None
+        if info and not params.size and any(tag.id not in self._known.every for tag in tags):
+            self._say_once("tags of unknown size have no poses: set size, or a file of tags")
+        try:
+            return locate(tags, self._known, params.size, info, params.corner_floor)
+        except (UncalibratedCamera, UnsupportedImage) as error:
+            self._say_once(f"no poses: {error}")
+            return locate(tags, self._known, params.size, None)
+
+    def _say_once(self, text: str) -> None:
+        if text not in self._said:
+            self._said.add(text)
+            log.warning("tag_detector: %s (said once)", text)
+
+
+def _demosaiced(image: Image) -> Pixels:
+    if color.is_bayer(image.encoding):
+        return color.demosaic(image.pixels, image.encoding)
+    return image.pixels

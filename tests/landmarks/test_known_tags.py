@@ -1,0 +1,84 @@
+"""The file of tags: what it says, and one clear line for each thing that is wrong in it."""
+
+import numpy as np
+import pytest
+
+from ros_visualise.errors import OpenError
+from ros_visualise.landmarks.tags.known import read_known_tags
+
+GOOD = """
+standalone_tags:
+  - {id: 3, size: 0.162}
+  - {id: 4, size: 0.05, name: dock}
+tag_bundles:
+  - name: box
+    layout:
+      - {id: 10, size: 0.2}
+      - {id: 11, size: 0.4, x: 1, y: 2, z: 3, qw: 0, qx: 0, qy: 1, qz: 0}
+"""
+
+
+def test_sizes_names_and_bundles_are_read(tmp_path):
+    path = tmp_path / "tags.yaml"
+    path.write_text(GOOD)
+    known = read_known_tags(path)
+    assert known.sizes == {3: 0.162, 4: 0.05}
+    assert known.names == {4: "dock"}
+    (box,) = known.bundles
+    assert box.name == "box"
+    square = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    np.testing.assert_allclose(box.corners_xyz[10], square * 0.1)
+    turned = square * [-0.2, 0.2, 0] + [1, 2, 3]  # half a turn about y
+    np.testing.assert_allclose(box.corners_xyz[11], turned, atol=1e-12)
+    assert set(known.every) == {3, 4, 10, 11}
+
+
+def test_a_file_without_tags_is_one(tmp_path):
+    path = tmp_path / "tags.yaml"
+    path.write_text("standalone_tags: []\ntag_bundles:\n")
+    assert not read_known_tags(path).every
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("- 1", "the file: give keys and values, standalone_tags, tag_bundles"),
+        ("tags: []", "the file: no key 'tags'; there is standalone_tags, tag_bundles"),
+        ("standalone_tags: 3", "standalone_tags: give a list"),
+        ("standalone_tags: [3]", "standalone_tags, entry 1: give keys and values, id, size, name"),
+        ("standalone_tags: [{id: 3}]", "entry 1: has no size"),
+        ("standalone_tags: [{id: 3, size: 0}]", "size is 0; give the side of its square in metres"),
+        ("standalone_tags: [{id: 3, size: big}]", "size is 'big'; give a number"),
+        ("standalone_tags: [{id: 3, size: .nan}]", "size is nan; give a number"),
+        ("standalone_tags: [{id: -1, size: 1}]", "id is -1; give a whole number from 0 on"),
+        ("standalone_tags: [{id: 3, size: 1, name: ''}]", "name is ''; give a word"),
+        ("standalone_tags: [{id: 3, siez: 1}]", "no key 'siez'; there is id, size, name"),
+        ("standalone_tags: [{id: 3, size: 1}, {id: 3, size: 1}]", "entry 2: tag 3 is there twice"),
+        ("tag_bundles: [{name: a, layout: []}]", "tag_bundles, entry 1: its layout has no tags"),
+        (
+            "tag_bundles: [{name: a, layout: [{id: 1, size: 1, qw: 3}]}]",
+            "tag_bundles, entry 1, layout entry 1: qw, qx, qy, qz have length 3; give a unit",
+        ),
+        (
+            GOOD.replace("{id: 10,", "{id: 3,"),
+            "layout entry 1: size 0.2, but standalone_tags say 0.162 of tag 3",
+        ),
+        (GOOD.replace("dock", "box"), "the name 'box' is there twice; give each its own"),
+        ("a: [", "in line 1"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(tmp_path, text, said):
+    path = tmp_path / "tags.yaml"
+    path.write_text(text)
+    with pytest.raises(OpenError) as caught:
+        read_known_tags(path)
+    assert said in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_said(tmp_path):
+    with pytest.raises(OpenError, match="no such file; give a YAML file of tags"):
+        read_known_tags(tmp_path / "none.yaml")
+    with pytest.raises(OpenError, match="directory; give a YAML file of tags"):
+        read_known_tags(tmp_path)
