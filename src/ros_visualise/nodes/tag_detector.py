@@ -51,6 +51,15 @@ class TagParams:
         slider=(1, 4),
         group="search",
     )
+    quad_sigma: float = param(
+        0.0,
+        "blur before squares are looked for, pixels; -0.8 sharpens: finds smaller tags, takes half "
+        "as long again",
+        min=-3,
+        max=3,
+        slider=(-2, 2),
+        group="search",
+    )
     search_every: int = param(
         1,
         "look over the whole image every so many images, and in others only around the last tags; "
@@ -119,7 +128,9 @@ class TagDetector:
     def _prepare(self, params: TagParams) -> None:
         families = parse_families(params.families)
         self._known = read_known_tags(params.tags) if params.tags else KnownTags()
-        self._finder = TagFinder(families, params.quad_decimate, params.refine, params.min_margin)
+        self._finder = TagFinder(
+            families, params.quad_decimate, params.quad_sigma, params.refine, params.min_margin
+        )
         self._params = params
         self._search.reset()
 

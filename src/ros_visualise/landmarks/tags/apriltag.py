@@ -22,15 +22,29 @@ from ros_visualise.landmarks.tags.families import Family
 Cells = npt.NDArray[np.uint8]
 
 
+_SHARPENING = 0.25  # of cells before they are read: the library's own, which pyapriltags cuts to 0
+
+
 class AprilTag3(Detector):
     """AprilTag 3 with these families; of OpenCV it takes the codes of ArUco's."""
 
     def __init__(
-        self, families: Sequence[Family], quad_decimate: float, refine: bool, threads: int
+        self,
+        families: Sequence[Family],
+        *,
+        quad_decimate: float,
+        quad_sigma: float,
+        refine: bool,
+        threads: int,
     ) -> None:
         super().__init__(
-            "", nthreads=threads, quad_decimate=quad_decimate, refine_edges=int(refine)
+            "",
+            nthreads=threads,
+            quad_decimate=quad_decimate,
+            quad_sigma=quad_sigma,
+            refine_edges=int(refine),
         )
+        self.tag_detector_ptr.contents.decode_sharpening = _SHARPENING  # type: ignore[union-attr]
         self._codes: list[_CodedFamily] = []  # the library keeps pointers to them
         for one in families:
             self.libc.apriltag_detector_add_family_bits(  # type: ignore[union-attr]

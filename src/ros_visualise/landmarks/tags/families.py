@@ -45,7 +45,7 @@ _APRILTAG = {
 }
 
 _ARUCO_LIMITS = {
-    "4x4": (0, 40.0),
+    "4x4": (0, 30.0),
     "5x5": (1, 15.0),
     "6x6": (2, 10.0),
     "7x7": (1, 10.0),
@@ -92,6 +92,6 @@ def _by_short_name() -> dict[str, Family]:
 def _of_dictionary(dictionary: str) -> Family:
     name = dictionary.removeprefix("DICT_").lower()
     if name == "aruco_original":
-        return Family(name, 0, 40.0, dictionary, unsafe_ids=(0, 1023))
+        return Family(name, 0, 30.0, dictionary, unsafe_ids=(0, 1023))
     limits = next(limit for start, limit in _ARUCO_LIMITS.items() if name.startswith(start))
     return Family(name, *limits, dictionary)

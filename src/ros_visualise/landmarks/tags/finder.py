@@ -50,6 +50,7 @@ class TagFinder:
         self,
         families: Sequence[Family],
         quad_decimate: float = 1.0,
+        quad_sigma: float = 0.0,
         refine: bool = True,
         min_margin: float = 0.0,
     ) -> None:
@@ -58,12 +59,19 @@ class TagFinder:
         Args:
             families: as `parse_families` gives them.
             quad_decimate: squares are looked for in an image so many times smaller.
+            quad_sigma: that image is blurred before, or below 0 sharpened; pixels.
             refine: fit the squares' sides to the image's gradient.
             min_margin: for all families; each has one of its own, and the larger holds.
         """
         self._families = {one.name: one for one in families}
         self._min_margin = min_margin
-        self._library = AprilTag3(families, quad_decimate, refine, _THREADS)
+        self._library = AprilTag3(
+            families,
+            quad_decimate=quad_decimate,
+            quad_sigma=quad_sigma,
+            refine=refine,
+            threads=_THREADS,
+        )
 
     def find(self, gray: Pixels, regions: Sequence[Region] = ()) -> tuple[Tag, ...]:
         """The tags in an image, by family and id.
