@@ -19,13 +19,14 @@ from ros_visualise.errors import ParameterError
 class Family:
     """A family of AprilTag, or a dictionary of ArUco.
 
-    A square is a tag where at most ``max_hamming`` of its cells are wrong, and the others differ
-    from the gray between black and white by ``min_margin`` levels or more. ``dictionary`` is
-    OpenCV's name of an ArUco dictionary; ``unsafe_ids`` are those that any stripe looks like;
-    ``rim`` counts the black cells around a code of a dictionary.
+    Its square has ``cells`` of them along a side. It is a tag where at most ``max_hamming`` of the
+    inner ones are wrong, and the others differ from the gray between black and white by
+    ``min_margin`` levels or more. ``dictionary`` is
+    OpenCV's name of an ArUco dictionary; ``unsafe_ids`` are those that any stripe looks like.
     """
 
     name: str
+    cells: int
     max_hamming: int
     min_margin: float
     dictionary: str = ""
@@ -36,20 +37,20 @@ class Family:
 _APRILTAG = {
     one.name: one
     for one in (
-        Family("tag36h11", 2, 5.0),
-        Family("tag25h9", 1, 5.0),
-        Family("tag16h5", 0, 20.0),
-        Family("tagStandard41h12", 2, 5.0),
-        Family("tagStandard52h13", 1, 5.0),
+        Family("tag36h11", 8, 2, 5.0),
+        Family("tag25h9", 7, 1, 5.0),
+        Family("tag16h5", 6, 0, 20.0),
+        Family("tagStandard41h12", 5, 2, 5.0),
+        Family("tagStandard52h13", 6, 1, 5.0),
     )
 }
 
 _ARUCO_LIMITS = {
-    "4x4": (0, 30.0),
-    "5x5": (1, 15.0),
-    "6x6": (2, 10.0),
-    "7x7": (1, 10.0),
-    "aruco_mip": (2, 10.0),
+    "4x4": (6, 0, 30.0),
+    "5x5": (7, 1, 15.0),
+    "6x6": (8, 2, 10.0),
+    "7x7": (9, 1, 10.0),
+    "aruco_mip": (8, 2, 10.0),
 }
 
 
@@ -92,6 +93,6 @@ def _by_short_name() -> dict[str, Family]:
 def _of_dictionary(dictionary: str) -> Family:
     name = dictionary.removeprefix("DICT_").lower()
     if name == "aruco_original":
-        return Family(name, 0, 30.0, dictionary, unsafe_ids=(0, 1023))
+        return Family(name, 7, 0, 30.0, dictionary, unsafe_ids=(0, 1023))
     limits = next(limit for start, limit in _ARUCO_LIMITS.items() if name.startswith(start))
     return Family(name, *limits, dictionary)

@@ -17,6 +17,7 @@ Region = tuple[int, int, int, int]
 
 _THREADS = min(4, os.cpu_count() or 1)
 _LEAST_SIDE = 16  # of an image that may hold a tag
+_LEAST_CELL = 0.9  # pixels: smaller ones are read from next to nothing
 _CENTER = 0.5  # AprilTag counts from the corner of the top-left pixel, we from its centre
 
 
@@ -105,5 +106,17 @@ class TagFinder:
 
     def _is_believed(self, tag: Tag) -> bool:
         family = self._families[tag.family]
+        if _height(tag.corners_uv) < _LEAST_CELL * family.cells:
+            return False
         margin = max(family.min_margin, self._min_margin)
         return tag.margin >= margin and tag.id not in family.unsafe_ids
+
+
+def _height(corners: Floats) -> float:
+    """The least distance of a corner (4, 2) from the line through its neighbours, in pixels.
+
+    Below zero the corners are none of a square seen from its front.
+    """
+    before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
+    areas = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return float((areas / np.linalg.norm(before - after, axis=1)).min())
