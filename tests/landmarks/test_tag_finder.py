@@ -12,6 +12,7 @@ import pytest
 import ros_visualise
 from ros_visualise.errors import ParameterError
 from ros_visualise.landmarks.tags import TagFinder, draw_cells, family, parse_families
+from ros_visualise.landmarks.tags.reading import clearness
 
 SOURCE = Path(ros_visualise.__file__).parents[1]
 DEBIAN = "/usr/bin/python3"
@@ -162,3 +163,23 @@ for name in {DICTIONARIES!r}:
         check=True,
     )
     assert done.stdout.splitlines() == [f"{name} {found}" for name, found in wanted.items()]
+
+
+def test_clearness_tells_how_alike_cells_of_one_colour_are():
+    cells, rim = draw_cells(family("4x4_50"), 5)
+    picture = np.kron(cells * 200 + 20, np.ones((9, 9), np.uint8)).astype(np.uint8)
+    low, high = 9 * rim - 0.5, 9 * (len(cells) - rim) - 0.5
+    corners = np.array([[low, high], [high, high], [high, low], [low, low]])
+    assert clearness(picture, corners, 6) == pytest.approx(1)
+    stained = picture.copy()
+    stained[9 * rim : 9 * (rim + 1), 27:36] = 120  # half as bright as white, in the black rim
+    assert clearness(stained, corners, 6) == pytest.approx(0.5, abs=0.1)
+    assert clearness(np.full_like(picture, 7), corners, 6) == -1
+
+
+@pytest.mark.parametrize("name", ["4x4_50", "tag16h5", "aruco_original"])
+def test_small_families_are_found_where_their_cells_can_be_seen(name):
+    finder, rng = TagFinder([family(name)]), np.random.default_rng(4)
+    for id in range(20):
+        picture, _ = drawn_tags.side_to_side(*draw_cells(family(name), id), rng, 20)
+        assert [tag.id for tag in finder.find(picture)] == [id]

@@ -45,6 +45,7 @@ class AprilTag3(Detector):
             refine_edges=int(refine),
         )
         self.tag_detector_ptr.contents.decode_sharpening = _SHARPENING  # type: ignore[union-attr]
+        self.cells: dict[str, int] = {}  # along the side of a family's square
         self._codes: list[_CodedFamily] = []  # the library keeps pointers to them
         for one in families:
             self.libc.apriltag_detector_add_family_bits(  # type: ignore[union-attr]
@@ -56,9 +57,11 @@ class AprilTag3(Detector):
         if one.dictionary:
             cells = dictionary_cells(one.dictionary)
             self._codes.append(_CodedFamily.of_cells(one.name, cells, one.rim))
+            self.cells[one.name] = self._codes[-1].width_at_border
             return ctypes.byref(self._codes[-1])
         made = getattr(self.libc, f"{one.name}_create")()
         self.tag_families[one.name] = made
+        self.cells[one.name] = made.contents.width_at_border
         return made
 
 

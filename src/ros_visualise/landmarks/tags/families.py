@@ -1,14 +1,15 @@
 """Families of tags: what they are called, and when a square is believed to be one of theirs.
 
 The fewer cells a family has, the more often something else looks like one of its tags. How many
-wrong cells are put right, and by how much the others must differ from gray (the margin, AprilTag's
-``decision_margin``, up to 127), were chosen on pictures without tags: benchmarks/landmarks.
+wrong cells are put right, by how much the others must differ from gray (the margin, AprilTag's
+``decision_margin``), and of the weakest families how clearly, was chosen on pictures without tags:
+benchmarks/landmarks.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 
@@ -19,39 +20,41 @@ from ros_visualise.errors import ParameterError
 class Family:
     """A family of AprilTag, or a dictionary of ArUco.
 
-    Its square has ``cells`` of them along a side. It is a tag where at most ``max_hamming`` of the
-    inner ones are wrong, and the others differ from the gray between black and white by
-    ``min_margin`` levels or more. ``dictionary`` is
-    OpenCV's name of an ArUco dictionary; ``unsafe_ids`` are those that any stripe looks like.
+    A square is a tag where at most ``max_hamming`` of its cells are wrong, and the others differ
+    from the gray between black and white by ``min_margin`` levels or more; where ``min_clearness``
+    is given, its `clearness` is at least that. ``dictionary`` is OpenCV's name of an ArUco
+    dictionary; ``rim`` counts the black cells around a code of it.
     """
 
     name: str
-    cells: int
     max_hamming: int
     min_margin: float
     dictionary: str = ""
-    unsafe_ids: tuple[int, ...] = ()
+    min_clearness: float | None = None
     rim: int = 1
 
+
+_CLEAR = 0.3  # of families whose codes are like many other things
 
 _APRILTAG = {
     one.name: one
     for one in (
-        Family("tag36h11", 8, 2, 5.0),
-        Family("tag25h9", 7, 1, 5.0),
-        Family("tag16h5", 6, 0, 20.0),
-        Family("tagStandard41h12", 5, 2, 5.0),
-        Family("tagStandard52h13", 6, 1, 5.0),
+        Family("tag36h11", 2, 5.0),
+        Family("tag25h9", 1, 5.0),
+        Family("tag16h5", 0, 20.0, min_clearness=_CLEAR),
+        Family("tagStandard41h12", 2, 5.0),
+        Family("tagStandard52h13", 1, 5.0),
     )
 }
 
-_ARUCO_LIMITS = {
-    "4x4": (6, 0, 30.0),
-    "5x5": (7, 1, 15.0),
-    "6x6": (8, 2, 10.0),
-    "7x7": (9, 1, 10.0),
-    "aruco_mip": (8, 2, 10.0),
-}
+_ARUCO = (  # by how the names of their dictionaries begin
+    Family("4x4", 0, 20.0, min_clearness=_CLEAR),
+    Family("5x5", 1, 15.0),
+    Family("6x6", 2, 10.0),
+    Family("7x7", 1, 10.0),
+    Family("aruco_mip", 2, 10.0),
+    Family("aruco_original", 0, 20.0, min_clearness=_CLEAR),
+)
 
 
 def parse_families(text: str) -> tuple[Family, ...]:
@@ -92,7 +95,5 @@ def _by_short_name() -> dict[str, Family]:
 
 def _of_dictionary(dictionary: str) -> Family:
     name = dictionary.removeprefix("DICT_").lower()
-    if name == "aruco_original":
-        return Family(name, 7, 0, 30.0, dictionary, unsafe_ids=(0, 1023))
-    limits = next(limit for start, limit in _ARUCO_LIMITS.items() if name.startswith(start))
-    return Family(name, *limits, dictionary)
+    kind = next(one for one in _ARUCO if name.startswith(one.name))
+    return replace(kind, name=name, dictionary=dictionary)

@@ -11,13 +11,13 @@ import numpy as np
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.apriltag import AprilTag3
 from ros_visualise.landmarks.tags.families import Family
+from ros_visualise.landmarks.tags.reading import clearness
 
 Region = tuple[int, int, int, int]
 """Left, top, right and bottom of a part of an image, in pixels; right and bottom are outside."""
 
 _THREADS = min(4, os.cpu_count() or 1)
 _LEAST_SIDE = 16  # of an image that may hold a tag
-_LEAST_CELL = 0.9  # pixels: smaller ones are read from next to nothing
 _CENTER = 0.5  # AprilTag counts from the corner of the top-left pixel, we from its centre
 
 
@@ -102,21 +102,20 @@ class TagFinder:
             )
             for one in self._library.detect(pixels)
         ]
-        return [tag for tag in tags if self._is_believed(tag)]
+        return [tag for tag in tags if self._is_believed(tag, gray)]
 
-    def _is_believed(self, tag: Tag) -> bool:
+    def _is_believed(self, tag: Tag, gray: Pixels) -> bool:
         family = self._families[tag.family]
-        if _height(tag.corners_uv) < _LEAST_CELL * family.cells:
+        if tag.margin < max(family.min_margin, self._min_margin) or not _is_seen(tag.corners_uv):
             return False
-        margin = max(family.min_margin, self._min_margin)
-        return tag.margin >= margin and tag.id not in family.unsafe_ids
+        wanted = family.min_clearness
+        return (
+            wanted is None
+            or clearness(gray, tag.corners_uv, self._library.cells[tag.family]) >= wanted
+        )
 
 
-def _height(corners: Floats) -> float:
-    """The least distance of a corner (4, 2) from the line through its neighbours, in pixels.
-
-    Below zero the corners are none of a square seen from its front.
-    """
+def _is_seen(corners: Floats) -> bool:
+    """Whether (4, 2) may be a square seen from its front: convex, and anticlockwise."""
     before, after = np.roll(corners, 1, axis=0) - corners, np.roll(corners, -1, axis=0) - corners
-    areas = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    return float((areas / np.linalg.norm(before - after, axis=1)).min())
+    return bool((before[:, 0] * after[:, 1] > before[:, 1] * after[:, 0]).all())
