@@ -22,13 +22,13 @@ _SIGMAS_PX = (
     0.075,
     0.058,
     0.042,
-    0.03,
-    0.024,
-    0.017,
-    0.0135,
+    0.028,
+    0.02,
+    0.0125,
+    0.0105,
 )
 """Of AprilTag 3 at full resolution on rendered tags without noise, by height over blur."""
-_BY_NOISE = 0.95
+_BY_NOISE = 0.75
 _NO_BLUR_PX = 0.2
 
 _EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0])

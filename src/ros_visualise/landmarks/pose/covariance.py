@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose.rays import Rays
 from ros_visualise.landmarks.pose.refinement import Fit, linearise, moved
 
@@ -38,11 +38,8 @@ def covariances(fit: Fit, points: Floats, rays: Rays, sigma_px: Floats) -> Float
 
 def difference(R_a: Floats, t_a: Floats, R_b: Floats, t_b: Floats) -> Floats:
     """The six numbers that change pose a into b: see `refinement.moved`."""
-    x, y, z, w = rotations.from_matrix(R_b @ R_a.T)
-    imaginary = np.array([x, y, z])
-    sine = np.linalg.norm(imaginary)
-    turned = imaginary * (2 * np.arctan2(sine, w) / sine if sine > 0 else 2.0)
-    return np.concatenate([t_b - t_a, turned])
+    turned, _ = cv2.Rodrigues(R_b @ R_a.T)
+    return np.concatenate([t_b - t_a, np.asarray(turned, np.float64).ravel()])
 
 
 def _root(variances: Floats) -> Floats:

@@ -162,12 +162,7 @@ def _estimate(
     points: Floats, rays: Rays, sigmas: Floats, given: bool
 ) -> list[tuple[PoseEstimate, ...]]:
     """Of each body (B, N, ...), which all have N points; deviations may be given or by size."""
-    begun = {
-        body: start
-        for body in range(len(points))
-        if np.isfinite(rays.directions[body]).all()
-        and (start := starts(points[body], rays.directions[body])) is not None
-    }
+    begun = starts(points, rays.directions)
     found: list[tuple[PoseEstimate, ...]] = [()] * len(points)
     if not begun:
         return found

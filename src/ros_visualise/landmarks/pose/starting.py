@@ -9,55 +9,64 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.refinement import turn
 
 _FLAT = 1e-6  # of a body's extent, that its points are out of a plane
+_EYE = np.eye(3)
 _WIDEST = 0.1  # cosine of the angle from the body's centre beyond which OpenCV is not asked
 
 
-def starts(points: Floats, directions: Floats) -> tuple[Floats, Floats] | None:
-    """Two poses, R (2, 3, 3) and t (2, 3), of N points (N, 3) seen in directions (N, 3).
+def starts(points: Floats, directions: Floats) -> dict[int, tuple[Floats, Floats]]:
+    """Two poses each, R (2, 3, 3) and t (2, 3), of those of B bodies that have any.
 
     They are told from one another by perspective alone: at a distance a square seen from the left
-    looks as one seen from the right does. None where there is no pose.
+    looks as one seen from the right does.
+
+    Args:
+        points: (B, N, 3) metres.
+        directions: (B, N, 3) in which they are seen; NaN where nobody knows.
 
     Source: T. Collins, A. Bartoli, Infinitesimal Plane-Based Pose Estimation, 2014; for bodies
     that are not flat G. Terzakis, M. Lourakis, A Consistently Fast and Globally Optimal Solution
     to the Perspective-n-Point Problem, 2020. The other reading: D. Oberkampf, D. DeMenthon,
     L. Davis, Iterative Pose Estimation Using Coplanar Feature Points, 1996.
     """
-    ahead = directions.mean(axis=0)
-    length = np.linalg.norm(ahead)
-    if not length > _WIDEST:
-        return None
-    to_ahead = _turn_to_z(ahead / length)
-    local = directions @ to_ahead.T
-    if not (local[:, 2] > _WIDEST).all():
-        return None
-    middle = points.mean(axis=0)
-    extent, axes = np.linalg.svd(points - middle)[1:]
-    if not extent[1] > _FLAT * extent[0]:
-        return None  # all on one line
-    is_flat = extent[2] <= _FLAT * extent[0]
-    method = cv2.SOLVEPNP_IPPE if is_flat else cv2.SOLVEPNP_SQPNP
-    flat = np.ascontiguousarray(local[:, :2] / local[:, 2:])
+    ahead = directions.mean(axis=1)
+    to_ahead = _turns_to_z(ahead)
+    local = directions @ np.swapaxes(to_ahead, 1, 2)
+    middles = points.mean(axis=1)
+    centred = points - middles[:, None]
+    extents, axes = np.linalg.svd(centred)[1:]
+    in_view = np.asarray((local[..., 2] > _WIDEST).all(axis=1))
+    usable = in_view & (extents[:, 1] > _FLAT * extents[:, 0])  # not all on one line
+    is_flat = extents[:, 2] <= _FLAT * extents[:, 0]
+    found = {}
+    for body in np.flatnonzero(usable):
+        plane = np.ascontiguousarray(local[body, :, :2] / local[body, :, 2:])
+        method = cv2.SOLVEPNP_IPPE if is_flat[body] else cv2.SOLVEPNP_SQPNP
+        first = _solve(centred[body], plane, method)
+        if first is not None:
+            R, t = to_ahead[body].T @ first[0], to_ahead[body].T @ first[1]
+            both = np.stack([R, _mirror(t) @ R @ _mirror(axes[body, 2])])
+            found[int(body)] = both, t - both @ middles[body]
+    return found
+
+
+def _solve(points: Floats, plane: Floats, method: int) -> tuple[Floats, Floats] | None:
     try:
-        found = cv2.solvePnPGeneric(points - middle, flat, np.eye(3), None, flags=method)
+        done, turned, t, _ = cv2.solvePnPGeneric(points, plane, _EYE, None, flags=method)
     except cv2.error:
         return None
-    if not found[0] or not np.isfinite([found[1][0], found[2][0]]).all():
+    if not done or not np.isfinite([turned[0], t[0]]).all():
         return None
-    R, t = to_ahead.T @ turn(found[1][0].ravel()), to_ahead.T @ found[2][0].ravel()
-    sight = t / np.linalg.norm(t)
-    other = _mirror(sight) @ R @ _mirror(axes[2])
-    both = np.stack([R, other])
-    return both, t - both @ middle
+    return np.asarray(cv2.Rodrigues(turned[0])[0], np.float64), np.asarray(t[0].ravel(), np.float64)
 
 
-def _turn_to_z(direction: Floats) -> Floats:
-    axis = np.cross(direction, [0.0, 0.0, 1.0])
-    sine = np.linalg.norm(axis)
-    angle = np.arctan2(sine, direction[2])
-    return turn(axis / sine * angle if sine > 0 else np.array([angle, 0.0, 0.0]))
+def _turns_to_z(directions: Floats) -> Floats:
+    """(B, 3, 3) that turn directions (B, 3) the shortest way to the z axis."""
+    x, y, z = directions.T
+    sine = np.hypot(x, y)
+    axes = np.stack([y, -x, np.zeros_like(x)], axis=1) / np.where(sine > 0, sine, 1)[:, None]
+    return turn(np.where(np.isfinite(axes), axes, 0) * np.nan_to_num(np.arctan2(sine, z))[:, None])
 
 
 def _mirror(normal: Floats) -> Floats:
-    mirror: Floats = np.eye(3) - 2 * np.outer(normal, normal)
+    mirror: Floats = _EYE - 2 * np.outer(normal, normal) / (normal @ normal)
     return mirror
