@@ -10,9 +10,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Detections
+from ros_visualise.data import CameraInfo
 from ros_visualise.landmarks.pose import squares_poses
-from ros_visualise.messages import decode
 from ros_visualise.sources import open_source
 from ros_visualise.yaml_files import load_yaml
 
@@ -55,10 +54,8 @@ def _calibration(path: Path) -> CameraInfo:
 
 def _frames(path: Path) -> Iterator[Corners]:
     with closing(open_source(path)) as recording:
-        for message in recording.messages():
-            found = decode(message)
-            if isinstance(found, Detections):
-                yield {int(one.id): one.corners_uv for one in found.detections}
+        for entry in recording.read():
+            yield {int(one.id): one.corners_uv for one in entry.message.content.detections}
 
 
 def _ours(tags: Corners, info: CameraInfo) -> dict[int, Spot]:
