@@ -24,7 +24,9 @@ from ros_visualise.sources.recordings.images import first_image
 
 log = logging.getLogger(__name__)
 
-_NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg")
+_NOT_PLAYED = ("/clock", "/rosout", "/rosout_agg", "/parameter_events")
+"""What tells of the recorded graph, of whichever ROS, and would be taken for this one's."""
+
 _LOOK_S = 0.1
 _PATIENCE_S = 20.0
 
