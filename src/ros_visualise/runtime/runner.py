@@ -34,6 +34,9 @@ class NodeRunner:
 
     An error in a step costs that one message: it is said once for each place in the code where it
     comes from, counted under ``error``, and ``failed`` stays set.
+
+    Raises:
+        RosVisualiseError: the node cannot begin.
     """
 
     def __init__(self, node: Node, parameters: Parameters[Any]) -> None:
@@ -44,7 +47,7 @@ class NodeRunner:
         self.stateless = node.type.stateless
         self._type = node.type
         self._parameters = parameters
-        self._state = node.type.make(parameters.current)
+        self._state = _made(node, parameters.current)
         self._epoch: int | None = None  # of the last message
         self._said: set[tuple[type, str, int | None]] = set()
         self._uncalibrated: set[str] = set()  # inputs of which it was said
@@ -175,3 +178,16 @@ class NodeRunner:
             bug = not isinstance(error, RosVisualiseError)
             where = f"{self.node.name}: {topic}" if topic else self.node.name
             log.error("%s: %s (said once)", where, error, exc_info=error if bug else None)
+
+
+def _made(node: Node, params: Any) -> Any:
+    """The state of a node that begins."""
+    try:
+        return node.type.make(params)
+    except RosVisualiseError:
+        raise
+    except _ERRORS as error:
+        origin = traceback.extract_tb(error.__traceback__)[-1]
+        what = f"{type(error).__name__}: {error}".removesuffix(": ")
+        where = f"{origin.filename}, line {origin.lineno}"
+        raise RosVisualiseError(f"{node.name} cannot begin: {what} ({where})") from error
