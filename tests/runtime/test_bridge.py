@@ -19,6 +19,7 @@ from ros_visualise.data import (
     Header,
     Image,
     Odometry,
+    Text,
     Transforms,
     TransformStamped,
     Twist,
@@ -175,6 +176,58 @@ def test_wrong_usage_is_told_by_the_executables_status(hub: Hub, tmp_path: Path)
         middleware.find_file("package://nothing/x")
 
 
+BROKEN = """
+from ros_visualise.data import Image
+from ros_visualise.nodes import node
+
+@node("broken", inputs={"image": Image}, outputs={})
+class Broken:
+    def __init__(self, params):
+        raise KeyError("lens")
+
+    def step(self, image, params):
+        pass
+"""
+
+
+def test_a_node_that_cannot_begin_says_so_in_one_line(
+    hub: Hub, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "broken.py").write_text(BROKEN)
+    middleware = HubMiddleware(hub, args=[f"{tmp_path}/broken.py:broken"])
+    with pytest.raises(SystemExit) as ended:
+        run("node", middleware)
+    assert ended.value.code == 1
+    [said] = caplog.records
+    where = f"{tmp_path / 'broken.py'}, line 8"
+    assert said.getMessage() == f"broken cannot begin: KeyError: 'lens' ({where})"
+    assert said.exc_info is None
+
+
+def test_nothing_is_offered_by_who_has_ended(hub: Hub) -> None:
+    with hub.running("path"):
+        wait_for(lambda: "/path/clear" in hub.services, "its action")
+        assert hub.parameters
+    assert not hub.services
+    assert not hub.parameters
+
+
+def test_what_a_recording_tells_of_its_own_graph_is_not_played(
+    hub: Hub, peer: Peer, tmp_path: Path
+) -> None:
+    path, text = tmp_path / "r.mcap", TopicType(type_name(Text))
+    topics = ["/said", "/rosout", "/rosout_agg", "/parameter_events"]
+    with open_recorder(str(path), dict.fromkeys(topics, text)) as recorder:
+        for stamp_ns in range(10**9, 10**9 + 10):
+            for topic in topics:
+                recorder.write(topic, Text("hello"), stamp_ns)
+    with hub.running("player", path=str(path), wait_for="/said"):
+        heard = {topic: peer.hear(topic, Text) for topic in topics}
+        wait_for(lambda: heard["/said"], "the recording")
+        assert set(topics) & set(peer.middleware.look().types) == set(topics)
+    assert not any(heard[topic] for topic in topics[1:])
+
+
 def test_a_video_is_played_for_whoever_subscribes(hub: Hub, peer: Peer, tmp_path: Path) -> None:
     video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
     with hub.running("streamer", path=str(video), loop=True):
@@ -191,7 +244,8 @@ def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
         other = HubMiddleware(hub, name=f"{place}cam")
         other.advertise(f"/{place}image_raw", TopicType(type_name(Image)))
     video = write_video(tmp_path / "v.mkv", numbered(5, 64, 48))
-    with hub.running("streamer", path=str(video)), closing(RemoteRuntime(looker)) as remote:
+    streamer = hub.running("streamer", path=str(video), loop=True)
+    with streamer, closing(RemoteRuntime(looker)) as remote:
         find = remote.parameters.get  # it is there before its parameters are
         ours = wait_for(lambda: getattr(find("streamer"), "node", None), "its parameters")
         assert ours.name == "streamer"

@@ -117,8 +117,8 @@ class Process:
         return {self._namespaces[name] or own: parameters for name, parameters in there}
 
     def stop(self) -> None:
-        """End now; what was published last still goes out."""
-        for one in self._inputs:
+        """End now, and offer nothing more; what was published last still goes out."""
+        for one in (*self._offered, *self._inputs):
             one.close()
         self.runtime.stop()
         for output in self._outputs.values():
