@@ -36,6 +36,7 @@ _OUTPUTS = {
     "filters": {"image": "/processed_image"},
     "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
     "rectify": {"image_rect": "/image_rect"},
+    "calibrator": {"coverage": "/coverage"},
     "landmark_detector": {
         "detections": "/detections",
         "debug_image": "/debug_image",

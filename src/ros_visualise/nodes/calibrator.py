@@ -1,0 +1,147 @@
+"""The node that calibrates a camera while one shows it a board."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Deferred, Image
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.landmarks.calibration.boards import Kind, board_of
+from ros_visualise.landmarks.calibration.calibrating import Calibration, calibrate
+from ros_visualise.landmarks.calibration.collecting import Collector, to_gray_8
+from ros_visualise.landmarks.calibration.lenses import Lens
+from ros_visualise.landmarks.calibration.progress import draw_progress
+from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.nodes import action, node
+from ros_visualise.params import param
+from ros_visualise.sources.calibration import path_of
+from ros_visualise.sources.calibration_store import save
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class CalibratorParams:
+    """Parameters of `Calibrator`."""
+
+    pattern: Kind = param(Kind.CHESSBOARD, "what the board shows")
+    board: str = param(
+        "9x6", "inner corners of a chessboard, squares of ChArUco, tags: COLUMNSxROWS"
+    )
+    share: float = param(
+        0.0,
+        "ChArUco: a marker's side, as a share of a square's; AprilGrid: space between tags, as a"
+        " share of a tag's; 0: as usual",
+        min=0,
+        max=0.95,
+    )
+    dictionary: str = param("", "OpenCV's name of the markers; empty: as usual")
+    model: Lens = param(Lens.PINHOLE, "model of the lens")
+    file: str = param(
+        "camera.yaml", "YAML file to save to, that of the camera's camera_info_url", saved=False
+    )
+
+
+@node(
+    "calibrator",
+    params=CalibratorParams,
+    inputs={"image": Image},
+    outputs={"coverage": Image},
+)
+class Calibrator:
+    """Keeps views of a board that differ, and calibrates by them when asked."""
+
+    def __init__(self, params: CalibratorParams) -> None:
+        self._params = params
+        self._found: Calibration | None = None
+        self._notice = ""
+        self._latest: Image | None = None
+        self._view: View | None = None
+        self._begin(params)
+
+    def step(self, image: Image, params: CalibratorParams) -> Image:
+        """The image, with the board that is in it and what was covered so far."""
+        if _told(params) != _told(self._params):
+            self._begin(params)
+        self._params = params
+        self._latest = image
+        name = f"{image.header.stamp_ns / 1e9:.2f} s"
+        self._view = self._collector.add(image, name, thorough=False)
+        return self._picture(image)
+
+    @action("calibrate by the views so far")
+    def calibrate(self) -> Image | None:
+        """Calibrate; the picture tells how well."""
+        try:
+            self._found = found = calibrate(self._collector.views, self._params.model)
+        except RosVisualiseError as error:
+            return self._say(str(error))
+        halves = f", halves {found.halves.difference:.2%} apart" if found.halves else ""
+        fx, fy = found.fit.numbers[:2]
+        return self._say(f"fx {fx:.1f}, fy {fy:.1f}, rms {found.fit.rms:.2f} px{halves}")
+
+    @action("write the calibration to the file")
+    def save(self) -> Image | None:
+        """Save it where the camera reads it."""
+        if self._found is None:
+            return self._say("nothing to save yet: calibrate first")
+        try:
+            save(self._found.info, path_of(self._params.file), "camera")
+        except RosVisualiseError as error:
+            return self._say(str(error))
+        return self._say(f"saved to {self._params.file}")
+
+    @action("forget all views")
+    def clear(self) -> Image | None:
+        """Begin anew."""
+        self._begin(self._params)
+        return self._say("")
+
+    def report(self) -> dict[str, Any]:
+        """Views, what to do next, and the result."""
+        found = self._found
+        return {
+            "found": self._collector.found,
+            "views": len(self._collector.views),
+            "next": self._collector.coverage.advice,
+            "rms": found and round(found.fit.rms, 4),
+            "K": found and found.info.K.ravel().tolist(),
+            "D": found and found.info.D.tolist(),
+        }
+
+    def _begin(self, params: CalibratorParams) -> None:
+        board = board_of(
+            params.pattern, params.board, None, params.share or None, params.dictionary or None
+        )
+        self._collector = Collector(board)
+        self._found = self._view = None
+
+    def _say(self, notice: str) -> Image | None:
+        """The latest picture with a notice, which is logged too."""
+        self._notice = notice
+        if notice:
+            log.info("calibrator: %s", notice)
+        return None if self._latest is None else self._picture(self._latest)
+
+    def _picture(self, image: Image) -> Image:
+        """Drawn only when somebody looks at it."""
+        coverage = self._collector.coverage
+        views = f"{len(self._collector.views)} views; {coverage.advice or 'all is covered'}"
+        lines = [self._notice, views] if self._notice else [views]
+        draw = partial(_draw, image, self._view, coverage, lines)
+        shape = (image.height, image.width, 3)
+        return Image(Deferred(shape, np.uint8, draw), "bgr8", image.header)
+
+
+def _draw(image: Image, *told: Any) -> Any:
+    return draw_progress(to_gray_8(image), *told)
+
+
+def _told(params: CalibratorParams) -> tuple[Any, ...]:
+    """What tells of the board."""
+    return params.pattern, params.board, params.share, params.dictionary
