@@ -136,7 +136,7 @@ def test_two_files_of_one_name_do_not_break_one_another(own, tmp_path):
 
 
 def test_an_unknown_built_in_name_is_answered_with_those_that_there_are():
-    with pytest.raises(UsageError, match=r"no node 'demo'; there is camera, edge_detector"):
+    with pytest.raises(UsageError, match=r"no node 'demo'; there is calibrator, camera"):
         find("demo")
 
 
