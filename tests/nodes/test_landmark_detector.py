@@ -241,6 +241,12 @@ def test_the_debug_image_is_drawn_for_who_looks(model, monkeypatch):
     assert (image.pixels[0, 0] == 40 * 257).all()
 
 
+def test_the_point_is_drawn_in_red(tmp_path):
+    drawn = run(own_network(tmp_path / "n.onnx"), spot(40, 30))["debug_image"].pixels
+    column, row = (np.array([40, 30]) + made.POINT).astype(int)
+    assert drawn[row, column].tolist() == [0, 0, 255]
+
+
 def test_without_a_network_it_is_asked_for(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "OWN_MODEL", tmp_path / "none.onnx")
     with pytest.raises(

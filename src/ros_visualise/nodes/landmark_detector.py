@@ -11,12 +11,12 @@ import numpy as np
 
 from ros_visualise.data import Deferred, Detection, Detections, Image, VisionInfo
 from ros_visualise.errors import OpenError, UncalibratedCamera, UnsupportedImage
+from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.finding import Place, Stand, to_detections
 from ros_visualise.landmarks.networks.names import load_names, numbers_of
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
-from ros_visualise.landmarks.tags.drawing import draw_detections
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.vision import color

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ros_visualise.data import Deferred, Detection, Detections, Image, Pixels
+from ros_visualise.data import Deferred, Detection, Detections, Image
 from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
+from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.pose import REAL_CAMERA_PX
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
-from ros_visualise.landmarks.tags.drawing import draw_detections
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate
 from ros_visualise.landmarks.tags.search import Search
@@ -114,7 +114,7 @@ class TagDetector:
             self._prepare(params)
         color.refuse_measurements(image.encoding)
         fit_threads(image.pixels)
-        pixels = _demosaiced(image)
+        pixels = color.demosaiced(image.pixels, image.encoding)
         order = color.order_of(image.encoding)
         gray = to_8_bit(color.to_gray(pixels, order))
         tags = self._search.find(self._finder, gray, params.search_every)
@@ -155,9 +155,3 @@ class TagDetector:
         if text not in self._said:
             self._said.add(text)
             log.warning("tag_detector: %s (said once)", text)
-
-
-def _demosaiced(image: Image) -> Pixels:
-    if color.is_bayer(image.encoding):
-        return color.demosaic(image.pixels, image.encoding)
-    return image.pixels

@@ -144,6 +144,13 @@ def test_where_the_size_is_free_the_image_gets_no_more_gray_than_needed(tmp_path
     assert network._blob.shape == (1, 3, 320, 128)
 
 
+def test_a_free_size_is_made_of_the_cells_of_the_file(tmp_path):
+    path = made.yolo_10(tmp_path / "n.onnx", 0, 0, free=True, imgsz="[320, 320]", stride="64")
+    network = Network(path)
+    find(network, spot(640, 400, 10, 10))
+    assert network._blob.shape == (1, 3, 256, 320)
+
+
 def test_a_free_size_is_that_of_the_file(tmp_path):
     network = Network(made.yolo_10(tmp_path / "n.onnx", 0, 0, free=True, imgsz="[256, 192]"))
     find(network, spot(512, 512, 10, 10))

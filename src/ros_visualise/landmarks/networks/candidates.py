@@ -73,7 +73,7 @@ def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candida
     good = (np.abs(boxes) < _FARTHEST).all(axis=1) & (boxes[:, 2:] > boxes[:, :2]).all(axis=1)
     good &= (scores > 0) & (scores >= choice.min_score) & (scores <= _HIGHEST)  # which nan is not
     if candidates.points_uv is not None:
-        good &= np.isfinite(candidates.points_uv).all(axis=1)
+        good &= (np.abs(candidates.points_uv) < _FARTHEST).all(axis=1)
     if candidates.covariances is not None:
         good &= np.isfinite(candidates.covariances).all(axis=(1, 2))
     if choice.classes is not None:

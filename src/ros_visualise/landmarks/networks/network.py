@@ -15,7 +15,7 @@ from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choo
 from ros_visualise.landmarks.networks.layouts import Layout, Signature
 from ros_visualise.landmarks.networks.layouts.layout import SIZES_INPUT
 from ros_visualise.landmarks.networks.names import names_in
-from ros_visualise.landmarks.networks.preparation import Fit, Size, fitting_size, prepare
+from ros_visualise.landmarks.networks.preparation import CELL, Fit, Size, fitting_size, prepare
 from ros_visualise.landmarks.networks.session import Provider, Session
 
 _TYPES: dict[str, np.dtype[Any]] = {
@@ -51,7 +51,8 @@ class Network:
         self._image, self._dtype, self._fixed = _image_input(self._session)
         self.names = names_in(self._session.metadata)
         self._longest = longest or _side_in(self._session.metadata)
-        self._blob = self._blob_of(fitting_size((1, 1), self._longest, Fit.STRETCH))
+        self._cell = max(CELL, _numbers_in(self._session.metadata.get("stride", ""))[0])
+        self._blob = self._blob_of(fitting_size((1, 1), self._longest, Fit.STRETCH, self._cell))
         self.layout, self._outputs = self._recognise()
 
     @property
@@ -75,7 +76,7 @@ class Network:
         """
         fit = self.layout.preparation.fit
         image = (pixels.shape[1], pixels.shape[0])
-        self._blob = self._blob_of(fitting_size(image, self._longest, fit))
+        self._blob = self._blob_of(fitting_size(image, self._longest, fit, self._cell))
         placement = prepare(pixels, order, self.layout.preparation, self._blob)
         size = _size_of(self._blob)
         outputs = self._run(self._outputs)
@@ -149,8 +150,13 @@ def _fixed(side: Any) -> int:
 
 def _side_in(metadata: Mapping[str, str]) -> int:
     """The longer side of the images that a network was exported for, as Ultralytics writes it."""
-    sides = [int(side) for side in re.findall(r"\d{1,4}", metadata.get("imgsz", "")[:100])]
-    return max((side for side in sides if 0 < side <= _LARGEST_SIDE), default=_USUAL_SIDE)
+    return max(_numbers_in(metadata.get("imgsz", ""))) or _USUAL_SIDE
+
+
+def _numbers_in(text: str) -> list[int]:
+    """The whole numbers in a short text, as far as a side may be so long; 0 without any."""
+    found = [int(number) for number in re.findall(r"\d{1,4}", text[:100])]
+    return [number for number in found if number <= _LARGEST_SIDE] or [0]
 
 
 def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:

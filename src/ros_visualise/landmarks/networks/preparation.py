@@ -27,7 +27,8 @@ Size = tuple[int, int]
 """(width, height), pixels."""
 
 _PAD = 114  # the gray around images with which the YOLO networks are trained
-_CELL = 32  # sides that are free are multiples of it: of the coarsest cells of most networks
+CELL = 32
+"""Sides that are free are multiples of it: of the coarsest cells of most networks."""
 
 
 class Fit(Enum):
@@ -75,17 +76,19 @@ class Placement:
         return Candidates(boxes, found.scores, found.classes, points, covariances)
 
 
-def fitting_size(image: Size, longest: int, fit: Fit) -> Size:
-    """The size to give to a network that takes any, for an image: no more gray than needed."""
-    if fit in (Fit.STRETCH, Fit.WARP):
-        return (_to_cells(longest),) * 2
-    scale = longest / max(image)
-    width, height = (_to_cells(round(side * scale)) for side in image)
+def fitting_size(image: Size, longest: int, fit: Fit, cell: int = CELL) -> Size:
+    """The size to give to a network that takes any, for an image: no more gray than needed.
+
+    Args:
+        image: its size.
+        longest: the longer side of the result, rounded up to whole cells.
+        fit: how the image is brought to it.
+        cell: the side of the network's coarsest cells.
+    """
+    sides = (1, 1) if fit in (Fit.STRETCH, Fit.WARP) else image
+    scale = longest / max(sides)
+    width, height = (max(1, math.ceil(round(side * scale) / cell)) * cell for side in sides)
     return width, height
-
-
-def _to_cells(side: int) -> int:
-    return max(1, math.ceil(side / _CELL)) * _CELL
 
 
 def prepare(pixels: Pixels, order: str, to: Preparation, blob: Floats) -> Placement:

@@ -6,14 +6,9 @@ files that are none of theirs.
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import mmap
 import re
-import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from enum import Enum
 from functools import cache, partial
 from pathlib import Path
@@ -21,12 +16,14 @@ from typing import Any
 
 from ros_visualise import limits
 from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
+from ros_visualise.landmarks.networks.stopping import stoppable
 
 _INSTALL = "pip install 'ros_visualise[detect]'"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too
-_SPIN_S, _PATIENCE_S = 0.01, 0.5
+_NO_MEMORY = "is smaller than requested bytes"
 _LONGEST_WORD = 200
-_LOCATION = re.compile(rb"\x0a\x08location\x12(.)", re.DOTALL)  # protobuf: key, value's length
+_LOCATION = re.compile(rb"\x0a\x08location\x12([\x80-\xff]?)([\x00-\x7f])")
+"""In protobuf: the key, and the length of its value in seven bits each, the lower ones first."""
 
 
 class Provider(Enum):
@@ -56,7 +53,7 @@ class Session:
         options = self._options(threads)
         providers = [self._find(provider)]
         try:
-            with _stoppable(partial(_cancel, options)):
+            with stoppable(partial(_cancel, options)):
                 self._session = self._runtime.InferenceSession(path, options, providers)
         except _errors() as error:
             raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
@@ -73,7 +70,7 @@ class Session:
         """
         options = self._runtime.RunOptions()
         try:
-            with _stoppable(partial(setattr, options, "terminate", True)):
+            with stoppable(partial(setattr, options, "terminate", True)):
                 outputs: list[Any] = self._session.run(names, inputs, options)
         except _errors() as error:
             raise RosVisualiseError(f"{self.path}: {_short(error)}") from None
@@ -98,36 +95,6 @@ class Session:
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.use_env_allocators", "1")
         return options
-
-
-_at_work: set[Callable[[], None]] = set()
-_is_over = threading.Event()
-
-
-@contextmanager
-def _stoppable(stop: Callable[[], None]) -> Iterator[None]:
-    """Within this, a thread is in onnxruntime, and may be called back at the end of the process.
-
-    A thread that is there when Python ends ends the process as if it had crashed. One that was
-    called back waits for that end, as what it works on concerns nobody any more.
-    """
-    _at_work.add(stop)
-    try:
-        yield
-    finally:
-        _at_work.discard(stop)
-        if _is_over.is_set():
-            threading.Event().wait()
-
-
-@atexit.register
-def _call_back() -> None:
-    _is_over.set()
-    until_s = time.monotonic() + _PATIENCE_S
-    while _at_work and time.monotonic() < until_s:
-        for stop in tuple(_at_work):
-            stop()
-        time.sleep(_SPIN_S)
 
 
 def _cancel(options: Any) -> None:
@@ -168,6 +135,8 @@ def _errors() -> tuple[type[Exception], ...]:
 
 def _short(error: Exception) -> str:
     """The first line of what onnxruntime says, without its own numbers."""
+    if _NO_MEMORY in str(error):
+        return f"wants more than {limits.max_memory() >> 20} MiB of memory; --max-memory gives more"
     lines = str(error).strip().splitlines() or [type(error).__name__]
     words = re.sub(r"^\[ONNXRuntimeError\] : \d+ : (\w+) : ", r"\1: ", lines[0])
     return words if len(words) <= _LONGEST_WORD else f"{words[:_LONGEST_WORD]} ..."
@@ -184,13 +153,19 @@ def _check_file(path: str) -> None:
             if file.stat().st_size == 0:
                 raise OpenError(f"{path}: is empty; give an ONNX file")
             with mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as data:
-                names = [data[at.end() : at.end() + at[1][0]] for at in _LOCATION.finditer(data)]
+                names = {_value(data, at) for at in _LOCATION.finditer(data)}
+        for name in names:
+            _check_weights(file, name.decode(errors="replace"))
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}") from None
-    for name in set(names):
-        _check_weights(file, name.decode(errors="replace"))
+
+
+def _value(data: mmap.mmap, at: re.Match[bytes]) -> bytes:
+    """What stands behind a key and its length."""
+    length = at[2][0] << 7 | at[1][0] & 0x7F if at[1] else at[2][0]
+    return data[at.end() : at.end() + length]
 
 
 def _check_weights(file: Path, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Tags drawn over their image."""
+"""What was found, drawn over its image."""
 
 from __future__ import annotations
 
@@ -16,7 +16,9 @@ _FINER = 16  # places are given to OpenCV in sixteenths of a pixel
 
 
 def draw_detections(pixels: Pixels, order: str, found: Sequence[Detection]) -> Pixels:
-    """The image as bgr8 with outlines and names; a tag's lower side is red.
+    """The image as bgr8 with outlines and names.
+
+    A tag's lower side is red, and so is the point that another thing stands on, where it is known.
 
     Args:
         pixels: gray or colour, 8 or 16 bits.
@@ -29,11 +31,15 @@ def draw_detections(pixels: Pixels, order: str, found: Sequence[Detection]) -> P
     for one in found:
         outline = one.outline_uv
         _line(drawn, outline, _OUTLINE, thick, closed=True)
-        if len(one.corners_uv):
+        is_tag = bool(len(one.corners_uv))
+        if is_tag:
             _line(drawn, outline[:2], _LOWER, thick, closed=False)
+        elif one.point_uv is not None:
+            cv2.drawMarker(drawn, tuple(one.point_uv.round().astype(int).tolist()), _LOWER)
         left, top = outline.min(axis=0)
         place = (round(left), round(max(top - 4, 12)))
-        cv2.putText(drawn, one.class_id, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * thick, _TEXT, thick)
+        text = one.class_id if is_tag else one.label
+        cv2.putText(drawn, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * thick, _TEXT, thick)
     return drawn
 
 
