@@ -70,7 +70,7 @@ class TagParams:
         group="search",
     )
     refine: bool = param(
-        True, "fit the sides of squares to the image's gradient: better corners", group="search"
+        True, "fit the sides of squares to the image: better corners", group="search"
     )
     min_margin: float = param(
         0.0,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.apriltag import AprilTag3
 from ros_visualise.landmarks.tags.families import Family
 from ros_visualise.landmarks.tags.reading import clearness
+from ros_visualise.landmarks.tags.sides import fit_corners
 
 Region = tuple[int, int, int, int]
 """Left, top, right and bottom of a part of an image, in pixels; right and bottom are outside."""
@@ -27,14 +28,13 @@ class Tag:
 
     ``corners_uv`` (4, 2) are those of its square in pixels, origin at the centre of the top-left
     pixel: lower left, lower right, upper right and upper left, as the tag is printed.
-    ``center_uv`` (2,) is where its middle is seen. ``hamming`` counts the cells that were wrong,
-    ``margin`` is the mean difference of cells from the gray between black and white, in levels.
+    ``hamming`` counts the cells that were wrong, ``margin`` is the mean difference of cells from
+    the gray between black and white, in levels.
     """
 
     family: str
     id: int
     corners_uv: Floats
-    center_uv: Floats
     hamming: int
     margin: float
 
@@ -42,6 +42,13 @@ class Tag:
     def name(self) -> str:
         """Such as ``tag36h11_3``."""
         return f"{self.family}_{self.id}"
+
+    @property
+    def center_uv(self) -> Floats:
+        """Where its middle is seen (2,), in pixels: there the diagonals meet."""
+        a, b, c, d = np.column_stack([self.corners_uv, np.ones(4)])
+        x, y, w = np.cross(np.cross(a, c), np.cross(b, d))
+        return np.array([x / w, y / w])
 
 
 class TagFinder:
@@ -61,11 +68,12 @@ class TagFinder:
             families: as `parse_families` gives them.
             quad_decimate: squares are looked for in an image so many times smaller.
             quad_sigma: that image is blurred before, or below 0 sharpened; pixels.
-            refine: fit the squares' sides to the image's gradient.
+            refine: fit the squares' sides to the image, as AprilTag does, then by `fit_corners`.
             min_margin: for all families; each has one of its own, and the larger holds.
         """
         self._families = {one.name: one for one in families}
         self._min_margin = min_margin
+        self._refine = refine
         self._library = AprilTag3(
             families,
             quad_decimate=quad_decimate,
@@ -96,13 +104,18 @@ class TagFinder:
                 one.tag_family.decode(),
                 one.tag_id,
                 one.corners + origin,
-                one.center + origin,
                 one.hamming,
                 float(one.decision_margin),
             )
             for one in self._library.detect(pixels)
         ]
-        return [tag for tag in tags if self._is_believed(tag, gray)]
+        believed = [tag for tag in tags if self._is_believed(tag, gray)]
+        return self._refined(gray, believed) if self._refine else believed
+
+    def _refined(self, gray: Pixels, tags: Sequence[Tag]) -> list[Tag]:
+        corners = np.array([tag.corners_uv for tag in tags]).reshape(-1, 4, 2)
+        fitted = fit_corners(gray, corners, [self._library.cells[tag.family] for tag in tags])
+        return [replace(tag, corners_uv=uv) for tag, uv in zip(tags, fitted, strict=True)]
 
     def _is_believed(self, tag: Tag, gray: Pixels) -> bool:
         family = self._families[tag.family]
