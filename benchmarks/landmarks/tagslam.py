@@ -1,0 +1,210 @@
+"""Distances of surveyed tags: `python benchmarks/landmarks/tagslam.py FOLDER`.
+
+The folder, TagSLAM's example_10, holds tag_detections.bag, cameras.yaml and tagslam.yaml. Of all
+pairs of tags that were surveyed and are seen in one image, the distance of the two is compared with
+that of the survey, in cm: over all sightings of pairs, and over the pairs themselves, each once.
+
+- *one view, OpenCV*: cv2.solvePnPGeneric with IPPE_SQUARE, its first solution
+- *one view*: `square_poses`, the likelier solution
+- *all views of a pair*: one tag in the frame of the other, by the tracks of the localizer, in which
+  the pose of the other tag is the robot's error, new in each view
+- *all views at once*: the corners of all images in one least-squares adjustment (SciPy), which uses
+  nothing of the survey: what can be had from this recording
+
+`--too-large` takes so many pixels off each side of the tags: the detector of this recording sees
+them larger than they are, which example_13 tells, whose pitch is known.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from adjustment import adjust
+from rosbags.highlevel import AnyReader
+
+from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
+from ros_visualise.geometry.transforms import from_pose, inverse
+from ros_visualise.landmarks.localization.seen import cross, sighting_of
+from ros_visualise.landmarks.localization.track import Track, begin
+from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
+from ros_visualise.yaml_files import load_yaml
+
+SURVEYED_M = 1e-3  # what is given with a larger standard deviation is a guess
+Pair = tuple[int, int]
+View = dict[int, tuple[PoseEstimate, ...]]
+
+
+class Recorded:
+    """The recording: of each image the tags' corners (4, 2), and what was surveyed."""
+
+    def __init__(self, folder: Path, too_large_px: float) -> None:
+        tags = load_yaml(folder / "tagslam.yaml")
+        (body,) = (body["top_floor"] for body in tags["bodies"] if "top_floor" in body)
+        self.sizes = defaultdict(lambda: body["default_tag_size"])
+        self.survey: dict[int, Floats] = {}
+        for tag in body["tags"]:
+            place = tag["pose"]
+            self.sizes[tag["id"]] = tag["size"]
+            if max(place["position_noise"].values()) <= SURVEYED_M:
+                self.survey[tag["id"]] = np.array([place["position"][axis] for axis in "xyz"])
+        self._left_out = set(body["ignore_tags"])
+        self._renamed = [
+            (one["id"], again) for one in tags["tag_id_remap"] for again in one["remaps"]
+        ]
+        self.info = _calibration(load_yaml(folder / "cameras.yaml")["cam0"])
+        self._too_large_px = too_large_px
+        self.images = [image for image in self._read(folder / "tag_detections.bag") if image]
+
+    def _read(self, bag: Path) -> Iterator[dict[int, Floats]]:
+        with AnyReader([bag]) as reader:
+            for connection, _, data in reader.messages():
+                found = Detections.read(reader.deserialize(data, connection.msgtype))
+                stamp_s = found.header.stamp_ns / 1e9
+                tags = {self._name(int(one.id), stamp_s): one for one in found.detections}
+                yield {
+                    number: _shrunk(one.corners_uv, self._too_large_px)
+                    for number, one in tags.items()
+                    if number not in self._left_out
+                }
+
+    def _name(self, number: int, stamp_s: float) -> int:
+        """Some were moved while it was recorded, and are others then."""
+        for before, again in self._renamed:
+            if number == before and again["start_time"] <= stamp_s <= again["end_time"]:
+                return int(again["remap_id"])
+        return number
+
+
+def _shrunk(corners: Floats, by_px: float) -> Floats:
+    """A quadrilateral (4, 2) with each of its sides half as far inward."""
+    forth = np.roll(corners, -1, axis=0) - corners
+    forth /= np.linalg.norm(forth, axis=1, keepdims=True)
+    back = -np.roll(forth, 1, axis=0)
+    sine = np.abs(forth[:, 0] * back[:, 1] - forth[:, 1] * back[:, 0])
+    return corners + (forth + back) * (by_px / 2 / sine)[:, None]
+
+
+def _calibration(camera: Mapping[str, Any]) -> CameraInfo:
+    fx, fy, cx, cy = camera["intrinsics"]
+    width, height = camera["resolution"]
+    K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    return CameraInfo(height, width, K=K, D=np.array(camera["distortion_coeffs"]))
+
+
+def located(recorded: Recorded) -> list[View]:
+    """Of each image the poses of its tags."""
+    views = []
+    for image in recorded.images:
+        sizes = [recorded.sizes[number] for number in image]
+        poses = squares_poses(np.array(list(image.values())), sizes, recorded.info)
+        views.append({n: one for n, one in zip(image, poses, strict=True) if one})
+    return views
+
+
+def by_opencv(recorded: Recorded) -> list[dict[int, Floats]]:
+    """Of each image the positions of its tags."""
+    square = np.array([[-1, 1, 0], [1, 1, 0], [1, -1, 0], [-1, -1, 0]]) / 2
+    K, D = recorded.info.K, recorded.info.D
+
+    def position(number: int, corners: Floats) -> Floats:
+        from_upper_left = np.ascontiguousarray(corners[[3, 2, 1, 0]])
+        points = square * recorded.sizes[number]
+        found = cv2.solvePnPGeneric(points, from_upper_left, K, D, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+        return np.asarray(found[2][0])[:, 0]
+
+    return [{n: position(n, c) for n, c in image.items()} for image in recorded.images]
+
+
+def single(positions: list[dict[int, Floats]]) -> dict[Pair, list[float]]:
+    """The distance of each pair in each image."""
+    found: dict[Pair, list[float]] = defaultdict(list)
+    for places in positions:
+        for a, b in combinations(sorted(places), 2):
+            found[a, b].append(float(np.linalg.norm(places[a] - places[b])))
+    return found
+
+
+def combined(views: list[View]) -> dict[Pair, list[float]]:
+    """The distance of each pair from all images, for each image in which it is."""
+    tracks: dict[Pair, Track] = {}
+    for number, view in enumerate(views):
+        for a, b in combinations(sorted(view), 2):
+            T_a_camera, covariance = _from_tag(view[a][0])
+            sightings = [sighting_of(_hypothesis(one), T_a_camera) for one in view[b]]
+            if (a, b) not in tracks:
+                tracks[a, b] = Track("tag", b, True, begin(sightings, covariance, None), number)
+                continue
+            track = tracks[a, b]
+            track.carry(np.zeros((6, 6)), covariance)
+            fits = track.fits(sightings)
+            if any(fit.is_inlier for fit in fits):
+                track.take(fits, number)
+    return {
+        pair: [float(np.linalg.norm(track.best.position_xyz))] * track.seen
+        for pair, track in tracks.items()
+    }
+
+
+def _hypothesis(pose: PoseEstimate) -> Hypothesis:
+    return Hypothesis("tag", pose.probability, pose.position_xyz, pose.quat_xyzw, pose.covariance)
+
+
+def _from_tag(pose: PoseEstimate) -> tuple[Floats, Floats]:
+    """T_tag_camera, and the covariance (6, 6) of its error in the tag's axes."""
+    T = inverse(from_pose(pose.position_xyz, pose.quat_xyzw))
+    R = T[:3, :3]
+    J = np.block([[R, R @ cross(pose.position_xyz)], [np.zeros((3, 3)), R]])
+    return T, J @ pose.covariance @ J.T
+
+
+def row(title: str, found: Mapping[Pair, list[float]], survey: Mapping[int, Floats]) -> str:
+    """Median and 90th percentile of the errors in cm, over sightings and over pairs."""
+    errors = {
+        (a, b): np.abs(np.array(distances) - np.linalg.norm(survey[a] - survey[b]))
+        for (a, b), distances in found.items()
+        if a in survey and b in survey
+    }
+    each = np.concatenate(list(errors.values()))
+    once = np.array([np.median(several) for several in errors.values()])
+    cells = [f"{cm:.1f}" for one in (each, once) for cm in 100 * np.percentile(one, (50, 90))]
+    return f"| {title} | {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--too-large", type=float, default=0.0, metavar="PX")
+    args = parser.parse_args()
+    recorded = Recorded(args.folder, args.too_large)
+    views = located(recorded)
+    first = [{n: poses[0].position_xyz for n, poses in view.items()} for view in views]
+    seen = single(first)
+    pairs = [pair for pair in seen if set(pair) <= recorded.survey.keys()]
+    sightings = sum(len(seen[pair]) for pair in pairs)
+    print(f"{len(recorded.images)} images, {sightings} sightings of {len(pairs)} surveyed pairs")
+    off = [np.abs(np.array(seen[pair]) - np.median(seen[pair])) for pair in pairs]
+    print(f"one view and the median of its pair: {100 * np.median(np.concatenate(off)):.1f} cm\n")
+    print(
+        "| cm | sightings: median | 90 of 100 | pairs: median | 90 of 100 |\n|---|---|---|---|---|"
+    )
+    print(row("one view, OpenCV", single(by_opencv(recorded)), recorded.survey))
+    print(row("one view", seen, recorded.survey))
+    print(row("all views of a pair", combined(views), recorded.survey))
+    places = adjust(recorded.images, views, recorded.sizes, recorded.info)
+    joint = {
+        (a, b): [float(np.linalg.norm(places[a] - places[b]))] * len(several)
+        for (a, b), several in seen.items()
+    }
+    print(row("all views at once", joint, recorded.survey))
+
+
+if __name__ == "__main__":
+    main()
