@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import ast
-import keyword
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cache
 from typing import Any
@@ -15,8 +14,9 @@ from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescription
 
 from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import Spec, Value, param, specs
+from ros_visualise.params import Spec, Value, specs
 from ros_visualise.runtime.playing import offered
+from ros_visualise.runtime.remote.declaring import Told, declared, name_here, name_there
 from ros_visualise.runtime.ros1.description import Plain, describe
 
 _TYPES: dict[str, type] = {"bool": bool, "int": int, "double": float, "str": str}
@@ -41,16 +41,16 @@ class Declaration:
         """The values in a message that fit the declaration."""
         sent: Mapping[str, Plain] = decode_config(config)
         return {
-            spec.name: self._shown(spec.name, sent[_there(spec.name)])
+            spec.name: self._shown(spec.name, sent[name_there(spec.name)])
             for spec in specs(self.params)
-            if _there(spec.name) in sent
+            if name_there(spec.name) in sent
         }
 
     def encode(self, declared: Sequence[Spec], values: Mapping[str, Value]) -> Config:
         """A message that sets these values."""
         types = {spec.name: spec.type for spec in declared}
         return encode_config(
-            {_there(name): self._sent(name, types[name], v) for name, v in values.items()}
+            {name_there(name): self._sent(name, types[name], v) for name, v in values.items()}
         )
 
     def _shown(self, name: str, value: Plain) -> Plain:
@@ -80,37 +80,27 @@ def our_own() -> list[tuple[ConfigDescription, Declaration]]:
 
 
 def _make(description: ConfigDescription) -> Declaration:
+    told = _told(description)
+    choices = {name_here(one.name): one.choices for one in told if one.is_choice}
+    return Declaration(declared(told), choices=choices)
+
+
+def _told(description: ConfigDescription) -> list[Told]:
     low, high, default = (
         decode_config(c) for c in (description.min, description.max, description.dflt)
     )
-    fields, choices = [], {}
-    for group, told in _parameters(description):
-        name, there = _here(told.name), told.name
-        sent = _choices(told)
-        value, kind = default[there], _TYPES[told.type]
-        if value in sent.values():
-            choices[name] = sent
-            kind, value = _choice(told.name, sent, value)
-        limits = _limits(told.type, low[there], high[there])
-        grouped = group.name if group.id else ""
-        declared = param(
-            value,
+    return [
+        Told(
+            told.name,
+            _TYPES[told.type],
+            default[told.name],
             told.description,
-            min=limits[0],
-            max=limits[1],
-            group=grouped,
-            saved=name == there and not sent,  # else it is called or written otherwise here
+            *_limits(told.type, low[told.name], high[told.name]),
+            group=group.name if group.id else "",
+            choices=_choices(told),
         )
-        fields.append((name, kind, declared))
-    params = make_dataclass("Params", fields, frozen=True)
-    return Declaration(params, choices=choices)
-
-
-def _choice(name: str, sent: Mapping[str, Plain], value: Plain) -> tuple[type, Any]:
-    """An Enum of the texts of choices, and its member for a value."""
-    members = [(f"CHOICE_{number}", text) for number, text in enumerate(sent)]
-    made: Any = Enum(name, members)  # type: ignore[misc]  # known only now
-    return made, made(next(text for text, one in sent.items() if one == value))
+        for group, told in _parameters(description)
+    ]
 
 
 def _parameters(description: ConfigDescription) -> list[tuple[Group, ParamDescription]]:
@@ -137,13 +127,3 @@ def _limits(kind: str, low: Any, high: Any) -> tuple[float | None, float | None]
         return None, None
     far = _MAX_INT if kind == "int" else math.inf
     return (None if low <= -far else low), (None if high >= far else high)
-
-
-def _here(name: str) -> str:
-    """A name that a field may have."""
-    return f"{name}_" if keyword.iskeyword(name) else name
-
-
-def _there(name: str) -> str:
-    """The name of a field on the graph."""
-    return name[:-1] if keyword.iskeyword(name[:-1]) else name
