@@ -22,7 +22,7 @@ LAYERS = [
     {"simulation"},
     {"nodes"},
     {"graph"},
-    {"pipelines"},
+    {"pipelines", "landmark_pipelines"},
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},

@@ -15,11 +15,13 @@ from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.options import (
     add_calibrate,
+    MISSION,
+    add_landmark_options,
     add_memory_option,
     add_playing_options,
+    add_world_options,
     not_negative,
     positive,
-    seed,
 )
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
@@ -33,6 +35,7 @@ _EXAMPLES = """examples:
   ros-visualise camera rtsp://192.168.1.10/stream
   ros-visualise bag drive.bag --image /camera/image_raw
   ros-visualise kitti 2011_09_26/2011_09_26_drive_0009_sync
+  ros-visualise landmarks photo.jpg --size 0.16 --calibration ost.yaml
 """
 
 
@@ -126,17 +129,9 @@ def _add_robots(commands: Any, playing: argparse.ArgumentParser) -> tuple[Any, A
     )
     sim = commands.add_parser("sim", parents=[playing], help="play a simulated robot")
     sim.add_argument("robot", metavar="ROBOT", help="husky or quadrotor")
+    add_world_options(sim)
     sim.add_argument(
-        "--world", default="field", help="plane, playpen or field (default: %(default)s)"
-    )
-    sim.add_argument(
-        "--mission",
-        metavar="SHAPE|FILE",
-        help="what the robot is to do: square, figure_of_eight, lawn_mower, default or a YAML file"
-        " (default: wait for commands)",
-    )
-    sim.add_argument(
-        "--seed", type=seed, default=0, help="seed of all random errors (default: %(default)s)"
+        "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: wait for commands)"
     )
     return demo, sim
 
@@ -186,6 +181,7 @@ def _add_asking(commands: Any) -> None:
     info.add_argument("--json", action="store_true", help="print it as one JSON object")
     add_memory_option(info)
     _add_convert(commands)
+    _add_landmarks(commands)
     _add_trajectory(commands)
     add_calibrate(commands)
     nodes = commands.add_parser(
@@ -193,6 +189,26 @@ def _add_asking(commands: Any) -> None:
     )
     nodes.set_defaults(module="nodes")
     nodes.add_argument("--json", action="store_true", help="print it as one JSON object")
+
+
+def _add_landmarks(commands: Any) -> None:
+    landmarks = commands.add_parser(
+        "landmarks", help="find tags and objects in pictures, videos and recordings, and map them"
+    )
+    landmarks.set_defaults(module="landmarks")
+    landmarks.add_argument(
+        "input",
+        metavar="SRC",
+        help="a picture, a folder of pictures, a video, a recording (with images, or with tags that"
+        " were found before), or a simulated robot: quadrotor or husky",
+    )
+    add_landmark_options(landmarks)
+    landmarks.add_argument(
+        "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
+    )
+    landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
+    landmarks.add_argument("--json", action="store_true", help="print it as one JSON object")
+    add_memory_option(landmarks)
 
 
 def _add_convert(commands: Any) -> None:

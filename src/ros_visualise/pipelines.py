@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from importlib.util import find_spec
@@ -193,14 +192,17 @@ def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
 
 
+def robots() -> dict[str, SourceType]:
+    """The sources that simulate a robot, by name."""
+    sources = [one for one in find_all() if isinstance(one, SourceType)]
+    return {one.name: one for one in sources if one.velocity_axes}
+
+
 def _find_robot(name: str) -> SourceType:
-    with contextlib.suppress(UsageError):
-        found = find_source(name)
-        if found.velocity_axes:
-            return found
-    all_sources = [one for one in find_all() if isinstance(one, SourceType)]
-    there = " or ".join(one.name for one in all_sources if one.velocity_axes)
-    raise UsageError(f"no robot {name!r}: choose {there}")
+    there = robots()
+    if name not in there:
+        raise UsageError(f"no robot {name!r}: choose {' or '.join(there)}")
+    return there[name]
 
 
 _PATH_INPUTS: dict[type, str] = {

@@ -60,6 +60,19 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
             last = added.name
+    graph = with_settings(graph, args)
+    _refuse_unfed_pair(graph)
+    _refuse_missing_calibration(graph)
+    return graph
+
+
+def with_settings(graph: Graph, args: Namespace) -> Graph:
+    """The graph with the parameters of ``--params`` and ``--set``.
+
+    Raises:
+        OpenError: the file of parameters cannot be opened.
+        UsageError: no such node or parameter, or a value out of its range.
+    """
     if args.params:
         try:
             graph = _configured(graph, _read_yaml(args.params), args)
@@ -71,8 +84,6 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
         if not (equals and dot):
             raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
         graph = _configured(graph, {node: {param: value}}, args)
-    _refuse_unfed_pair(graph)
-    _refuse_missing_calibration(graph)
     return graph
 
 

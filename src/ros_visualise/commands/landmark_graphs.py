@@ -1,0 +1,119 @@
+"""Which graph the command `landmarks` runs."""
+
+from __future__ import annotations
+
+import os
+from argparse import Namespace
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from typing import Any
+
+from ros_visualise.commands.graphs import with_settings
+from ros_visualise.data import Detections, Image, Odometry, Transforms
+from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.landmark_pipelines import (
+    LOCALIZER,
+    OBJECTS,
+    RECORDED_TAGS,
+    TAGS,
+    has_frames,
+    with_landmarks,
+)
+from ros_visualise.nodes import find_source
+from ros_visualise.nodes.player import player
+from ros_visualise.pipelines import alone, robots
+from ros_visualise.simulation.worlds import tags_file
+from ros_visualise.sources.calibration import read_calibration
+from ros_visualise.sources.opening import is_recording, open_recording
+from ros_visualise.sources.pictures import is_pictures
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.images import first_image
+
+_MAPPED = (Transforms, Odometry)
+"""What a map of landmarks needs beside the detections."""
+
+
+def landmark_graph(args: Namespace) -> Graph:
+    """A source of any kind, the nodes that find landmarks in it, and the parameters asked for.
+
+    Raises:
+        OpenError: the source, or a file that an option names, cannot be opened.
+        UsageError: an option asks for what is not there.
+    """
+    if args.calibration:
+        read_calibration(args.calibration)  # a source would wait for it
+    with ExitStack() as undo:
+        graph, topic = _source(args, undo)
+        detectors = _detectors(args, is_image=graph.topics[topic].type is Image)
+        graph = with_landmarks(graph, topic, detectors, _settings(args))
+        if args.map is not None and not has_frames(graph):
+            raise UsageError(
+                f"--map {args.map}: {args.input} does not tell where the camera is; leave it out"
+            )
+        graph = with_settings(graph, args)
+        undo.pop_all()  # a recording is the graph's now
+        return graph
+
+
+def _source(args: Namespace, undo: ExitStack) -> tuple[Graph, str]:
+    """A graph of a source alone, and the topic that landmarks are looked for on."""
+    path = args.input
+    is_robot = path in robots() and not os.path.exists(path)
+    if not is_robot and is_recording(path) and not is_pictures(path):
+        recording = undo.enter_context(closing(open_recording(path)))
+        return _recorded(recording, args)
+    if args.topic:
+        raise UsageError(f"--topic {args.topic}: only a recording has several topics")
+    if is_robot:
+        settings = {"world": args.world, "mission": args.mission, "seed": args.seed}
+        if args.calibration:
+            raise UsageError("--calibration: a simulated camera knows its own; leave it out")
+        return alone(find_source(path)).configured({path: settings}), "/image_raw"
+    kind = "pictures" if is_pictures(path) else "streamer"
+    settings = {"path": path, "camera_info_url": args.calibration}
+    return alone(find_source(kind)).configured({kind: settings}), "/image_raw"
+
+
+def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
+    """A recording's images, or the detections in it, and what tells where its camera is."""
+    kinds = {name: topic.type.data_class for name, topic in recording.topics.items()}
+    images = [name for name, kind in kinds.items() if kind is Image]
+    found = [name for name, kind in kinds.items() if kind is Detections]
+    topic = args.topic or first_image(recording, images) or next(iter(found), None)
+    if topic not in (*images, *found):
+        there = ", ".join([*images, *found]) or "none"
+        what = f"--topic {args.topic}: no such topic" if args.topic else f"{args.input}: no topic"
+        raise UsageError(f"{what} of images or of detections in images; there is {there}")
+    beside = [
+        name
+        for name, kind in kinds.items()
+        if kind in _MAPPED and not recording.topics[name].unreadable
+    ]
+    declared = player(recording, [topic, *beside], camera_info_url=args.calibration)
+    outputs = {name: name for name in declared.outputs}
+    return Graph(SourceNode("player", declared, declared.params(), {}, outputs), ()), topic
+
+
+def _detectors(args: Namespace, is_image: bool) -> Sequence[str]:
+    """The nodes that are wanted of what is there."""
+    if is_image:
+        return (TAGS, OBJECTS) if args.model else (TAGS,)
+    for option, given in {"--families": args.families, "--model": args.model}.items():
+        if given:
+            raise UsageError(f"{option}: there are no images, tags were found before; leave it out")
+    return (RECORDED_TAGS,)
+
+
+def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
+    """Node -> the parameters that options set."""
+    tags = args.tags or (tags_file(args.world) if args.input in robots() else "")
+    sizes: dict[str, Any] = {"tags": tags} if tags else {}
+    if args.size is not None:
+        sizes["size"] = args.size
+    return {
+        TAGS: {**sizes, **({"families": args.families} if args.families else {})},
+        RECORDED_TAGS: sizes,
+        OBJECTS: {"model": args.model} if args.model else {},
+        LOCALIZER: {} if args.map is None else {"save_to": str(args.map)},
+    }

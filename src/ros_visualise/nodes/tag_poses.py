@@ -1,0 +1,75 @@
+"""The node that finds where tags are whose corners somebody else has found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ros_visualise.data import Detection, Detections
+from ros_visualise.landmarks.pose import REAL_CAMERA_PX
+from ros_visualise.landmarks.tags import Tag
+from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
+from ros_visualise.landmarks.tags.locating import locate
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class TagPosesParams:
+    """Parameters of `tag_poses`."""
+
+    size: float = param(
+        0.0,
+        "side of the black square in metres, of tags that the file does not know; 0: unknown, "
+        "without a pose",
+        min=0,
+        max=100,
+        slider=(0, 1),
+    )
+    tags: str = param(
+        "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
+    )
+    corner_floor: float = param(
+        REAL_CAMERA_PX,
+        "least standard deviation of corners in pixels, for the covariance",
+        min=0,
+        max=10,
+        slider=(0, 2),
+    )
+
+
+@node(
+    "tag_poses",
+    params=TagPosesParams,
+    inputs={"corners": Detections},
+    outputs={"detections": Detections},
+)
+class TagPoses:
+    """Adds poses to recorded tags, by their corners and the calibration that comes with them."""
+
+    def __init__(self, params: TagPosesParams) -> None:
+        self._path = ""
+        self._known = KnownTags()
+        self._read(params)
+
+    def step(self, corners: Detections, params: TagPosesParams) -> Detections:
+        """The same tags with their poses, then what is no tag as it came."""
+        self._read(params)
+        tags = [tag for one in corners.detections if (tag := _tag(one)) is not None]
+        rest = tuple(one for one in corners.detections if _tag(one) is None)
+        info = corners.camera_info
+        found = locate(tags, self._known, params.size, info, params.corner_floor)
+        return replace(corners, detections=found + rest)
+
+    def _read(self, params: TagPosesParams) -> None:
+        if params.tags != self._path:
+            self._known = read_known_tags(params.tags) if params.tags else KnownTags()
+            self._path = params.tags
+
+
+def _tag(found: Detection) -> Tag | None:
+    """A detection as a tag; None of what has no corners, or no number."""
+    family, _, number = found.class_id.rpartition("_")
+    if len(found.corners_uv) != 4 or not number.isdecimal() or found.point_uv is None:
+        return None
+    hamming = round(1 / found.score) - 1 if found.score > 0 else 0
+    return Tag(family, int(number), found.corners_uv, found.point_uv, hamming, 0.0)
