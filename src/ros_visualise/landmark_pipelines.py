@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ros_visualise.data import Odometry, Transforms
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, place
 from ros_visualise.nodes import find_node
 
@@ -17,17 +18,22 @@ DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
 
 _OUTPUTS = {
-    TAGS: {"detections": "/tag_detections", "debug_image": "/tag_detections_image"},
-    OBJECTS: {"detections": "/object_detections", "debug_image": "/object_detections_image"},
+    OBJECTS: {"detections": "/object_detections", "debug_image": "/object_image"},
     LOCALIZER: {"markers": "/landmark_markers", "tf_static": "/landmarks/tf_static"},
 }
-"""Node -> output -> topic, where that is not called as the output."""
+"""Node -> output -> topic, where that is not called as the output.
+
+The frames of landmarks have a topic of their own: a node that heard what it says would wait for
+itself.
+"""
+
+_WORLDS = Path(__file__).parent / "simulation" / "worlds"  # to import that takes a second
 
 Settings = Mapping[str, Mapping[str, Any]]
 
 
 def with_landmarks(
-    graph: Graph, topic: str, detectors: Sequence[str], settings: Settings = {}
+    graph: Graph, topic: str, detectors: Sequence[str], settings: Settings = MappingProxyType({})
 ) -> Graph:
     """The same graph with nodes that find landmarks; where there are frames, also in a map.
 
@@ -48,6 +54,12 @@ def with_landmarks(
     return whole.configured({name: settings[name] for name in names if name in settings})
 
 
+def tags_of_world(name: str) -> str:
+    """The file with the sizes of a simulated world's tags; empty where it has none."""
+    path = _WORLDS / f"{name}_tags.yaml"
+    return str(path) if path.is_file() else ""
+
+
 def has_frames(graph: Graph) -> bool:
     """Whether it tells where its camera is."""
     return any(topic.type is Transforms for topic in graph.topics.values())
@@ -57,10 +69,8 @@ def _placed(name: str, taken: Sequence[str]) -> Node:
     """A node on these topics, in the order of its inputs."""
     declared = find_node(name)
     outputs = {port: f"/{port}" for port in declared.outputs} | _OUTPUTS.get(name, {})
-    if name == RECORDED_TAGS:
-        outputs = {port: f"/{RECORDED_TAGS}" for port in declared.outputs}
     inputs = dict(zip(declared.stepped, taken, strict=False))
-    return place(declared, inputs, {port: outputs[port] for port in declared.outputs})
+    return place(declared, inputs, outputs)
 
 
 def _localizer(graph: Graph, detectors: Sequence[Node]) -> Node:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -187,6 +187,12 @@ def _add_settings(group: Any) -> None:
 
 def _add_nodes(parser: ArgumentParser) -> None:
     group = parser.add_argument_group("nodes")
+    group.add_argument(
+        "--landmarks",
+        action=BooleanOptionalAction,
+        help="find tags in the images, and map them where the camera's place is known (default: of"
+        " simulated robots)",
+    )
     _add_settings(group)
     group.add_argument(
         "--node",

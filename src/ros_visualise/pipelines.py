@@ -17,6 +17,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
+from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
@@ -156,12 +157,15 @@ def _kept_apart(
     return {name: f"/recorded{name}" if name in made else name for name in recorded}
 
 
-def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -> Graph:
+def simulation_pipeline(
+    robot: str, size: Size | None = None, landmarks: bool = False, **settings: Any
+) -> Graph:
     """A simulated robot, its images through the image nodes, and its odometry to path.
 
     Args:
         robot: name of a declared source that simulates one.
         size: (width, height) of its images; None: its own.
+        landmarks: look for tags in them, and put them into a map.
         settings: its parameters.
 
     Raises:
@@ -173,22 +177,29 @@ def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -
     if size is not None:
         settings |= {"camera_width": size[0], "camera_height": size[1]}
     filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
-    return Graph(source, (*images, path)).configured({robot: settings, "filters": filters})
+    graph = Graph(source, (*images, path)).configured({robot: settings, "filters": filters})
+    if not landmarks:
+        return graph
+    tags = {"tags": tags_of_world(settings.get("world", "field"))}
+    return with_landmarks(graph, source.outputs["image"], [TAGS], {TAGS: tags})
 
 
-def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
+def demo_pipeline(
+    source: str | None = None, size: Size | None = None, landmarks: bool = False
+) -> Graph:
     """A robot on its default mission, or a source of images that needs no file.
 
     Args:
         source: its name; None: the quadrotor, or the landscape where MuJoCo is not installed.
         size: (width, height) of the images; None: the source's own.
+        landmarks: of a robot, as with `simulation_pipeline`.
     """
     if source is None:
         source = "quadrotor" if find_spec("mujoco") else "landscape"
         if source == "landscape":
             log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
     if find_source(source).velocity_axes:
-        return simulation_pipeline(source, size, mission="default")
+        return simulation_pipeline(source, size, landmarks, mission="default")
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
 
 

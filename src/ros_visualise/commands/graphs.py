@@ -12,6 +12,7 @@ from ros_visualise.commands.insertion import parse_insertion
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.landmark_pipelines import TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
@@ -45,9 +46,21 @@ def graph_of(args: Namespace) -> Graph:
             graph = _recording(recording, args)
         else:
             graph = _GRAPHS[args.command](args)
+        if args.landmarks:
+            graph = _with_tags(graph)
         graph = _with_options(graph, args)
         undo.pop_all()  # the recording is the graph's now
         return graph
+
+
+def _with_tags(graph: Graph) -> Graph:
+    """The same with nodes that look for tags in the images that are processed, if not there."""
+    first = next((node for node in graph.nodes if node.name == IMAGE_NODES[0]), None)
+    if first is None:
+        raise UsageError("--landmarks: there are no images to look for them in; leave it out")
+    if any(node.name == TAGS for node in graph.nodes):
+        return graph
+    return with_landmarks(graph, first.inputs["image"], [TAGS])
 
 
 def _with_options(graph: Graph, args: Namespace) -> Graph:
@@ -103,7 +116,7 @@ def stepped_topic(graph: Graph) -> str:
 
 
 def _demo(args: Namespace) -> Graph:
-    return demo_pipeline(args.scene, parse_size(args.size))
+    return demo_pipeline(args.scene, parse_size(args.size), args.landmarks is not False)
 
 
 def _sim(args: Namespace) -> Graph:
@@ -113,7 +126,8 @@ def _sim(args: Namespace) -> Graph:
             "the robot would stand for ever: add --mission lawn_mower or --duration 60"
         )
     scenario = {"world": args.world, "mission": mission, "seed": args.seed}
-    return simulation_pipeline(args.robot, parse_size(args.size), **scenario)
+    landmarks = args.landmarks is not False
+    return simulation_pipeline(args.robot, parse_size(args.size), landmarks, **scenario)
 
 
 def _video(args: Namespace) -> Graph:

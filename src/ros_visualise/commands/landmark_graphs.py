@@ -18,12 +18,12 @@ from ros_visualise.landmark_pipelines import (
     RECORDED_TAGS,
     TAGS,
     has_frames,
+    tags_of_world,
     with_landmarks,
 )
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.pipelines import alone, robots
-from ros_visualise.simulation.worlds import tags_file
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
@@ -107,7 +107,7 @@ def _detectors(args: Namespace, is_image: bool) -> Sequence[str]:
 
 def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
     """Node -> the parameters that options set."""
-    tags = args.tags or (tags_file(args.world) if args.input in robots() else "")
+    tags = args.tags or (tags_of_world(args.world) if args.input in robots() else "")
     sizes: dict[str, Any] = {"tags": tags} if tags else {}
     if args.size is not None:
         sizes["size"] = args.size

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.landmarks import Landmark
@@ -38,12 +37,6 @@ class World:
 
 _BUILDERS = {"plane": build_plane, "playpen": build_playpen, "field": build_field}
 WORLDS = tuple(_BUILDERS)
-
-
-def tags_file(name: str) -> str:
-    """The file with the sizes of a world's tags, as apriltag_ros has it; empty: it has none."""
-    path = Path(__file__).with_name(f"{name}_tags.yaml")
-    return str(path) if path.is_file() else ""
 
 
 @cache

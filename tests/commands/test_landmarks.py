@@ -1,0 +1,198 @@
+"""`ros-visualise landmarks`: what is in pictures and recordings, and where it is."""
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.cli import main
+from ros_visualise.landmarks.tags import draw_cells, family
+from ros_visualise.simulation.worlds import build_world
+from ros_visualise.yaml_files import load_yaml
+
+CALIBRATION = """\
+image_width: {0}
+image_height: {1}
+distortion_model: plumb_bob
+camera_matrix: {{rows: 3, cols: 3, data: [{2}, 0, {3}, 0, {2}, {4}, 0, 0, 1]}}
+distortion_coefficients: {{rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}}
+rectification_matrix: {{rows: 3, cols: 3, data: [1, 0, 0, 0, 1, 0, 0, 0, 1]}}
+projection_matrix: {{rows: 3, cols: 4, data: [{2}, 0, {3}, 0, 0, {2}, {4}, 0, 0, 0, 1, 0]}}
+"""
+CELL_PX, LEFT, TOP = 12, 60, 40
+DETECTION = {"name", "id", "score", "box", "corners", "point", "frame_id", "pose", "other_pose"}
+
+
+@pytest.fixture
+def find(monkeypatch, capsys):
+    """Run the command; its exit status, what it printed, as JSON if asked for, and its errors."""
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+
+    def find(*arguments):
+        status = main(["landmarks", *map(str, arguments)])
+        said = capsys.readouterr()
+        is_json = "--json" in arguments and said.out
+        return status, json.loads(said.out) if is_json else said.out, said.err
+
+    return find
+
+
+@pytest.fixture
+def picture(tmp_path: Path) -> Path:
+    """Tag 7 seen from the front; its square begins at (LEFT, TOP) and has 8 cells a side."""
+    cells, rim = draw_cells(family("tag36h11"), 7)
+    tag = np.kron(np.where(cells, 220, 30).astype(np.uint8), np.ones((CELL_PX, CELL_PX), np.uint8))
+    image = np.full((200, 240), 220, np.uint8)
+    left, top = LEFT - rim * CELL_PX, TOP - rim * CELL_PX
+    image[top : top + len(tag), left : left + len(tag)] = tag
+    path = tmp_path / "picture.png"
+    cv2.imwrite(str(path), cv2.GaussianBlur(image, (0, 0), 0.7))
+    return path
+
+
+@pytest.fixture
+def ost(tmp_path: Path) -> Path:
+    """The calibration of that picture: 400 pixels of focal length, its axis at (120, 100)."""
+    path = tmp_path / "ost.yaml"
+    path.write_text(CALIBRATION.format(240, 200, 400, 120, 100))
+    return path
+
+
+def test_a_tag_seen_from_the_front_is_where_it_was_drawn(find, picture, ost):
+    status, found, _ = find(picture, "--size", 0.24, "--calibration", ost, "--json")
+    assert status == 0
+    assert set(found) == {"images", "landmarks"}
+    [image] = found["images"]
+    assert (image["path"], image["stamp"]) == (str(picture), 0)
+    assert (image["width"], image["height"]) == (240, 200)
+    [tag] = image["detections"]
+    assert set(tag) == DETECTION
+    assert (tag["name"], tag["id"], tag["frame_id"]) == ("tag36h11_7", 7, "camera_optical")
+    side = 8 * CELL_PX
+    left, top = LEFT - 0.5, TOP - 0.5  # pixels count from the centre of the first
+    corners = [[0, side], [side, side], [side, 0], [0, 0]]
+    np.testing.assert_allclose(tag["corners"], np.add(corners, [left, top]), atol=0.1)
+    np.testing.assert_allclose(tag["box"], [left, top, side, side], atol=0.2)
+    np.testing.assert_allclose(tag["point"], [left + side / 2, top + side / 2], atol=0.1)
+    z = 400 * 0.24 / side
+    at = [(left + side / 2 - 120) * z / 400, (top + side / 2 - 100) * z / 400, z]
+    pose = tag["pose"]
+    np.testing.assert_allclose(pose["position"], at, atol=0.005)
+    covariance = np.reshape(pose["covariance"], (6, 6))
+    np.testing.assert_allclose(covariance, covariance.T)
+    assert np.linalg.eigvalsh(covariance)[0] > 0
+    off = np.subtract(pose["position"], at)
+    assert off @ np.linalg.solve(covariance[:3, :3], off) < 16
+    assert tag["other_pose"] is None or set(tag["other_pose"]) == set(pose)
+    assert found["landmarks"] == [
+        {"name": "tag36h11_7", "frame_id": "camera_optical", "pose": None, "seen": 1}
+    ]
+
+
+def test_without_a_calibration_there_are_corners_alone_and_that_is_said_once(find, picture, caplog):
+    (picture.parent / "second.png").write_bytes(picture.read_bytes())
+    status, found, _ = find(picture.parent, "--size", 0.24, "--json")
+    assert status == 0
+    assert [image["path"][-11:] for image in found["images"]] == ["picture.png", "/second.png"]
+    tags = [tag for image in found["images"] for tag in image["detections"]]
+    assert [tag["pose"] for tag in tags] == [None, None]
+    assert all(len(tag["corners"]) == 4 for tag in tags)
+    assert caplog.text.count("without a calibration") == 1
+    assert found["landmarks"][0]["seen"] == 2
+
+
+def test_the_sizes_of_tags_come_from_a_file(find, picture, ost, tmp_path):
+    sizes = tmp_path / "tags.yaml"
+    sizes.write_text("standalone_tags:\n  - {id: 7, size: 0.48, name: dock}\n")
+    status, found, _ = find(picture, "--tags", sizes, "--calibration", ost, "--json")
+    tag = found["images"][0]["detections"][0]
+    assert (status, tag["name"], tag["id"]) == (0, "dock", 7)
+    assert tag["pose"]["position"][2] == pytest.approx(2.0, abs=0.02)
+
+
+def test_all_is_told_at_a_glance(find, picture, ost):
+    status, said, _ = find(picture, "--size", 0.24, "--calibration", ost)
+    assert status == 0
+    head, tag, total = said.splitlines()
+    assert head.split() == ["landmark", "seen", "position,", "metres", "+-", "frame"]
+    assert tag.split()[:2] == ["tag36h11_7", "1"]
+    assert tag.split()[4] == "1.000"
+    assert total == "1 landmark in 1 image"
+    assert find(picture, "--families", "16h5")[1] == "no landmarks in 1 image\n"
+
+
+def test_a_photo_has_the_tags_that_are_in_it(find, recordings):
+    photos = recordings / "tags" / "swatbotics"
+    status, found, _ = find(photos / "IMG_1368.JPG", "--json")
+    assert status == 0
+    assert {tag["id"] for tag in found["images"][0]["detections"]} == {13, 19}
+
+
+def test_what_cannot_be_read_of_a_folder_is_said_and_lost(find, picture):
+    (picture.parent / "broken.png").write_bytes(picture.read_bytes()[:300])
+    status, found, errors = find(picture.parent, "--json")
+    assert (status, len(found["images"])) == (1, 1)
+    assert "broken.png: no picture that can be read" in errors
+
+
+def test_tags_that_were_recorded_get_poses(find, recordings, tmp_path):
+    bag = recordings / "tagslam" / "example_13" / "tag_detections.bag"
+    ost = tmp_path / "ost.yaml"
+    ost.write_text(CALIBRATION.format(2048, 2048, 1501.5, 1025.7, 1030.5))
+    status, found, _ = find(bag, "--size", 0.12, "--calibration", ost, "--frames", 3, "--json")
+    assert status == 0
+    assert [image["path"] for image in found["images"]] == [None] * 3
+    image = found["images"][0]
+    assert (image["width"], image["height"]) == (2048, 2048)
+    assert image["stamp"] == pytest.approx(1527206460.0425704)
+    tags = {tag["name"]: np.array(tag["pose"]["position"]) for tag in image["detections"]}
+    assert len(tags) > 5
+    beside = np.linalg.norm(tags["tag36h11_72"] - tags["tag36h11_76"])  # one to the right and up
+    assert beside == pytest.approx(0.15 * np.sqrt(2), abs=0.02)
+
+
+def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
+    out = tmp_path / "map.yaml"
+    status, found, _ = find("husky", "--duration", 3, "--map", out, "--json")
+    assert status == 0
+    truth = build_world("field", pictures=False).landmark("tag_0")
+    [tag] = [one for one in found["landmarks"] if one["name"] == "tag36h11_0"]
+    assert tag["frame_id"] == "map"
+    assert tag["seen"] == sum(
+        any(one["name"] == "tag36h11_0" for one in image["detections"]) for image in found["images"]
+    )
+    off = np.subtract(tag["pose"]["position"], truth.position_xyz)
+    covariance = np.reshape(tag["pose"]["covariance"], (6, 6))[:3, :3]
+    assert off @ np.linalg.solve(covariance, off) < 25
+    mapped = load_yaml(out)["landmarks"]
+    assert mapped[0]["pose"]["position"] == pytest.approx(tag["pose"]["position"], abs=1e-6)
+    assert find("husky", "--duration", 1, "--map", out)[0] == 2  # it is there
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing.jpg"], "nothing.jpg: no such file"),
+        (["{photo}", "--tags", "none.yaml"], "none.yaml: no such file"),
+        (["{photo}", "--calibration", "none.yaml"], "none.yaml: No such file"),
+        (["{photo}", "--calibration", "{bad}"], "bad.yaml: no camera calibration"),
+        (["{photo}", "--tags", "{bad}"], "bad.yaml"),
+        (["{photo}", "--families", "tag99"], "no family of tags 'tag99'; there is tag36h11"),
+        (["{photo}", "--map", "map.yaml"], "does not tell where the camera is"),
+        (["{photo}", "--topic", "/image"], "only a recording has several topics"),
+        (["{bad}"], "bad.yaml: not a video that FFmpeg can read"),
+        (["{folder}"], "a folder with no recording in it"),
+        (["husky", "--calibration", "{ost}"], "a simulated camera knows its own"),
+    ],
+)
+def test_bad_input_is_one_line(find, picture, ost, tmp_path, arguments, message):
+    bad, folder = tmp_path / "bad.yaml", tmp_path / "folder"
+    bad.write_text("- 1\n")
+    folder.mkdir()
+    there = {"photo": picture, "bad": bad, "folder": folder, "ost": ost}
+    status, said, errors = find(*(text.format(**there) for text in arguments))
+    assert (status, said) == (2, "")
+    assert message in errors
+    assert errors.count("\n") == 1
