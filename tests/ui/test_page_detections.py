@@ -9,10 +9,15 @@ from scene_runtime import Told
 
 from ros_visualise.data import Detection, Detections, Header, Hypothesis, Image
 from ros_visualise.graph import Graph, place
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.recorded import Recorded
 from ros_visualise.nodes import node
-from ros_visualise.ui.page.boxes import Boxes, paint
-from ros_visualise.ui.scene.drawing import color_of
+from ros_visualise.sinks.encoding import Encoder
+from ros_visualise.ui.boxes import Boxes, paint
+from ros_visualise.ui.colors import color_of
+from ros_visualise.ui.pane import Pane
 from ros_visualise.ui.shown import detections_of
+from ros_visualise.ui.tiling import Box
 
 GRAY = np.full((120, 160, 3), 90, np.uint8)
 BOX = Detection(np.array([80.0, 60]), np.array([40.0, 20]), 0.0, (Hypothesis("dog", 0.9),))
@@ -152,3 +157,55 @@ def test_detections_belong_to_the_images_that_their_node_takes():
     assert detections_of(graph, "/left") == ["/recorded", "/left/found", "/tracks"]
     assert detections_of(graph, "/right") == ["/recorded", "/tracks"]
     assert detections_of(graph, "/blurred") == []  # may be of another size
+
+
+def test_of_very_many_boxes_the_likeliest_are_painted_and_the_rest_is_counted():
+    unlikely = replace(BOX, hypotheses=(Hypothesis("dog", 0.1),))
+    likely = replace(
+        BOX, center_uv=np.array([80.0, 100]), hypotheses=(Hypothesis("cat", 0.9),), id="7"
+    )
+    picture = paint(GRAY, [unlikely] * 19_999 + [likely], (160, 120))
+    assert picture[90, 80].tolist() == list(color_of("cat"))
+    few = paint(GRAY, [unlikely, likely], (160, 120))
+    corner = np.s_[110:, :20]  # where it says how many more there are
+    assert (few[corner] == GRAY[corner]).all()
+    assert (picture[corner] == 255).sum() > 100
+
+
+def test_a_label_of_a_megabyte_is_cut():
+    vast = replace(BOX, hypotheses=(Hypothesis("A" * 10**6, 0.5),))
+    assert paint(GRAY, [vast], (160, 120)).shape == GRAY.shape
+
+
+def test_what_was_found_in_images_that_are_not_shown_is_not_decoded(boxes, runtime):
+    types = Definitions("cdr")
+
+    def recorded(stamp_s, data=None):
+        raw = Encoder("cdr").encode(found(stamp_s))
+        return Recorded(Detections.type_name, data or raw, types, 0)
+
+    passed, shown = recorded(1), recorded(2)
+    broken = recorded(3, bytes(recorded(3).data)[:40])
+    for message in (passed, shown, broken):
+        runtime.say(found=message)
+    boxes.refresh("/image")
+    second = image(stamp_s=2.0)
+    assert boxes.choose(second) is second
+    assert boxes.draw(second, GRAY)[50, 80].tolist() == list(color_of("dog"))
+    assert (passed._content, shown._content is None) == (None, False)
+    third = image(stamp_s=3.0)
+    assert boxes.choose(third) is third
+    assert (boxes.draw(third, GRAY) == GRAY).all()
+
+
+def test_windows_show_boxes_too(monkeypatch, boxes, runtime):
+    shown = []
+    monkeypatch.setattr("cv2.namedWindow", lambda *_: None)
+    monkeypatch.setattr("cv2.imshow", lambda _, picture: shown.append(picture))
+    pane = Pane("/image", Box(0, 0, 160, 120), runtime.subscribe("/image"), boxes)
+    gray = Image(GRAY, "bgr8", Header(S, "camera"))
+    runtime.say(image=gray, found=found(1.0))
+    pane.update()
+    assert shown[-1][50, 80].tolist() == list(color_of("dog"))[::-1]  # OpenCV has BGR
+    assert Pane("/edges", Box(0, 0, 160, 120), runtime.subscribe("/image")).update() is None
+    assert shown[-1][50, 80].tolist() == [90, 90, 90]

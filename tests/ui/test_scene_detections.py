@@ -4,7 +4,7 @@ import numpy as np
 from scene_messages import LEVEL, S, draw
 
 from ros_visualise.data import Detection3D, Detections3D, Header, Hypothesis
-from ros_visualise.ui.scene.drawing import color_of
+from ros_visualise.ui.colors import color_of
 
 
 def thing(xyz, name="dog", size=(1, 2, 3), quat=LEVEL):

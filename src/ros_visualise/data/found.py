@@ -30,9 +30,14 @@ class Found:
 
     @property
     def label(self) -> str:
-        """What a person reads of it: class, score and id, as far as they are known."""
+        """What a person reads of it: class, score and id, as far as they are known.
+
+        A tag's class ends with its id already.
+        """
         score = f"{self.score:.2f}" if self.hypotheses else ""
-        return " ".join(part for part in (self.class_id, score, self.id and f"#{self.id}") if part)
+        said = self.class_id == self.id or self.class_id.endswith(f"_{self.id}")
+        number = f"#{self.id}" if self.id and not said else ""
+        return " ".join(part for part in (self.class_id, score, number) if part)
 
     @property
     def class_id(self) -> str:

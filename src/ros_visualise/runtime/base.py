@@ -20,10 +20,11 @@ class Subscription(Protocol):
     def epoch(self) -> int:
         """How often time had jumped before the message taken last."""
 
-    def take(self, timeout_s: float) -> Any | None:
+    def take(self, timeout_s: float, decode: bool = True) -> Any | None:
         """The oldest message that waits; None if none came in time or the topic ended.
 
-        It is of the topic's class, decoded where it comes from a recording.
+        It is of the topic's class, decoded where it comes from a recording, unless ``decode`` is
+        false: then it may be a `Recorded`.
         """
 
     def close(self) -> None:

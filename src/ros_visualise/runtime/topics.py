@@ -38,10 +38,10 @@ class Subscription:
         self._said = False
         self.epoch = 0
 
-    def take(self, timeout_s: float) -> Any | None:
+    def take(self, timeout_s: float, decode: bool = True) -> Any | None:
         """The oldest message that waits; None if none came in time or the topic ended.
 
-        What a recording holds is decoded; what cannot be is left out.
+        What a recording holds is decoded, if it is to be; what cannot be is left out.
         """
         end_s = time.monotonic() + timeout_s
         while (packet := self._inbox.take(max(0.0, end_s - time.monotonic()))) is not None:
@@ -49,7 +49,7 @@ class Subscription:
             if packet.message is None:  # the node had nothing for some number
                 continue
             try:
-                return content(packet.message)
+                return content(packet.message) if decode else packet.message
             except DamagedMessage as error:
                 self._say(error)
         return None

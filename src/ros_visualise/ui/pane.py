@@ -10,7 +10,8 @@ import numpy as np
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.base import Subscription
-from ros_visualise.ui.preview import preview
+from ros_visualise.ui.boxes import Boxes
+from ros_visualise.ui.preview import preview, rgb_preview
 from ros_visualise.ui.tiling import Box
 from ros_visualise.ui.trackbars import Trackbars
 from ros_visualise.vision.color import to_bgr
@@ -32,16 +33,22 @@ class Pane:
         name: its title.
         box: where it opens.
         subscription: the images that it shows, if any.
+        boxes: what is found in them.
         hint: the caption of a window without images before the first change.
     """
 
     def __init__(
-        self, name: str, box: Box, subscription: Subscription | None = None, hint: str = ""
+        self,
+        name: str,
+        box: Box,
+        subscription: Subscription | None = None,
+        boxes: Boxes | None = None,
+        hint: str = "",
     ) -> None:
         self.name = name
         self.trackbars: Trackbars | None = None
         self._box = box
-        self._subscription = subscription
+        self._subscription, self._boxes = subscription, boxes
         self._image: Image | None = None
         self._caption, self._until_s = hint, 0.0
         self._drawn_width = 0
@@ -68,7 +75,7 @@ class Pane:
     def update(self) -> None:
         """Show what is new."""
         said = self.trackbars.update() if self.trackbars else None
-        image = self._subscription.take(0) if self._subscription else None
+        image, has_more = self._take()
         if image is not None and not image.pixels.size:
             image = None  # there is nothing to see
         if said is not None:
@@ -77,15 +84,25 @@ class Pane:
         if faded:
             self._caption = ""
         self._image = image or self._image
-        if image is not None or said is not None or faded or self._is_resized():
+        if image is not None or said is not None or faded or has_more or self._is_resized():
             self._draw()
 
     def close(self) -> None:
         """Take it off the screen."""
         if self._subscription is not None:
             self._subscription.close()
+        if self._boxes is not None:
+            self._boxes.rest()
         if self.is_open:
             cv2.destroyWindow(self.name)
+
+    def _take(self) -> tuple[Image | None, bool]:
+        """The next image to show, and whether more was found in the one that is shown."""
+        image = self._subscription.take(0) if self._subscription else None
+        if self._boxes is None:
+            return image, False
+        has_more = self._boxes.refresh(self.name)
+        return self._boxes.choose(image), has_more
 
     def _is_resized(self) -> bool:
         return self._image is not None and abs(self._target()[0] - self._drawn_width) > _SIMILAR
@@ -106,9 +123,16 @@ class Pane:
             width, height = self._target()
             factor = min(width / self._image.width, height / self._image.height)
             longer = max(self._image.width, self._image.height)
-            picture = preview(self._image, max(round(longer * factor), 1))
+            picture = self._with_boxes(self._image, max(round(longer * factor), 1))
             self._drawn_width = width
         cv2.imshow(self.name, _write(self._caption, picture) if self._caption else picture)
+
+    def _with_boxes(self, image: Image, size: int) -> Pixels:
+        """The image as it is shown, gray or BGR, its longer side of that size."""
+        if self._boxes is None:
+            return preview(image, size)
+        picture = self._boxes.draw(image, rgb_preview(image, size))
+        return cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
 
 
 def _write(text: str, picture: Pixels) -> Pixels:

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import cv2
 
 from ros_visualise.graph import Member
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.pane import ROW, STRIP, Pane
 from ros_visualise.ui.screen import check_windows, provide_font, screen_size
-from ros_visualise.ui.shown import first_shown
+from ros_visualise.ui.shown import detections_of, first_shown
 from ros_visualise.ui.tiling import TITLE, Box, parse_place, part_of, tile
 from ros_visualise.ui.trackbars import Scale, Trackbars, scales_of
 
@@ -104,7 +106,9 @@ class Windows:
         scales = [_beside(runtime, node) for node, _ in images]
         boxes = tile(area, [ROW * len(some) for some in scales])
         for (node, topic), some, box in zip(images, scales, boxes, strict=True):
-            pane = Pane(topic, box, runtime.subscribe(topic))
+            has_boxes = detections_of(runtime.graph, topic)
+            found = Boxes(runtime, partial(detections_of, runtime.graph)) if has_boxes else None
+            pane = Pane(topic, box, runtime.subscribe(topic), found)
             if some:
                 pane.trackbars = Trackbars(topic, runtime.parameters[node.name], some)
             self._panes.append(pane)

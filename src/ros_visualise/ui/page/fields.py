@@ -16,8 +16,8 @@ from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.feed import Feed
 from ros_visualise.ui.page.plots import add_plot
 
 _NONE = "–"

@@ -11,8 +11,8 @@ import viser
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.page.boxes import Boxes
-from ros_visualise.ui.page.feed import Feed
+from ros_visualise.ui.boxes import Boxes
+from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.preview import rgb_preview
 from ros_visualise.ui.rounds import Rounds

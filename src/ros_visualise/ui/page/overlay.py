@@ -9,7 +9,7 @@ from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.page.feed import Feed
+from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.scene.coloring import turbo
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.scene import Scene

@@ -12,7 +12,7 @@ from ros_visualise.data import PointCloud
 from ros_visualise.graph import Member
 from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.page.boxes import Boxes
+from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture
 from ros_visualise.ui.page.overlay import Overlay

@@ -10,8 +10,9 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import CameraInfo, Image
+from ros_visualise.ui.colors import Color
 from ros_visualise.ui.preview import rgb_preview
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+from ros_visualise.ui.scene.drawing import Drawing, Look
 
 _IMAGE_SIZE = 320
 _JPEG_QUALITY = 75

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels, PointCloud
-from ros_visualise.ui.scene.drawing import Color
+from ros_visualise.ui.colors import Color
 
 _RGB = ("rgb", "rgba")
 _INTENSITY = ("intensity", "intensities", "reflectivity", "i")

@@ -11,7 +11,8 @@ import viser
 from ros_visualise.data import Detections3D
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look, color_of
+from ros_visualise.ui.colors import Color, color_of
+from ros_visualise.ui.scene.drawing import Drawing, Look
 from ros_visualise.ui.scene.solid_batch import SolidBatch
 from ros_visualise.ui.scene.solids import mesh_of
 

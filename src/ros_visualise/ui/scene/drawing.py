@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any, ClassVar
@@ -13,17 +12,8 @@ import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import transforms
+from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.frames import Frames
-
-Color = tuple[int, int, int]
-PALETTE: tuple[Color, ...] = (
-    (77, 171, 247),
-    (255, 169, 77),
-    (105, 219, 124),
-    (218, 119, 242),
-    (255, 212, 59),
-    (255, 135, 135),
-)
 
 
 @dataclass(frozen=True)
@@ -111,11 +101,6 @@ class Drawing:
     def remove(self) -> None:
         """Take it off the scene for good."""
         self._root.remove()
-
-
-def color_of(class_id: str) -> Color:
-    """The same for the same class, wherever and whenever."""
-    return PALETTE[zlib.crc32(class_id.encode()) % len(PALETTE)]
 
 
 def move(node: viser.SceneNodeHandle, T: Floats) -> None:

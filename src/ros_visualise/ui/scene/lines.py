@@ -9,7 +9,8 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import Floats, Path, PolygonStamped
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look
 
 _MAX_VERTICES = 5000
 _WIDTH_PX = 2.5

@@ -13,7 +13,8 @@ import viser
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.marker_nodes import add_node, looks_like
 from ros_visualise.ui.scene.solid_batch import Placed, SolidBatch

@@ -10,7 +10,8 @@ import viser
 
 from ros_visualise.data import PoseArray
 from ros_visualise.geometry import rotations
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look
 from ros_visualise.ui.scene.lines import thinned
 
 _NO_LINES = np.zeros((0, 2, 3), np.float32)

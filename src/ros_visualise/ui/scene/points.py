@@ -10,8 +10,9 @@ import viser
 
 from ros_visualise.data import LaserScan, Pixels, PointCloud
 from ros_visualise.errors import DamagedMessage
+from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo, usual_range
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look
+from ros_visualise.ui.scene.drawing import Drawing, Look
 
 Precision = Literal["float16", "float32"]
 Points = npt.NDArray[np.float32]

@@ -17,7 +17,8 @@ from ros_visualise.data import (
 )
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import rotations, transforms
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look, move, to_wxyz
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look, move, to_wxyz
 from ros_visualise.ui.scene.lines import Line, Trail, thinned
 
 Posed = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped

@@ -12,7 +12,8 @@ from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.ui.scene.drawing import Color, Drawing, Look, to_wxyz
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look, to_wxyz
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.lines import Line, Trail, thinned
 

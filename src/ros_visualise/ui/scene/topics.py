@@ -22,7 +22,8 @@ from ros_visualise.data import (
 )
 from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.scene.drawing import PALETTE, Drawing, Look, node_name
+from ros_visualise.ui.colors import PALETTE
+from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.poses import Pose

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import heapq
+import logging
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -10,16 +12,22 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Detection, Detections, Image, Pixels
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.recorded import Recorded, content
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.page.feed import Feed
-from ros_visualise.ui.scene.drawing import Color, color_of
+from ros_visualise.ui.colors import Color, color_of
+from ros_visualise.ui.feed import Feed
 
 _KEPT = 64
 _WAITING_BYTES = 128 << 20  # of images whose detections may come yet
 _PATIENCE_S = 1.0
 _LINE_PX, _TEXT = 2, 0.45
+_MOST = 200  # boxes that are painted; each takes a tenth of a millisecond, and hides others
+_LETTERS = 60  # of a label
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
-_BLACK = (0, 0, 0)
+_BLACK, _WHITE = (0, 0, 0), (255, 255, 255)
+
+log = logging.getLogger(__name__)
 
 
 class Boxes:
@@ -45,7 +53,8 @@ class Boxes:
         self.visible = True
         self._runtime, self._topics_of, self._clock = runtime, topics_of, clock
         self._feeds: dict[str, Feed] = {}
-        self._found: deque[Detections] = deque(maxlen=_KEPT)
+        self._found: deque[Detections | Recorded] = deque(maxlen=_KEPT)  # most are never decoded
+        self._said: set[str] = set()  # what is wrong with some
         self._images: deque[Image] = deque()
         self._last: Image | None = None  # whose detections were there
         self._matched_s = float("-inf")
@@ -59,7 +68,7 @@ class Boxes:
         is_more = False
         for name, feed in self._feeds.items():
             feed.follow(name)
-            while (found := feed.take()) is not None:
+            while (found := feed.take(decode=False)) is not None:
                 self._found.append(found)
                 is_more |= self._last is not None and is_of(found, self._last)
         return is_more
@@ -97,17 +106,27 @@ class Boxes:
 
     def draw(self, image: Image, shown: Pixels) -> Pixels:
         """A picture of an image, RGB of 8 bits and of any size, with what was found in it."""
-        several = [one for found in self._of(image) for one in found.detections]
+        several = [one for found in self._of(image) for one in self._decoded(found)]
         return paint(shown, several, (image.width, image.height)) if several else shown
 
-    def _of(self, image: Image) -> list[Detections]:
+    def _of(self, image: Image) -> list[Detections | Recorded]:
         return [found for found in self._found if is_of(found, image)]
+
+    def _decoded(self, found: Detections | Recorded) -> Sequence[Detection]:
+        try:
+            several: Sequence[Detection] = content(found).detections
+        except DamagedMessage as error:
+            if str(error) not in self._said:
+                self._said.add(str(error))
+                log.warning("not drawn: %s (said once)", error)
+            return ()
+        return several
 
     def _waiting_bytes(self) -> int:
         return sum(image.nbytes for image in self._images)
 
 
-def is_of(found: Detections, image: Image) -> bool:
+def is_of(found: Detections | Recorded, image: Image) -> bool:
     """Whether detections were made of an image: they have its stamp, and its frame if they say."""
     one, other = found.header, image.header
     is_same_frame = one.frame_id == other.frame_id or not (one.frame_id and other.frame_id)
@@ -115,17 +134,25 @@ def is_of(found: Detections, image: Image) -> bool:
 
 
 def paint(shown: Pixels, several: Sequence[Detection], size: tuple[int, int]) -> Pixels:
-    """A picture of an image of that width and height, with outlines, classes and scores."""
+    """A picture of an image of that width and height, with outlines, classes and scores.
+
+    Of very many it shows those with the highest scores, and says how many more there are.
+    """
     picture: Pixels = np.ascontiguousarray(shown).copy()
     height, width = picture.shape[:2]
     scale = np.array([width / size[0], height / size[1]])
-    for one in several:
+    drawn = heapq.nlargest(_MOST, several, key=lambda one: one.score)
+    for one in drawn:
         corners = (one.outline_uv + 0.5) * scale - 0.5
         if len(corners) and np.isfinite(corners).all():
             corners = np.clip(np.round(corners), -(2**15), 2**15).astype(np.int32)
             color = color_of(one.class_id)
             cv2.polylines(picture, [corners], True, color, _LINE_PX, cv2.LINE_AA)
-            _write(picture, one.label, corners.min(axis=0), color)
+            label = one.label
+            short = label if len(label) <= _LETTERS else f"{label[:_LETTERS]}..."
+            _write(picture, short, corners.min(axis=0), color)
+    if len(several) > len(drawn):
+        _write(picture, f"and {len(several) - len(drawn)} more", np.array([0, height]), _WHITE)
     return picture
 
 

@@ -35,6 +35,6 @@ class Feed:
         """How often time had jumped before the message taken last."""
         return 0 if self._subscription is None else self._subscription.epoch
 
-    def take(self) -> Any:
-        """The oldest message that waits; None if there is none."""
-        return None if self._subscription is None else self._subscription.take(0)
+    def take(self, decode: bool = True) -> Any:
+        """The oldest message that waits; None if there is none; see `Subscription.take`."""
+        return None if self._subscription is None else self._subscription.take(0, decode)
