@@ -22,6 +22,7 @@ LAYERS = [
     {"simulation"},
     {"nodes"},
     {"graph"},
+    {"topic_names"},
     {"pipelines", "landmark_pipelines"},
     {"runtime"},
     {"ui"},

@@ -11,9 +11,9 @@ from ros_visualise.pipelines import (
     alone,
     demo_pipeline,
     image_pipeline,
-    known_topics,
     simulation_pipeline,
 )
+from ros_visualise.topic_names import known_topics
 
 OWN = """
 from dataclasses import dataclass

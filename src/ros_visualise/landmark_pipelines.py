@@ -8,24 +8,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ros_visualise.data import Odometry, Transforms
+from ros_visualise.data import Detections, Odometry, Transforms
+from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, place
 from ros_visualise.nodes import find_node
+from ros_visualise.topic_names import known_topics
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER = "landmark_localizer"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
-
-_OUTPUTS = {
-    OBJECTS: {"detections": "/object_detections", "debug_image": "/object_image"},
-    LOCALIZER: {"markers": "/landmark_markers", "tf_static": "/landmarks/tf_static"},
-}
-"""Node -> output -> topic, where that is not called as the output.
-
-The frames of landmarks have a topic of their own: a node that heard what it says would wait for
-itself.
-"""
 
 _WORLDS = Path(__file__).parent / "simulation" / "worlds"  # to import that takes a second
 
@@ -44,11 +36,14 @@ def with_landmarks(
         settings: node -> its parameters.
 
     Raises:
-        ParameterError: no such parameter, or a value out of its range.
+        UsageError: one of their topics is there already, there is no such parameter, or a value
+            is out of its range.
     """
-    found = [_placed(name, [topic]) for name in detectors]
+    found = _apart([_placed(name, [topic]) for name in detectors])
     if has_frames(graph):
         found.append(_localizer(graph, found))
+    for made in (made for node in found for made in node.topics if made in graph.topics):
+        raise UsageError(f"{made} is recorded already: name others by --topics, or no --landmarks")
     whole = replace(graph, nodes=(*graph.nodes, *found)).with_frames()
     names = [node.name for node in found]
     return whole.configured({name: settings[name] for name in names if name in settings})
@@ -65,19 +60,26 @@ def has_frames(graph: Graph) -> bool:
     return any(topic.type is Transforms for topic in graph.topics.values())
 
 
-def _placed(name: str, taken: Sequence[str]) -> Node:
-    """A node on these topics, in the order of its inputs."""
+def _placed(name: str, taken: Sequence[str], kind: type | None = None) -> Node:
+    """A node on these topics, in the order of its inputs, or of those of that kind."""
     declared = find_node(name)
-    outputs = {port: f"/{port}" for port in declared.outputs} | _OUTPUTS.get(name, {})
-    inputs = dict(zip(declared.stepped, taken, strict=False))
-    return place(declared, inputs, outputs)
+    ports = [port for port, one in declared.stepped.items() if kind in (None, one)]
+    return place(declared, dict(zip(ports, taken, strict=True)), known_topics(declared))
+
+
+def _apart(nodes: Sequence[Node]) -> list[Node]:
+    """Nodes that publish nothing on the same topics: each but the first below its own name."""
+    first, *others = nodes
+    return [first] + [
+        replace(one, outputs={port: f"/{one.name}{topic}" for port, topic in one.outputs.items()})
+        for one in others
+    ]
 
 
 def _localizer(graph: Graph, detectors: Sequence[Node]) -> Node:
     """It takes what all of them find, and the odometry where there is one."""
-    node = _placed(LOCALIZER, [detector.outputs["detections"] for detector in detectors])
-    odometry = [name for name, one in graph.topics.items() if one.type is Odometry]
-    known = {port: kind for port, kind in node.type.stepped.items() if kind is Odometry}
-    if "/odom" in odometry and known:
-        node = replace(node, inputs={**node.inputs, next(iter(known)): "/odom"})
-    return node
+    node = _placed(LOCALIZER, [one.outputs["detections"] for one in detectors], Detections)
+    odometry = graph.topics.get("/odom")
+    if odometry is None or odometry.type is not Odometry:
+        return node
+    return replace(node, inputs={**node.inputs, "odom": "/odom"})

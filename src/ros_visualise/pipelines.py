@@ -24,43 +24,13 @@ from ros_visualise.nodes.player import player
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.topic_names import MADE, OUTPUTS, SOURCE_TOPICS, known_topics
 from ros_visualise.vision.reshape import Size
 
 log = logging.getLogger(__name__)
 
 IMAGE_NODES = ("fps_control", "filters", "edge_detector")
 """The nodes that images pass in the pipelines, in order."""
-
-_OUTPUTS = {
-    "fps_control": {"image": "/controlled_stream"},
-    "filters": {"image": "/processed_image"},
-    "edge_detector": {"edges": "/edges", "edges_overlay": "/edges_overlay"},
-    "rectify": {"image_rect": "/image_rect"},
-    "calibrator": {"coverage": "/coverage"},
-    "landmark_detector": {
-        "detections": "/detections",
-        "debug_image": "/debug_image",
-        "vision_info": "/vision_info",
-    },
-    "landmark_localizer": {
-        "landmarks": "/landmarks",
-        "markers": "/landmark_markers",
-        "tf_static": "/landmarks/tf_static",
-    },
-    "tag_detector": {"detections": "/detections", "debug_image": "/debug_image"},
-}
-
-
-_MADE = {topic for topics in _OUTPUTS.values() for topic in topics.values()}
-"""Topics that our nodes publish: recorded, they went through them once already."""
-
-_SOURCE_TOPICS = {
-    "image": "/image_raw",
-    "imu": "/imu/data",
-    "mag": "/imu/mag",
-    "truth": "/ground_truth/odom",
-}
-"""Outputs of sources whose topics are not called as they are."""
 
 
 def image_pipeline(source: str, **settings: Any) -> Graph:
@@ -100,12 +70,6 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
     return nodes
 
 
-def known_topics(declared: NodeType) -> dict[str, str] | None:
-    """What a built-in node publishes: output -> topic; None where that follows from its name."""
-    topics = _OUTPUTS.get(declared.name, {})
-    return topics if topics.keys() == declared.outputs.keys() else None
-
-
 def recording_pipeline(
     recording: Recording,
     topics: Collection[str] = (),
@@ -131,7 +95,7 @@ def recording_pipeline(
     declared = player(recording, topics)
     if image is None:
         images = [name for name, cls in declared.outputs.items() if cls is Image]
-        image = first_image(recording, sorted(images, key=_MADE.__contains__))
+        image = first_image(recording, sorted(images, key=MADE.__contains__))
     else:
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
@@ -152,7 +116,7 @@ def _kept_apart(
     recorded: Iterable[str], added: Sequence[NodeType], also_made: Collection[str]
 ) -> dict[str, str]:
     """Recorded topic -> its name in the graph, which none that is made there has."""
-    made = {topic for node in added for topic in _OUTPUTS[node.name].values()}
+    made = {topic for node in added for topic in OUTPUTS[node.name].values()}
     made |= {info_topic(topic) for topic in made} | set(also_made)
     return {name: f"/recorded{name}" if name in made else name for name in recorded}
 
@@ -281,5 +245,5 @@ def alone(declared: NodeType | SourceType) -> Graph:
 def _placed(source: SourceType) -> SourceNode:
     """A source on its topics of the pipelines."""
     inputs = {port: f"/{port}" for port in source.inputs}
-    outputs = {port: _SOURCE_TOPICS.get(port, f"/{port}") for port in source.outputs}
+    outputs = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in source.outputs}
     return SourceNode(source.name, source, source.params(), inputs, outputs)

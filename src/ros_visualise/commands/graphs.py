@@ -19,7 +19,6 @@ from ros_visualise.pipelines import (
     IMAGE_NODES,
     demo_pipeline,
     image_pipeline,
-    known_topics,
     recording_pipeline,
     simulation_pipeline,
 )
@@ -27,6 +26,7 @@ from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.video_pixels import parse_size
+from ros_visualise.topic_names import known_topics
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 _NONE = "none"
