@@ -14,8 +14,8 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.options import (
-    add_calibrate,
     MISSION,
+    add_calibrate,
     add_landmark_options,
     add_memory_option,
     add_playing_options,

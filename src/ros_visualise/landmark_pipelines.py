@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ros_visualise.data import Detections, Odometry, Transforms
+from ros_visualise.data import Odometry, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, place
 from ros_visualise.nodes import find_node
@@ -18,6 +18,13 @@ TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER = "landmark_localizer"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
+
+_OBJECTS = {
+    "detections": "/objects",
+    "debug_image": "/objects_image",
+    "vision_info": "/vision_info",
+}
+"""Its outputs beside a detector of tags."""
 
 _WORLDS = Path(__file__).parent / "simulation" / "worlds"  # to import that takes a second
 
@@ -39,7 +46,7 @@ def with_landmarks(
         UsageError: one of their topics is there already, there is no such parameter, or a value
             is out of its range.
     """
-    found = _apart([_placed(name, [topic]) for name in detectors])
+    found = [_placed(name, topic) for name in detectors]
     if has_frames(graph):
         found.append(_localizer(graph, found))
     for made in (made for node in found for made in node.topics if made in graph.topics):
@@ -60,26 +67,21 @@ def has_frames(graph: Graph) -> bool:
     return any(topic.type is Transforms for topic in graph.topics.values())
 
 
-def _placed(name: str, taken: Sequence[str], kind: type | None = None) -> Node:
-    """A node on these topics, in the order of its inputs, or of those of that kind."""
+def _placed(name: str, topic: str) -> Node:
+    """A detector on that topic."""
     declared = find_node(name)
-    ports = [port for port, one in declared.stepped.items() if kind in (None, one)]
-    return place(declared, dict(zip(ports, taken, strict=True)), known_topics(declared))
-
-
-def _apart(nodes: Sequence[Node]) -> list[Node]:
-    """Nodes that publish nothing on the same topics: each but the first below its own name."""
-    first, *others = nodes
-    return [first] + [
-        replace(one, outputs={port: f"/{one.name}{topic}" for port, topic in one.outputs.items()})
-        for one in others
-    ]
+    outputs = _OBJECTS if name == OBJECTS else known_topics(declared)
+    return place(declared, dict.fromkeys(declared.stepped, topic), outputs)
 
 
 def _localizer(graph: Graph, detectors: Sequence[Node]) -> Node:
     """It takes what all of them find, and the odometry where there is one."""
-    node = _placed(LOCALIZER, [one.outputs["detections"] for one in detectors], Detections)
+    declared = find_node(LOCALIZER)
+    inputs = {
+        "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
+        for one in detectors
+    }
     odometry = graph.topics.get("/odom")
-    if odometry is None or odometry.type is not Odometry:
-        return node
-    return replace(node, inputs={**node.inputs, "odom": "/odom"})
+    if odometry is not None and odometry.type is Odometry:
+        inputs["odom"] = "/odom"
+    return place(declared, inputs, known_topics(declared))

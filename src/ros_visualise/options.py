@@ -97,7 +97,10 @@ def add_landmark_options(parser: ArgumentParser) -> None:
         help="side of the black square of all other tags; without it there are no poses",
     )
     group.add_argument(
-        "--model", default="", metavar="FILE.onnx", help="find objects too, by this network"
+        "--model",
+        default="",
+        metavar="FILE.onnx|none",
+        help="the network that finds objects (default: the one for landmarks seen from above)",
     )
     group.add_argument(
         "--calibration",

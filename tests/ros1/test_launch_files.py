@@ -137,6 +137,34 @@ def test_path_follows_a_simulated_robot(robot):
     assert set(launched.ours) == {robot, "path"}
 
 
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_landmarks_of_a_simulated_world_are_found_with_the_sizes_of_its_tags(robot):
+    launched = Launched("main_landmarks", simulator=robot, world="playpen")
+    graph, expected = launched.graph(), joined(simulation_pipeline(robot, landmarks=True))
+    assert graph[robot] == expected[robot]
+    assert graph["tag_detector"] == expected["tag_detector"]
+    localizer = graph["landmark_localizer"]
+    assert localizer.pop("objects") == "/objects"  # of a network that one may add
+    taken = {port: topic for port, topic in localizer.items() if "out" not in port}
+    assert taken == {p: t for p, t in expected["landmark_localizer"].items() if "out" not in p}
+    assert graph["landmark_localizer"]["tf_static out"] == "/tf_static"
+    tags = Path(launched.params("tag_detector")["tags"])
+    assert (tags.name, tags.is_file()) == ("playpen_tags.yaml", True)
+    assert launched.nodes["rviz"].args.endswith("-f map")
+
+
+@pytest.mark.parametrize(
+    ("source", "node"), [("video", "streamer"), ("camera", "camera"), ("bag", "player")]
+)
+def test_landmarks_are_looked_for_in_other_images_too(source, node):
+    launched = Launched("main_landmarks", source=source, tag_size=0.16, save_to="mine.yaml")
+    assert set(launched.ours) == {node, "tag_detector", "landmark_localizer"}
+    assert launched.graph()["tag_detector"]["image"] == "/image_raw"
+    given = launched.params("tag_detector")
+    assert (given["size"], "tags" in given) == (0.16, False)
+    assert launched.params("landmark_localizer")["save_to"] == "mine.yaml"
+
+
 def test_nothing_is_simulated_where_there_is_a_robot():
     bag = Launched("main_path", bag="/a.bag")
     live = Launched("main_path", bag="none", simulator="none")
@@ -195,7 +223,7 @@ def check_declared(node: str, given: Mapping[str, Any]) -> None:
     is_source = isinstance(declared, SourceType)
     defaults = (playing_params(declared) if is_source else declared.params)()
     changed = update(defaults, given)
-    named = {"path", "uri", "camera_info_url", "size", "mission"}
+    named = {"path", "uri", "camera_info_url", "size", "mission", "tags", "class_prefix"}
     for spec in specs(defaults):
         if spec.name not in named:
             assert getattr(changed, spec.name) == getattr(defaults, spec.name), spec.name
@@ -243,7 +271,7 @@ def test_view(name):
     assert set(in_one.ours) <= {"pipeline", "player"}
 
 
-@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_robots"])
+@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_robots", "main_landmarks"])
 def test_unknown_view_is_refused(name):
     from roslaunch.core import RLException
     from roslaunch.xmlloader import XmlParseException
@@ -275,7 +303,7 @@ def test_every_named_file_exists(file):
             assert Path(words[1]).is_file()
 
 
-@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path"])
+@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_landmarks"])
 def test_optional_tools_are_optional(name):
     started = {node.package for node in Launched(name).config.nodes}
     assert started <= {"ros_visualise", "rviz", "tf2_ros"}
@@ -291,12 +319,15 @@ def test_optional_tools_are_optional(name):
         ("bag", {"velodyne_points", "scan"}),
         ("path", set()),
         ("robot", {"goal"}),
+        ("landmarks", {"goal"}),
     ],
 )
 def test_rviz_shows_topics_of_the_graph(config, outside):
     text = (PACKAGE / "config" / f"{config}.rviz").read_text()
     shown = set(re.findall(r"Topic: (\S+)", text))
-    published = {name.removeprefix("/") for name in simulation_pipeline("husky").topics}
+    published = {
+        name.removeprefix("/") for name in simulation_pipeline("husky", landmarks=True).topics
+    }
     assert shown
     assert shown <= published | outside
 

@@ -6,6 +6,7 @@ import os
 from argparse import Namespace
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
+from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise.commands.graphs import with_settings
@@ -22,6 +23,7 @@ from ros_visualise.landmark_pipelines import (
     with_landmarks,
 )
 from ros_visualise.nodes import find_source
+from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.nodes.player import player
 from ros_visualise.pipelines import alone, robots
 from ros_visualise.sources.calibration import read_calibration
@@ -30,6 +32,7 @@ from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
 
+_NONE = "none"
 _MAPPED = (Transforms, Odometry)
 """What a map of landmarks needs beside the detections."""
 
@@ -98,11 +101,18 @@ def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
 def _detectors(args: Namespace, is_image: bool) -> Sequence[str]:
     """The nodes that are wanted of what is there."""
     if is_image:
-        return (TAGS, OBJECTS) if args.model else (TAGS,)
+        return (TAGS, OBJECTS) if _has_network(args.model) else (TAGS,)
     for option, given in {"--families": args.families, "--model": args.model}.items():
         if given:
             raise UsageError(f"{option}: there are no images, tags were found before; leave it out")
     return (RECORDED_TAGS,)
+
+
+def _has_network(model: str) -> bool:
+    """Whether objects are looked for: by a file that is given, else by our own where it runs."""
+    if model:
+        return model != _NONE
+    return OWN_MODEL.is_file() and find_spec("onnxruntime") is not None
 
 
 def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
@@ -114,6 +124,6 @@ def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
     return {
         TAGS: {**sizes, **({"families": args.families} if args.families else {})},
         RECORDED_TAGS: sizes,
-        OBJECTS: {"model": args.model} if args.model else {},
+        OBJECTS: {"model": args.model} if args.model not in ("", _NONE) else {},
         LOCALIZER: {} if args.map is None else {"save_to": str(args.map)},
     }

@@ -113,7 +113,7 @@ class LocalizerParams:
 @node(
     "landmark_localizer",
     params=LocalizerParams,
-    inputs={"detections": Detections, "odom": Odometry},
+    inputs={"detections": Detections, "objects": Detections, "odom": Odometry},
     outputs={"landmarks": Detections3D, "markers": MarkerArray, "tf_static": Transforms},
     latched=("landmarks", "markers", "tf_static"),
     frames=True,
@@ -160,14 +160,16 @@ class LandmarkLocalizer:
         self,
         params: LocalizerParams,
         detections: Detections | None = None,
+        objects: Detections | None = None,
         odom: Odometry | None = None,
         *,
         frames: FrameTree,
     ) -> dict[str, Any] | None:
-        """Where all landmarks are by now."""
+        """Where all landmarks are by now; ``objects`` are detections of a second detector."""
         self._params = params
         if odom is not None:
             self._odom = odom
+        detections = objects if detections is None else detections
         if detections is None:
             return None
         header = detections.header
