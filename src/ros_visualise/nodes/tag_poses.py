@@ -69,7 +69,7 @@ class TagPoses:
 def _tag(found: Detection) -> Tag | None:
     """A detection as a tag; None of what has no corners, or no number."""
     family, _, number = found.class_id.rpartition("_")
-    if len(found.corners_uv) != 4 or not number.isdecimal() or found.point_uv is None:
+    if len(found.corners_uv) != 4 or not number.isdecimal():
         return None
     hamming = round(1 / found.score) - 1 if found.score > 0 else 0
-    return Tag(family, int(number), found.corners_uv, found.point_uv, hamming, 0.0)
+    return Tag(family, int(number), found.corners_uv, hamming, 0.0)
