@@ -15,7 +15,8 @@ class VisionInfo(Message):
     """What made detections, as vision_msgs/VisionInfo; sent once, and kept for who comes late.
 
     ``method`` names the detector. ``database_location`` says where the names of its classes are;
-    with us it is the parameter that holds them, a list in the order of `Hypothesis.number`.
+    with us it is the file that has them in the order of `Hypothesis.number`, unless a parameter of
+    the detector says otherwise.
     ``database_version`` counts how often that list has changed.
     """
 

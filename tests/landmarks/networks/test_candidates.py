@@ -93,10 +93,11 @@ def test_nothing_else_is_lost_on_the_way():
 
 
 def test_a_point_that_is_none_is_none():
-    points = np.array([[1.0, np.nan], [3, 4], [5, 6]])
-    covariances = np.array([np.eye(2), np.full((2, 2), np.inf), np.eye(2)])
     found = candidates(
-        [BOX, moved(50), moved(90)], [0.5, 0.6, 0.7], points_uv=points, covariances=covariances
+        [moved(50 * number) for number in range(4)],
+        [0.5, 0.6, 0.7, 0.8],
+        points_uv=np.array([[1.0, np.nan], [3, 4], [5, 6], [1e20, 0]]),
+        covariances=np.array([np.eye(2), np.full((2, 2), np.inf), np.eye(2), np.eye(2)]),
     )
     assert choose(found, Choice(), True).scores.tolist() == [0.7]
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import mmap
 import re
+from contextlib import suppress
 from enum import Enum
 from functools import cache, partial
 from pathlib import Path
@@ -121,7 +122,8 @@ def _limit_memory() -> None:
     )
     its_own = -1
     arena = runtime.OrtArenaCfg(limits.max_memory(), its_own, its_own, its_own)
-    runtime.create_and_register_allocator(info, arena)
+    with suppress(*_errors()):  # somebody else in this process has set a limit already
+        runtime.create_and_register_allocator(info, arena)
 
 
 @cache
