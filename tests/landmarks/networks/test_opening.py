@@ -194,6 +194,22 @@ def test_boxes_that_are_decoded_already_are_not_taken_for_those_of_yolox(tmp_pat
     assert "what is understood" in refused(path)
 
 
+@pytest.mark.parametrize("place", [b"imgsz", b"images", b"output0"])
+def test_texts_that_are_none_are_said(place, tmp_path):
+    path = tmp_path / "n.onnx"
+    made.yolo_8(path, 64, 64, imgsz="[64, 64]")
+    path.write_bytes(path.read_bytes().replace(place, b"\xff" + place[1:]))
+    assert "give an ONNX file" in refused(path)
+
+
+def test_names_of_many_lines_are_told_in_one(tmp_path):
+    graph = made.Graph()
+    graph.add("Identity", "in\nput\x1b[31m", output="out\nput")
+    inputs = {"in\nput\x1b[31m": made.image_input(8, 8)}
+    path = made.save(tmp_path / "n.onnx", graph, inputs, {"out\nput": (TensorProto.FLOAT, None)})
+    assert "of input[31m [1, 3, 8, 8] to output [1, 3, 8, 8]; " in refused(path)
+
+
 def test_of_many_inputs_and_outputs_a_few_are_told(tmp_path):
     graph = made.Graph()
     for number in range(500):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from ros_visualise.landmarks.networks.layouts import Layout, Signature
 from ros_visualise.landmarks.networks.layouts.layout import SIZES_INPUT
 from ros_visualise.landmarks.networks.names import names_in
 from ros_visualise.landmarks.networks.preparation import CELL, Fit, Size, fitting_size, prepare
-from ros_visualise.landmarks.networks.session import Provider, Session
+from ros_visualise.landmarks.networks.session import Port, Provider, Session
 
 _TYPES: dict[str, np.dtype[Any]] = {
     "tensor(float)": np.dtype(np.float32),
@@ -161,14 +161,15 @@ def _numbers_in(text: str) -> list[int]:
 
 def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:
     inputs = _listed(session.inputs, [one.shape for one in session.inputs])
-    came = _listed(session.outputs, [list(outputs[one.name].shape) for one in session.outputs])
+    came = _listed(session.outputs, [outputs[one.name].shape for one in session.outputs])
     task = session.metadata.get("task", "detect")
     of = f" for the task {task[:20]}" if task != "detect" else ""
     known = "; ".join(f"{one.name}: {one.shapes}" for one in layouts.ALL)
     return f"{session.path}: a network{of} of {inputs} to {came}; what is understood is {known}"
 
 
-def _listed(arrays: Any, shapes: list[Any]) -> str:
-    told = [f"{a.name[:40]} {str(s)[:60]}" for a, s in zip(arrays, shapes, strict=True)]
+def _listed(arrays: Sequence[Port], shapes: list[Sequence[Any]]) -> str:
+    words = [f"{a.name[:40]} {str(list(s))[:60]}" for a, s in zip(arrays, shapes, strict=True)]
+    told = ["".join(c for c in word if c.isprintable()) for word in words]
     more = ["..."] if len(told) > _MOST_OF_EACH else []
     return ", ".join([*told[:_MOST_OF_EACH], *more]) or "nothing"

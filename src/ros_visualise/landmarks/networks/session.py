@@ -13,7 +13,7 @@ from contextlib import suppress
 from enum import Enum
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ros_visualise import limits
 from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
@@ -32,6 +32,14 @@ class Provider(Enum):
 
     CPU = "cpu"
     CUDA = "cuda"
+
+
+class Port(NamedTuple):
+    """An input or an output; a side of its shape that is free is None or has a name."""
+
+    name: str
+    type: str
+    shape: tuple[int | str | None, ...]
 
 
 class Session:
@@ -56,12 +64,11 @@ class Session:
         try:
             with stoppable(partial(_cancel, options)):
                 self._session = self._runtime.InferenceSession(path, options, providers)
-        except _errors() as error:
+            self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
+            self.inputs = tuple(map(_port, self._session.get_inputs()))
+            self.outputs = tuple(map(_port, self._session.get_outputs()))
+        except _errors() as error:  # of which one says that a name is no text
             raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None
-        meta = self._session.get_modelmeta()
-        self.metadata: dict[str, str] = dict(meta.custom_metadata_map)
-        self.inputs: tuple[Any, ...] = tuple(self._session.get_inputs())
-        self.outputs: tuple[Any, ...] = tuple(self._session.get_outputs())
 
     def run(self, inputs: dict[str, Any], names: list[str]) -> list[Any]:
         """The outputs of these names.
@@ -104,6 +111,10 @@ def _cancel(options: Any) -> None:
         options.set_load_cancellation_flag(True)
 
 
+def _port(found: Any) -> Port:
+    return Port(found.name, found.type, tuple(found.shape))
+
+
 def _load_onnxruntime() -> Any:
     try:
         runtime = importlib.import_module("onnxruntime")
@@ -141,6 +152,7 @@ def _short(error: Exception) -> str:
         return f"wants more than {limits.max_memory() >> 20} MiB of memory; --max-memory gives more"
     lines = str(error).strip().splitlines() or [type(error).__name__]
     words = re.sub(r"^\[ONNXRuntimeError\] : \d+ : (\w+) : ", r"\1: ", lines[0])
+    words = "".join(letter for letter in words if letter.isprintable())
     return words if len(words) <= _LONGEST_WORD else f"{words[:_LONGEST_WORD]} ..."
 
 
