@@ -173,3 +173,19 @@ def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path):
         assert number == pytest.approx(len(here.numbers), rel=0.15)
         if number == len(here.numbers):
             assert middle == pytest.approx(here.uv.mean(axis=0), abs=0.1)
+
+
+def test_a_fisheye_is_calibrated_by_a_board_of_tags():
+    """Most tags of it are not recognized where they touch, and are found beside others."""
+    lens, true = MODELS[Lens.FISHEYE], np.array([170, 171, 238, 181, 0.03, -0.01, 0.004, -0.001])
+    random = np.random.default_rng(0)
+    studio = Studio(APRILGRID, true, lens, SIZE)
+    seen = [
+        find_board(studio.take(pose, random), APRILGRID)
+        for pose in poses_of(APRILGRID, 9, random, 0.7, spread=0.6)
+    ]
+    views = [View("", APRILGRID, points, SIZE) for points in seen if points is not None]
+    found = calibrate(views, Lens.FISHEYE)
+    error = found.fit.numbers - true
+    assert abs(error[:2]).max() < 0.4
+    assert error @ np.linalg.solve(found.fit.covariance, error) < 26.1  # 99.9% of chi-square

@@ -24,7 +24,8 @@ _OUTLYING = 3.0  # times the median of all views
 _OUTLYING_PX = 0.3  # a view that fits so well is never one
 _MOST_OUTLYING = 0.2  # of the views
 _STRAY_PX = 0.3
-_STRAY = 6.0  # times the rms: the point was taken for another one
+_STRAY = 7.0  # times the median of all: the point was taken for another one
+_ROUNDS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +96,7 @@ def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
     """
     if len(views) < FEWEST_VIEWS:
         raise UsageError(
-            f"the board was found in {len(views)} different views, and it takes at least"
+            f"too few views of the board that differ: {len(views)}; it takes at least"
             f" {FEWEST_VIEWS}, better 15: show it tilted, near, and in all corners"
         )
     model = MODELS[lens]
@@ -107,8 +108,12 @@ def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
         gone = [view for view, _ in outliers]
         kept = [view for view in kept if view not in gone]
         fit = adjust(kept, model, fit.numbers)
-    kept, stray = _without_stray(kept, fit)
-    if stray:
+    stray = 0
+    for _ in range(_ROUNDS):
+        kept, more = _without_stray(kept, fit)
+        if not more:
+            break
+        stray += more
         fit = adjust(kept, model, fit.numbers)
     size = views[0].size
     return Calibration(
@@ -168,7 +173,8 @@ def _outlying(fit: Fit) -> list[int]:
 
 def _without_stray(views: list[View], fit: Fit) -> tuple[list[View], int]:
     """The views without points that lie far from where they should, and how many these are."""
-    limit = max(_STRAY * fit.rms, _STRAY_PX)
+    lengths = np.linalg.norm(np.vstack(fit.residuals), axis=1)
+    limit = max(_STRAY * float(np.median(lengths)), _STRAY_PX)
     kept, stray = [], 0
     for view, residual in zip(views, fit.residuals, strict=True):
         is_near = np.linalg.norm(residual, axis=1) < limit

@@ -7,6 +7,7 @@ pictures that left less than findChessboardCornersSB: 0.18 and 0.17 px against 0
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from threading import Lock
 from typing import Any, NamedTuple
@@ -40,7 +41,7 @@ _ASTRAY = 0.35  # of a marker's side: it lies elsewhere
 _GAP_SHARE = 0.9  # of what is white around a marker, or black around its code
 _MOVED = (1.5, 0.06)  # pixels, and of a square: the corner that was refined is another one
 _HAMMING, _MARGIN = 1, 10.0  # where a marker lies tells too whether it is one
-_NEAREST = 4  # markers that say where another one is
+_NEAREST = 2  # markers at least that say where one beside them is
 _CONTRAST = 20  # levels between black and white
 _ONE_AT_A_TIME = Lock()
 _STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
@@ -79,7 +80,8 @@ def find_board(
         return None
     take = _tag_corners if board.kind is Kind.APRILGRID else _charuco_corners
     found = take(gray, board, numbers[fitting], corners[fitting])
-    return found._replace(fitting=fitting.mean()) if len(found.numbers) >= FEWEST else None
+    is_enough = len(found.numbers) >= FEWEST and _is_wide(points_xy(board)[found.numbers], board)
+    return found._replace(fitting=fitting.mean()) if is_enough else None
 
 
 def find_markers(gray: Pixels, board: Board) -> Markers:
@@ -100,6 +102,11 @@ def find_markers(gray: Pixels, board: Board) -> Markers:
 def _finder_of(dictionary: str, border: int) -> TagFinder:
     name = f"DICT_{dictionary}"
     return TagFinder([Family(f"{name}, rim of {border}", _HAMMING, _MARGIN, name, rim=border)])
+
+
+def _is_wide(xy: Floats, board: Board) -> bool:
+    """Whether points (N, 2) on the board are not on a line, which has no pose."""
+    return bool(np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[1] > board.square / 2)
 
 
 def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | None:
@@ -138,25 +145,53 @@ def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
 def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
     """An AprilGrid's points are its tags' corners, where black squares touch them.
 
-    Where these touch, the tags are seen as one, and many are not recognized. So all are looked for
-    where the nearest that were recognized say.
+    Where these touch, tags are seen as one, and many are not recognized. So the others are looked
+    for beside those that were found, until there are no more.
     """
     places = marker_corners(board)
     middles = places.mean(axis=1)
-    black = min(board.share, board.border / (6 + 2 * board.border))
+    reach = 1.5 * board.square * (1 + board.share)
+    known = dict(zip(numbers.tolist(), corners, strict=True))
     found: dict[int, Floats] = {}
-    for tag, own in enumerate(places):
-        near = np.argsort(np.linalg.norm(middles[numbers] - middles[tag], axis=1))[:_NEAREST]
-        source, seen = places[numbers[near]].reshape(-1, 2), corners[near].reshape(-1, 2)
-        H, _ = cv2.findHomography(source, seen)
-        if H is None:
-            continue
-        start = _seen(own, H)
-        side = float(np.linalg.norm(np.diff(start, axis=0), axis=1).min())
-        uv = _refined(gray, start, side * black * _GAP_SHARE)
-        kept = _in_place(uv, start, np.full(4, side)) & _is_crossing(gray, own, H, black / 2)
-        found |= {4 * tag + int(corner): uv[corner] for corner in np.flatnonzero(kept)}
+    waiting = [*known, *(tag for tag in range(len(places)) if tag not in known)]
+    while waiting:
+        later = []
+        for tag in waiting:
+            near = [one for one in known if np.abs(middles[one] - middles[tag]).max() < reach]
+            if len(near) < _NEAREST:
+                later.append(tag)
+                continue
+            uv = _tag_beside(gray, board, places[tag], places[near], [known[n] for n in near])
+            kept = np.flatnonzero(np.isfinite(uv[:, 0]))
+            found |= {4 * tag + int(corner): uv[corner] for corner in kept}
+            if len(kept) == 4:
+                known[tag] = uv
+        if len(later) == len(waiting):
+            break
+        waiting = later
     return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
+
+
+def _tag_beside(
+    gray: Pixels, board: Board, own: Floats, near: Floats, seen: Sequence[Floats]
+) -> Floats:
+    """Corners (4, 2) of a tag, NaN where there are none.
+
+    Args:
+        own: (4, 2), where they are on the board.
+        near: (M, 4, 2), where those of tags around it are.
+        seen: pixels of these.
+    """
+    black = min(board.share, board.border / (6 + 2 * board.border))
+    H, _ = cv2.findHomography(near.reshape(-1, 2), np.vstack(seen))
+    if H is None:
+        return np.full((4, 2), np.nan)
+    start = _seen(own, H)
+    side = float(np.linalg.norm(np.diff(start, axis=0), axis=1).min())
+    uv = _refined(gray, start, side * black * _GAP_SHARE)
+    kept = _in_place(uv, start, np.full(4, side)) & _is_crossing(gray, own, H, black / 2)
+    uv[~kept] = np.nan
+    return uv
 
 
 def _is_crossing(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
