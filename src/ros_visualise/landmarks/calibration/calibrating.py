@@ -11,7 +11,7 @@ from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.errors import UsageError
 from ros_visualise.landmarks.calibration.adjustment import Fit, adjust, begin, rms_of
 from ros_visualise.landmarks.calibration.finding import FEWEST, Points
-from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, to_info
+from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, project, to_info
 from ros_visualise.landmarks.calibration.uncertainty import Uncertainty, uncertainty_of
 from ros_visualise.landmarks.calibration.views import View
 from ros_visualise.vision.rectification import model_of
@@ -108,12 +108,12 @@ def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
         gone = [view for view, _ in outliers]
         kept = [view for view in kept if view not in gone]
         fit = adjust(kept, model, fit.numbers)
-    stray = 0
+    whole, stray = kept, 0
     for _ in range(_ROUNDS):
-        kept, more = _without_stray(kept, fit)
-        if not more:
+        before = stray
+        kept, stray = _without_stray(whole, fit, model)
+        if stray == before:
             break
-        stray += more
         fit = adjust(kept, model, fit.numbers)
     size = views[0].size
     return Calibration(
@@ -171,16 +171,24 @@ def _outlying(fit: Fit) -> list[int]:
     return [int(number) for number in worst if error[number] > limit]
 
 
-def _without_stray(views: list[View], fit: Fit) -> tuple[list[View], int]:
-    """The views without points that lie far from where they should, and how many these are."""
+def _without_stray(views: list[View], fit: Fit, model: LensModel) -> tuple[list[View], int]:
+    """The views without points that lie far from where they should, and how many these are.
+
+    Args:
+        views: with all of their points: one that a stray point had drawn aside comes back.
+        fit: of these boards, perhaps by fewer points.
+        model: of the lens.
+    """
     lengths = np.linalg.norm(np.vstack(fit.residuals), axis=1)
     limit = max(_STRAY * float(np.median(lengths)), _STRAY_PX)
     kept, stray = [], 0
-    for view, residual in zip(views, fit.residuals, strict=True):
-        is_near = np.linalg.norm(residual, axis=1) < limit
+    for view, pose in zip(views, fit.poses, strict=True):
+        uv, _, _ = project(view.points_xyz, pose, fit.numbers, model)
+        is_near = np.linalg.norm(uv - view.points.uv, axis=1) < limit
         if is_near.sum() >= FEWEST and not is_near.all():
             stray += int((~is_near).sum())
             points = Points(view.points.numbers[is_near], view.points.uv[is_near])
-            view = replace(view, points=points)
-        kept.append(view)
+            kept.append(replace(view, points=points))
+        else:
+            kept.append(view)
     return kept, stray
