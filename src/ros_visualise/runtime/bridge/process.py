@@ -135,7 +135,8 @@ class Process:
             output = ImageOutput(self._middleware, self._declared[name], name, is_camera, waits)
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
-            advertised = self._middleware.advertise(self._declared[name], made)
+            declared = self._declared[name]
+            advertised = self._middleware.advertise(_with_others(declared, topic.type), made)
             output = Output(advertised, made.qos.transient_local)
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
@@ -201,6 +202,12 @@ def _outside(topic: str) -> str:
     """
     name = topic.removeprefix("/")
     return f"/{name}" if name in ("tf", "tf_static") else name
+
+
+def _with_others(topic: str, kind: type) -> str:
+    """Where a node's frames go: it cannot have them on ``/tf`` itself, which it listens to."""
+    name = topic.rpartition("/")[2]
+    return f"/{name}" if kind is Transforms and name in ("tf", "tf_static") else topic
 
 
 def _resolved(graph: Graph, middleware: Middleware) -> Graph:
