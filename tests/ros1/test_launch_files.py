@@ -147,7 +147,6 @@ def test_landmarks_of_a_simulated_world_are_found_with_the_sizes_of_its_tags(rob
     assert localizer.pop("objects") == "/objects"  # of a network that one may add
     taken = {port: topic for port, topic in localizer.items() if "out" not in port}
     assert taken == {p: t for p, t in expected["landmark_localizer"].items() if "out" not in p}
-    assert graph["landmark_localizer"]["tf_static out"] == "/tf_static"
     tags = Path(launched.params("tag_detector")["tags"])
     assert (tags.name, tags.is_file()) == ("playpen_tags.yaml", True)
     assert launched.nodes["rviz"].args.endswith("-f map")
