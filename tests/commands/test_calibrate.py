@@ -80,7 +80,7 @@ def test_without_a_board_it_says_what_was_tried(run, tmp_path):
         (["nix.jpg", "--size", "9"], "give COLUMNSxROWS"),
         (["--board", "board.doc"], "ends in .pdf or .svg"),
         (["--board", "board.pdf", "--page", "B9"], "--page B9: give A4"),
-        (["--board", "b.pdf", "--pattern", "charuco", "--dictionary", "X"], "OpenCV has none"),
+        (["--board", "b.pdf", "--pattern", "charuco", "--dictionary", "X"], "OpenCV has no"),
         (["--board", "b.pdf", "--pattern", "charuco", "--dictionary", "4X4_50", "--size", "30x30"],
          "too few markers"),
     ],

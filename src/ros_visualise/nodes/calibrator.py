@@ -52,6 +52,7 @@ class CalibratorParams:
     params=CalibratorParams,
     inputs={"image": Image},
     outputs={"coverage": Image},
+    on_demand=("coverage",),
 )
 class Calibrator:
     """Keeps views of a board that differ, and calibrates by them when asked."""

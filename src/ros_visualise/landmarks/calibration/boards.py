@@ -103,13 +103,13 @@ def board_of(
     columns, _, rows = counts.lower().partition("x")
     sides = [int(text) if text.isdecimal() and len(text) < 4 else 0 for text in (columns, rows)]
     if not 2 <= min(sides) <= max(sides) <= _MOST:
-        raise UsageError(f"--size {counts}: give COLUMNSxROWS, such as 9x6, each from 2 to {_MOST}")
+        raise UsageError(f"size {counts!r}: give COLUMNSxROWS, such as 9x6, 2 to {_MOST} each")
     if dictionary and not has_dictionary(dictionary):
-        raise UsageError(f"--dictionary {dictionary}: OpenCV has none; such as 4X4_50 or 5X5_1000")
+        raise UsageError(f"OpenCV has no dictionary {dictionary!r}; try 4X4_50 or 5X5_1000")
     found = _SHARES[kind] if share is None else share
     if kind is not Kind.CHESSBOARD and not 0.05 <= found <= 0.95:
         raise UsageError(
-            f"--share {found:g}: give a share of a square's or tag's side, 0.05 to 0.95"
+            f"a share of {found:g}: give one of a square's or tag's side, 0.05 to 0.95"
         )
     words = dictionary or _DICTIONARIES[kind]
     board = Board(kind, sides[0], sides[1], square or 0.025, found, words)
@@ -118,7 +118,7 @@ def board_of(
     if kind is not Kind.CHESSBOARD and len(marker_corners(board)) > len(
         dictionary_of(board).bytesList
     ):
-        raise UsageError(f"--size {counts}: {board.dictionary} has too few markers for it")
+        raise UsageError(f"{counts}: {board.dictionary} has too few markers for it")
     return board
 
 

@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import lru_cache
 from threading import Lock
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.calibration.boards import (
@@ -24,10 +23,16 @@ from ros_visualise.landmarks.calibration.boards import (
     marker_corners,
     points_xy,
 )
+from ros_visualise.landmarks.calibration.corners import (
+    Bools,
+    are_crossings,
+    are_in_place,
+    refine,
+    to_pixels,
+)
 from ros_visualise.landmarks.tags.families import Family
 from ros_visualise.landmarks.tags.finder import TagFinder
 
-Bools = npt.NDArray[np.bool_]
 Markers = tuple[Ints, Floats]
 """Numbers (M,), and corners (M, 4, 2) in pixels."""
 
@@ -35,16 +40,12 @@ FEWEST = 8
 """Points that a view needs."""
 _SEARCHED = 1280  # pixels of the longer side: chessboards are looked for at that size at most
 _WINDOW_SHARE = 0.3  # of the distance of neighbouring corners: half a window
-_WINDOWS = (2, 20)
 _FITTING = 0.6  # of the markers seen have to lie where the board has them
 _ASTRAY = 0.35  # of a marker's side: it lies elsewhere
 _GAP_SHARE = 0.9  # of what is white around a marker, or black around its code
-_MOVED = (1.5, 0.06)  # pixels, and of a square: the corner that was refined is another one
 _HAMMING, _MARGIN = 1, 10.0  # where a marker lies tells too whether it is one
 _NEAREST = 2  # markers at least that say where one beside them is
-_CONTRAST = 20  # levels between black and white
 _ONE_AT_A_TIME = Lock()
-_STOP = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-3)
 
 
 class Points(NamedTuple):
@@ -112,7 +113,11 @@ def _is_wide(xy: Floats, board: Board) -> bool:
 def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | None:
     size = (board.columns, board.rows)
     scale = min(1.0, _SEARCHED / max(gray.shape))
-    small = gray if scale == 1 else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=3)
+    small = (
+        gray
+        if scale == 1
+        else cv2.resize(gray, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    )
     flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
     is_found, corners = cv2.findChessboardCorners(small, size, flags=flags)
     if not is_found and thorough:
@@ -122,7 +127,7 @@ def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | Non
     uv = (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) / scale - 0.5
     grid = uv.reshape(board.rows, board.columns, 2)
     sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
-    uv = _refined(gray, uv, float(min(sides)) * _WINDOW_SHARE)
+    uv = refine(gray, uv, float(min(sides)) * _WINDOW_SHARE)
     is_seen = np.isfinite(uv[:, 0])
     return Points(np.flatnonzero(is_seen), uv[is_seen]) if is_seen.sum() >= FEWEST else None
 
@@ -186,31 +191,12 @@ def _tag_beside(
     H, _ = cv2.findHomography(near.reshape(-1, 2), np.vstack(seen))
     if H is None:
         return np.full((4, 2), np.nan)
-    start = _seen(own, H)
+    start = to_pixels(own, H)
     side = float(np.linalg.norm(np.diff(start, axis=0), axis=1).min())
-    uv = _refined(gray, start, side * black * _GAP_SHARE)
-    kept = _in_place(uv, start, np.full(4, side)) & _is_crossing(gray, own, H, black / 2)
+    uv = refine(gray, start, side * black * _GAP_SHARE)
+    kept = are_in_place(uv, start, np.full(4, side)) & are_crossings(gray, own, H, black / 2)
     uv[~kept] = np.nan
     return uv
-
-
-def _is_crossing(gray: Pixels, square: Floats, H: Any, share: float) -> Bools:
-    """At which corners (4,) of a square black meets black across white, all around it.
-
-    Args:
-        square: (4, 2) on the board.
-        H: homography from the board to pixels.
-        share: how far from the corner to look, of the square's side.
-    """
-    step = float(square[1, 0] - square[0, 0]) * share
-    around = square[:, None] + step * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    seen = np.rint(_seen(around.reshape(-1, 2), H)).astype(int)
-    u, v = (np.clip(seen[:, axis], 0, gray.shape[1 - axis] - 1) for axis in (0, 1))
-    level = gray[v, u].reshape(4, 4).astype(int)
-    inside = np.arange(4)
-    dark = [level[inside, (inside + turn) % 4] for turn in (0, 2)]
-    light = [level[inside, (inside + turn) % 4] for turn in (1, 3)]
-    return np.asarray(np.minimum(*light) - np.maximum(*dark) > _CONTRAST)
 
 
 def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
@@ -228,37 +214,9 @@ def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats)
         if H is None:
             continue
         around = xy + board.square * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-        start, *others = _seen(around, H)
+        start, *others = to_pixels(around, H)
         side = np.linalg.norm(np.array(others) - start, axis=1).min()
-        uv = _refined(gray, start[None], float(side) * gap)
-        if _in_place(uv, start[None], np.array([side]))[0]:
+        uv = refine(gray, start[None], float(side) * gap)
+        if are_in_place(uv, start[None], np.array([side]))[0]:
             found[number] = uv[0]
     return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
-
-
-def _seen(places: Floats, H: Any) -> Floats:
-    """Places (N, 2) on the board by a homography, pixels."""
-    return np.asarray(cv2.perspectiveTransform(places[:, None], H), np.float64)[:, 0]
-
-
-def _refined(gray: Pixels, uv: Floats, half: float) -> Floats:
-    """Corners (N, 2) moved to where black and white meet; NaN too near to the image's border.
-
-    Args:
-        half: half a window, pixels.
-    """
-    window = int(np.clip(half, *_WINDOWS))
-    found = np.full(uv.shape, np.nan)
-    size = gray.shape[::-1]
-    is_inside = ((uv > window) & (uv < np.subtract(size, 1 + window))).all(axis=1)
-    if is_inside.any():
-        start = uv[is_inside].astype(np.float32).reshape(-1, 1, 2)
-        found[is_inside] = cv2.cornerSubPix(gray, start, (window,) * 2, (-1, -1), _STOP)[:, 0]
-    return found
-
-
-def _in_place(uv: Floats, start: Floats, sides: Floats) -> Bools:
-    """Which corners stayed where they were seen; ``sides``: of their squares, pixels."""
-    least, share = _MOVED
-    reach = np.maximum(least, share * sides)
-    return np.asarray(np.linalg.norm(uv - start, axis=1) <= reach)
