@@ -15,7 +15,7 @@ from peers import Peer, Peers, connect
 from ros_graph import wait_for
 from sensor_msgs.msg import Image
 
-from ros_visualise.runtime.ros1 import lending
+from ros_visualise.runtime.ros1 import lending, same_host
 from ros_visualise.runtime.ros1.lending import FILLED
 from ros_visualise.runtime.ros1.stream import BrokenStream
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
@@ -108,6 +108,16 @@ def test_a_message_waits_for_who_has_no_time_and_gives_way_to_a_newer_one(pair):
     assert pair.read() == 4
     assert pair.outbox.flush(60)
     assert not pair.outbox.is_full
+
+
+def test_who_comes_and_lends_nothing_holds_up_nobody(pair):
+    pair.offer(1)
+    beside = same_host.connect(pair.there)
+    assert beside is not None
+    assert [pair.offer(number) for number in (2, 3, 4)] == [False, True, True]
+    beside.close()
+    assert [pair.read(), pair.read()] == [1, 4]
+    assert lent() == 0
 
 
 def test_nobody_lends_to_another_user(pair, monkeypatch):

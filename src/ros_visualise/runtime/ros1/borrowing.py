@@ -32,7 +32,10 @@ class Borrower:
         self._may_listen = True
 
     def is_ready(self, size: int, wait: bool = False) -> bool:
-        """Whether a message of that size can be delivered now; ``wait``: until it can."""
+        """Whether a message of that size is taken now; ``wait``: wait until it is.
+
+        One that is delivered all the same goes through the connection.
+        """
         if not _is_large(size):
             return True
         if self._lender is None:
@@ -48,13 +51,12 @@ class Borrower:
         return True
 
     def deliver(self, parcel: Parcel) -> list[memoryview]:
-        """Bring a message on its way, when it can be; gives what has to go by the connection."""
-        self.is_ready(parcel.size, wait=True)
-        if self._lender is None or not _is_large(parcel.size):
+        """Bring a message on its way; gives what has to go through the connection."""
+        block = self._blocks.get(self._lent)
+        if block is None or not _is_large(parcel.size):
             return parcel.buffers
         number, self._lent = self._lent, 0
-        block = self._blocks.get(number)
-        return parcel.buffers if block is None else _fill(block, number, parcel)
+        return _fill(block, number, parcel)
 
     def close(self) -> None:
         """Borrow nothing more; ends a wait."""
