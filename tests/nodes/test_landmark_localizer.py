@@ -199,6 +199,12 @@ def test_a_saved_map_loads_again(tmp_path, caplog):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_without_landmarks_nothing_is_written(tmp_path, caplog):
+    LandmarkLocalizer(replace(PARAMS, save_to=str(tmp_path / "none.yaml"))).save_map()
+    assert "nothing is written" in caplog.text
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [

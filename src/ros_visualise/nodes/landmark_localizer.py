@@ -24,7 +24,7 @@ from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.localizer import Localizer, Rules
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, at_camera
 from ros_visualise.landmarks.localization.seen import Ground
-from ros_visualise.landmarks.localization.shown import to_detections, to_markers, to_transforms
+from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
@@ -141,8 +141,7 @@ class LandmarkLocalizer:
     def reset(self) -> None:
         """Begin anew with the landmarks of the map: time jumped."""
         self._localizer = Localizer(copy.deepcopy(self._known))
-        self._drawn: set[int] = set()
-        self._anew = True
+        self._shown, self._anew = Shown(), True
         self._odom = None
 
     @action("write the landmarks to the file save_to")
@@ -150,7 +149,8 @@ class LandmarkLocalizer:
         """Write the map; what was there is replaced when all of it is written."""
         landmarks = self._localizer.landmarks
         if not landmarks:
-            raise UsageError("save_map: there is no landmark yet")
+            log.warning("there is no landmark yet: nothing is written")
+            return
         path = Path(self._params.save_to)
         frame_id = self._frame or self._params.fixed_frame
         _write(path, map_file.to_text(frame_id, landmarks.values()).encode())
@@ -193,13 +193,12 @@ class LandmarkLocalizer:
 
     def _answer(self, header: Header) -> dict[str, Any]:
         """All landmarks; what is drawn, and frames, only where one of them changed."""
-        landmarks = self._localizer.landmarks
-        answer: dict[str, Any] = {"landmarks": to_detections(landmarks.values(), header)}
-        gone = self._drawn - landmarks.keys()
-        if self._anew or gone or self._localizer.has_changed:
-            answer["markers"] = to_markers(landmarks.values(), gone, header, self._anew)
-            answer["tf_static"] = to_transforms(landmarks.values(), header)
-        self._anew, self._drawn = False, set(landmarks)
+        landmarks = self._localizer.landmarks.values()
+        answer: dict[str, Any] = {"landmarks": self._shown.detections(landmarks, header)}
+        if self._anew or self._localizer.has_changed:
+            answer["markers"] = self._shown.markers(landmarks, header)
+            answer["tf_static"] = self._shown.transforms(landmarks, header)
+        self._anew = False
         return answer
 
     def _place(self, frames: FrameTree, header: Header) -> Floats:
@@ -212,7 +211,8 @@ class LandmarkLocalizer:
             if fixed != self._params.fixed_frame:
                 log.warning("there is no frame %s: landmarks are in %s", _MAP, fixed)
             self._frame = fixed
-            self._localizer, self._anew = Localizer(copy.deepcopy(self._known)), True
+            self._localizer = Localizer(copy.deepcopy(self._known))
+            self._shown, self._anew = Shown(), True
         return T_fixed_camera
 
     def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:

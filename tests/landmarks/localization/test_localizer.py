@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from made_passes import DOWN, detections, direction_seen, looking, tag_noise, tag_seen, turn
 
+from ros_visualise.data import Header
+from ros_visualise.data.markers import MarkerAction
 from ros_visualise.geometry.transforms import from_parts
 from ros_visualise.landmarks.localization.localizer import Localizer, Rules
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError, at_camera
 from ros_visualise.landmarks.localization.seen import Ground
+from ros_visualise.landmarks.localization.shown import Shown
 
 SURE = ErrorModel(1e-3, 1e-4)
 RULES = Rules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 0.1))
@@ -177,3 +180,18 @@ def test_errors_that_grow_along_the_way_stay_in_what_comes_and_corrected_ones_go
     robot.advance(0, place, SURE, grown[0])
     np.testing.assert_allclose(robot.advance(1, place, SURE, grown[1]), np.eye(6), atol=1e-6)
     np.testing.assert_allclose(robot.advance(2, place, SURE, grown[2]), np.eye(6) / 4, atol=1e-6)
+
+
+def test_the_shapes_of_a_landmark_that_is_no_more_are_deleted():
+    localizer, shown = Localizer(), Shown()
+    for number in range(4):
+        see(localizer, above(0), number / 10, np.zeros(3), np.array([1.0, 0, 0]))
+    header = Header(1, "map")
+    drawn = shown.markers(localizer.landmarks.values(), header).markers
+    del localizer.landmarks[2]
+    after = shown.markers(localizer.landmarks.values(), header).markers
+    gone = {(one.ns, one.id) for one in after if one.action == MarkerAction.DELETE}
+    assert gone >= {(one.ns, one.id) for one in drawn if one.id == 2}
+    assert {one.id for one in after if one.action == MarkerAction.ADD} == {1}
+    again = shown.markers(localizer.landmarks.values(), header).markers
+    assert all(one.action == MarkerAction.ADD for one in again)

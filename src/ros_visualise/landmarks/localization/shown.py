@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,45 +40,60 @@ _PLATE_M = 0.01
 _SHAPES = ("covariance", "box", "axes", "label")
 
 
-def to_detections(landmarks: Iterable[Track], header: Header) -> Detections3D:
-    """Where landmarks are; of one that may be in two poses, both."""
-    return Detections3D(tuple(map(_detection, landmarks)), header)
+class _Drawn(NamedTuple):
+    """One landmark in all messages, but for the time of these."""
+
+    known: tuple[int, int]
+    detection: Detection3D
+    frame: TransformStamped
+    markers: tuple[Marker, ...]
 
 
-def to_transforms(landmarks: Iterable[Track], header: Header) -> Transforms:
-    """A frame for each landmark, called as it; that of a thing without orientation is level."""
-    return Transforms(
-        tuple(
-            TransformStamped(one.name, one.best.position_xyz, _quat(one), header)
-            for one in landmarks
-        )
-    )
+class Shown:
+    """Makes messages of landmarks; of one that nothing new is known of, those of before."""
+
+    def __init__(self) -> None:
+        self._drawn: dict[int, _Drawn] = {}
+        self._is_new = True
+
+    def detections(self, landmarks: Iterable[Track], header: Header) -> Detections3D:
+        """Where landmarks are; of one that may be in two poses, both."""
+        return Detections3D(tuple(self._draw(one).detection for one in landmarks), header)
+
+    def transforms(self, landmarks: Iterable[Track], header: Header) -> Transforms:
+        """A frame for each landmark, called as it; that of a thing without orientation is level."""
+        frames = (self._draw(one).frame for one in landmarks)
+        return Transforms(tuple(replace(frame, header=header) for frame in frames))
+
+    def markers(self, landmarks: Iterable[Track], header: Header) -> MarkerArray:
+        """Shapes for landmarks; those of landmarks that are no more are deleted.
+
+        An ellipsoid is where each is with a probability of 95 %, a plate or box how large it is.
+        The first time, all that was drawn before on that topic goes.
+        """
+        there = {one.number: self._draw(one).markers for one in landmarks}
+        first = [Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL)] if self._is_new else []
+        gone = [
+            Marker(MarkerType.CUBE, ns=shape, id=number, action=MarkerAction.DELETE)
+            for number in self._drawn.keys() - there.keys()
+            for shape in _SHAPES
+        ]
+        self._is_new = False
+        self._drawn = {number: self._drawn[number] for number in there}
+        several = (*first, *gone, *(marker for one in there.values() for marker in one))
+        return MarkerArray(tuple(replace(marker, header=header) for marker in several))
+
+    def _draw(self, track: Track) -> _Drawn:
+        known, drawn = (track.seen, track.last_ns), self._drawn.get(track.number)
+        if drawn is None or drawn.known != known:
+            at, quat = track.best.position_xyz, rotations.from_matrix(track.best.R_fixed_landmark)
+            frame = TransformStamped(track.name, at, quat)
+            drawn = _Drawn(known, _detection(track, quat), frame, _markers(track, quat))
+            self._drawn[track.number] = drawn
+        return drawn
 
 
-def to_markers(
-    landmarks: Iterable[Track], gone: Collection[int], header: Header, anew: bool
-) -> MarkerArray:
-    """Shapes for landmarks.
-
-    An ellipsoid is where each is with a probability of 95 %, a plate or box how large it is.
-
-    Args:
-        landmarks: all that there are.
-        gone: numbers of those that are no more.
-        header: time and fixed frame.
-        anew: whether all that was drawn before is to go.
-    """
-    clear = (Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL, header=header),) if anew else ()
-    deleted = (
-        Marker(MarkerType.CUBE, ns=shape, id=number, action=MarkerAction.DELETE, header=header)
-        for number in gone
-        for shape in _SHAPES
-    )
-    shapes = (marker for one in landmarks for marker in _markers(one, header))
-    return MarkerArray((*clear, *deleted, *shapes))
-
-
-def _detection(track: Track) -> Detection3D:
+def _detection(track: Track, quat: Floats) -> Detection3D:
     hypotheses = tuple(
         Hypothesis(
             track.class_id,
@@ -89,15 +106,11 @@ def _detection(track: Track) -> Detection3D:
         for weight, branch in zip(track.weights, track.branches, strict=True)
     )
     at = track.best.position_xyz
-    return Detection3D(at, _quat(track), track.size_xyz, hypotheses, track.name)
+    return Detection3D(at, quat, track.size_xyz, hypotheses, track.name)
 
 
-def _quat(track: Track) -> Floats:
-    return rotations.from_matrix(track.best.R_fixed_landmark)
-
-
-def _markers(track: Track, header: Header) -> list[Marker]:
-    at, quat, number = track.best.position_xyz, _quat(track), track.number
+def _markers(track: Track, quat: Floats) -> tuple[Marker, ...]:
+    at, number = track.best.position_xyz, track.number
     extent = float(track.size_xyz.max()) or _UNKNOWN_M
     scale, axes = ellipsoid(track.covariance[:3, :3])
     color = np.append(_COLORS[zlib.crc32(track.class_id.encode()) % len(_COLORS)], 0.35)
@@ -105,9 +118,7 @@ def _markers(track: Track, header: Header) -> list[Marker]:
     label = at + np.array([0, 0, extent / 2 + 0.15])
     lines = np.vstack([np.zeros((3, 3)), np.eye(3) * extent])[[0, 3, 1, 4, 2, 5]]
     drawn = [
-        Marker(
-            MarkerType.SPHERE, at, axes, scale, color, ns="covariance", id=number, header=header
-        ),
+        Marker(MarkerType.SPHERE, at, axes, scale, color, ns="covariance", id=number),
         Marker(
             MarkerType.CUBE,
             at,
@@ -116,7 +127,6 @@ def _markers(track: Track, header: Header) -> list[Marker]:
             np.append(color[:3], 0.75),
             ns="box",
             id=number,
-            header=header,
         ),
         Marker(
             MarkerType.TEXT_VIEW_FACING,
@@ -125,7 +135,6 @@ def _markers(track: Track, header: Header) -> list[Marker]:
             text=track.name,
             ns="label",
             id=number,
-            header=header,
         ),
     ]
     if track.turned:
@@ -139,10 +148,9 @@ def _markers(track: Track, header: Header) -> list[Marker]:
                 colors_rgba=_AXES,
                 ns="axes",
                 id=number,
-                header=header,
             )
         )
-    return drawn
+    return tuple(drawn)
 
 
 def ellipsoid(covariance: Floats) -> tuple[Floats, Floats]:
