@@ -1,10 +1,13 @@
 """Covariances of poses, against errors whose distribution is known."""
 
+from dataclasses import replace
+
 import cv2
+import drawn_tags
 import numpy as np
 import pytest
 
-from ros_visualise.data import CameraInfo
+from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import (
     TYPICAL,
@@ -17,10 +20,13 @@ from ros_visualise.landmarks.pose import (
     squares_poses,
 )
 from ros_visualise.landmarks.pose.refinement import turn
+from ros_visualise.landmarks.tags import draw_cells, family
+from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.vision.projection import project
 
 K = np.array([[600.0, 0, 319.5], [0, 600, 239.5], [0, 0, 1]])
 PINHOLE = CameraInfo(480, 640, K)
+SMALL = CameraInfo(240, 320, np.array([[300.0, 0, 159.5], [0, 300, 119.5], [0, 0, 1]]))
 FISHEYE = CameraInfo(
     480,
     640,
@@ -140,6 +146,26 @@ def test_a_camera_that_fits_badly_is_seen_in_the_residuals():
     _, _, sharp = scatter(60, 30, 0.015)
     narrow = squares_poses(sharp, [SIZE] * TAGS, PINHOLE)[0][0]
     assert np.linalg.det(narrow.covariance) < np.linalg.det(found[0][0].covariance) * 1e-8
+
+
+@pytest.mark.parametrize(("blur", "noise"), [(0.5, 1.0), (1.0, 4.0)])
+def test_poses_of_detected_tags_are_as_sure_as_they_say(blur, noise):
+    """Through the node, with nothing told of the picture but the calibration."""
+    info = replace(SMALL, header=Header(0, "camera"))
+    R, t, corners = scatter(40, 25, 0.0, info=info)
+    cells, border = draw_cells(family("tag36h11"), 7)
+    params = TagParams(size=SIZE)
+    detector, found = TagDetector(params), []
+    rng = np.random.default_rng(6)
+    for one in corners[:30]:
+        pixels = drawn_tags.draw(cells, border, one, (320, 240), rng, blur, noise)
+        image = Image(pixels, "mono8", Header(0, "camera"), info)
+        tag = detector.step(image, params)["detections"].detections[0]
+        found.append(tag.hypotheses)
+        detector.reset()
+    of_right = nees(right_ones(found, R[:30]), R[:30], t[:30])
+    assert 1.5 < of_right.mean() < 9, "6 over all kinds of pictures; these are clear ones"
+    assert np.mean(of_right < INSIDE) > 0.8
 
 
 def test_borders_tell_blur_and_noise():

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ros_visualise.data import Deferred, Detection, Detections, Image
+from ros_visualise.data import Deferred, Detection, Detections, Image, Pixels
 from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.landmarks.drawing import draw_detections
-from ros_visualise.landmarks.pose import REAL_CAMERA_PX
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate
@@ -81,8 +80,8 @@ class TagParams:
         group="search",
     )
     corner_floor: float = param(
-        REAL_CAMERA_PX,
-        "least standard deviation of corners in pixels, for the covariance; 0 fits rendered images",
+        0.0,
+        "pixels that corners deviate at least, for the covariance; pictures tell the rest",
         min=0,
         max=10,
         slider=(0, 2),
@@ -118,7 +117,7 @@ class TagDetector:
         order = color.order_of(image.encoding)
         gray = to_8_bit(color.to_gray(pixels, order))
         tags = self._search.find(self._finder, gray, params.search_every)
-        found = self._locate(tags, image, params)
+        found = self._locate(tags, image, gray, params)
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
             "detections": Detections(found, image.header, image.camera_info),
@@ -135,7 +134,7 @@ class TagDetector:
         self._search.reset()
 
     def _locate(
-        self, tags: tuple[Tag, ...], image: Image, params: TagParams
+        self, tags: tuple[Tag, ...], image: Image, gray: Pixels, params: TagParams
     ) -> tuple[Detection, ...]:
         """With poses, or once a word that tells why there are none."""
         info = image.camera_info
@@ -146,10 +145,10 @@ class TagDetector:
         if info and not params.size and any(tag.id not in self._known.every for tag in tags):
             self._say_once("tags of unknown size have no poses: set size, or a file of tags")
         try:
-            return locate(tags, self._known, params.size, info, params.corner_floor)
+            return locate(tags, self._known, params.size, info, gray, params.corner_floor)
         except (UncalibratedCamera, UnsupportedImage) as error:
             self._say_once(f"no poses: {error}")
-            return locate(tags, self._known, params.size, None)
+            return locate(tags, self._known, params.size, None, gray)
 
     def _say_once(self, text: str) -> None:
         if text not in self._said:

@@ -1,7 +1,7 @@
 """From corners in an image, and the camera's calibration, to poses with a covariance."""
 
 from ros_visualise.landmarks.pose.borders import TYPICAL, Borders, borders_of
-from ros_visualise.landmarks.pose.corner_noise import REAL_CAMERA_PX, corner_sigma
+from ros_visualise.landmarks.pose.corner_noise import corner_sigma
 from ros_visualise.landmarks.pose.estimating import (
     PoseEstimate,
     merged,
@@ -11,7 +11,6 @@ from ros_visualise.landmarks.pose.estimating import (
 )
 
 __all__ = [
-    "REAL_CAMERA_PX",
     "TYPICAL",
     "Borders",
     "PoseEstimate",

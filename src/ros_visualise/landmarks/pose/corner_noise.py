@@ -8,9 +8,6 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.borders import TYPICAL, Borders
 
-REAL_CAMERA_PX = 0.3
-"""What lens, print and calibration of a real camera may well add."""
-
 _BLURS_HIGH = (9.9, 13.5, 15.6, 17.7, 19.8, 21.8, 23.9, 26, 28, 30.2, 32.2, 36.4, 41.6)
 _SIGMAS_PX = (
     0.27,
@@ -30,10 +27,12 @@ _SIGMAS_PX = (
 """Of AprilTag 3 at full resolution on rendered tags without noise, by height over blur."""
 _BY_NOISE = 0.75
 _NO_BLUR_PX = 0.2
+_BY_ROWS, _RISE_PX = 0.045, 1.2
+"""Edges along rows or columns of pixels are found worse: all along them errors are the same."""
 
-_EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0])
+_EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
 """What real lenses, prints, calibrations and motion may add."""
-_PRIOR = np.array([0.99, *[0.01 / 7] * 7])
+_PRIOR = np.array([0.99, *[0.01 / 8] * 8])
 
 
 def corner_sigma(
@@ -46,7 +45,7 @@ def corner_sigma(
 
     Args:
         corners_uv: (..., 4, 2) pixels, in order around the square.
-        floor_px: what a real camera adds, near `REAL_CAMERA_PX`; 0 of rendered images.
+        floor_px: what a real camera adds, 0.3 is not rare; 0 of rendered images.
         borders: what the squares' borders look like, (...) each: `borders_of`.
 
     Returns:
@@ -63,7 +62,9 @@ def corner_sigma(
         blurs_high = height * (height / longest) ** 0.4 / (borders.blur_px + _NO_BLUR_PX)
         sharp = np.exp(np.interp(np.log(blurs_high), np.log(_BLURS_HIGH), np.log(_SIGMAS_PX)))
     noise = _BY_NOISE * borders.noise * np.sqrt(borders.blur_px)
-    sigma: Floats = np.sqrt(sharp**2 + noise**2 + floor_px**2)
+    rise = np.abs(sides).min(axis=(-2, -1))  # of a side along rows or columns, in pixels
+    by_rows = _BY_ROWS * borders.blur_px * np.exp(-rise / _RISE_PX)
+    sigma: Floats = np.sqrt(sharp**2 + noise**2 + by_rows**2 + floor_px**2)
     return sigma
 
 

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Detection, Hypothesis
+from ros_visualise.data import CameraInfo, Detection, Hypothesis, Pixels
 from ros_visualise.landmarks.pose import (
-    REAL_CAMERA_PX,
     PoseEstimate,
-    corner_sigma,
+    borders_of,
     rig_poses,
     squares_poses,
 )
@@ -24,7 +23,8 @@ def locate(
     known: KnownTags,
     size_m: float,
     info: CameraInfo | None,
-    floor_px: float = REAL_CAMERA_PX,
+    gray: Pixels,
+    floor_px: float = 0.0,
 ) -> tuple[Detection, ...]:
     """Detections of tags, then those of bundles, each with the poses that it may have.
 
@@ -37,28 +37,35 @@ def locate(
         known: their sizes, and bundles.
         size_m: the side of all others; 0 where nobody knows, so that they have no poses.
         info: the camera's calibration.
+        gray: (height, width) uint8, the image: how sharp it is tells how exact corners are.
         floor_px: see `corner_sigma`.
     """
     bundles = known.bundles if info else ()
     members = {id for bundle in bundles for id in bundle.corners_xyz}
     alone = [tag for tag in tags if tag.id not in members or tag.id in known.sizes]
     sizes = [known.sizes.get(tag.id, size_m) for tag in alone]
-    poses = _poses(alone, sizes, info, floor_px)
+    poses = _poses(alone, sizes, info, gray, floor_px)
     found = [_of_tag(tag, known, one) for tag, one in zip(alone, poses, strict=True)]
     if info:
-        found += [one for bundle in bundles for one in _of_bundle(tags, bundle, info, floor_px)]
+        for bundle in bundles:
+            found += _of_bundle(tags, bundle, info, gray, floor_px)
     return tuple(found)
 
 
 def _poses(
-    tags: Sequence[Tag], sizes: Sequence[float], info: CameraInfo | None, floor_px: float
+    tags: Sequence[Tag],
+    sizes: Sequence[float],
+    info: CameraInfo | None,
+    gray: Pixels,
+    floor_px: float,
 ) -> list[tuple[PoseEstimate, ...]]:
     found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
     sized = [number for number, size in enumerate(sizes) if size > 0]
     if info and sized:
         corners = np.array([tags[number].corners_uv for number in sized])
-        sigmas = corner_sigma(corners, floor_px)
-        estimates = squares_poses(corners, [sizes[number] for number in sized], info, sigmas)
+        of_known = [sizes[number] for number in sized]
+        borders = borders_of(gray, corners)
+        estimates = squares_poses(corners, of_known, info, floor_px=floor_px, borders=borders)
         for number, one in zip(sized, estimates, strict=True):
             found[number] = one
     return found
@@ -72,7 +79,7 @@ def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detect
 
 
 def _of_bundle(
-    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, floor_px: float
+    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, gray: Pixels, floor_px: float
 ) -> list[Detection]:
     """One detection, of all of its tags that are seen; none where none is."""
     seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
@@ -80,8 +87,8 @@ def _of_bundle(
         return []
     corners = np.array([tag.corners_uv for tag in seen])
     points = np.concatenate([bundle.corners_xyz[tag.id] for tag in seen])
-    sigmas = np.repeat(corner_sigma(corners, floor_px), 4)
-    poses = rig_poses(corners.reshape(-1, 2), points, info, sigmas)
+    flat, borders = corners.reshape(-1, 2), borders_of(gray, corners)
+    poses = rig_poses(flat, points, info, floor_px=floor_px, borders=borders)
     score = max(map(_score, seen))
     box = Detection.of_corners(
         corners.reshape(-1, 2), _hypotheses(bundle.name, score, -1, poses), bundle.name
