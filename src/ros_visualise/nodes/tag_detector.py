@@ -145,10 +145,10 @@ class TagDetector:
         if info and not params.size and any(tag.id not in self._known.every for tag in tags):
             self._say_once("tags of unknown size have no poses: set size, or a file of tags")
         try:
-            return locate(tags, self._known, params.size, info, gray, params.corner_floor)
+            return locate(tags, self._known, params.size, info, params.corner_floor, gray)
         except (UncalibratedCamera, UnsupportedImage) as error:
             self._say_once(f"no poses: {error}")
-            return locate(tags, self._known, params.size, None, gray)
+            return locate(tags, self._known, params.size, None)
 
     def _say_once(self, text: str) -> None:
         if text not in self._said:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ros_visualise.data import Detection, Detections
-from ros_visualise.landmarks.pose import REAL_CAMERA_PX
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate
@@ -29,8 +28,8 @@ class TagPosesParams:
         "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
     )
     corner_floor: float = param(
-        REAL_CAMERA_PX,
-        "least standard deviation of corners in pixels, for the covariance",
+        0.0,
+        "pixels that corners deviate at least, for the covariance; how poses fit tells the rest",
         min=0,
         max=10,
         slider=(0, 2),

@@ -8,26 +8,19 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.borders import TYPICAL, Borders
 
-_BLURS_HIGH = (9.9, 13.5, 15.6, 17.7, 19.8, 21.8, 23.9, 26, 28, 30.2, 32.2, 36.4, 41.6)
-_SIGMAS_PX = (
-    0.27,
-    0.2,
-    0.195,
-    0.178,
-    0.148,
-    0.115,
-    0.075,
-    0.058,
-    0.042,
-    0.028,
-    0.02,
-    0.0125,
-    0.0105,
+_FITTED = (
+    (18, 21, 23, 25.6, 28, 30.2, 33.6, 38, 43, 50, 66, 110),
+    (0.2, 0.184, 0.15, 0.11, 0.075, 0.055, 0.037, 0.023, 0.017, 0.0125, 0.0085, 0.0065),
 )
-"""Of AprilTag 3 at full resolution on rendered tags without noise, by height over blur."""
-_BY_NOISE = 0.75
-_NO_BLUR_PX = 0.2
-_BY_ROWS, _RISE_PX = 0.045, 1.2
+"""Height over blur -> pixels, on rendered tags without noise, where `tags.sides` fits the sides."""
+_RAW = (
+    (9.5, 13, 15, 17, 19, 21, 23, 25, 27),
+    (0.27, 0.205, 0.198, 0.178, 0.148, 0.12, 0.08, 0.06, 0.045),
+)
+"""The same of AprilTag alone."""
+_FITTED_HIGH_PX = 16.0
+_BY_NOISE = 0.52
+_BY_ROWS, _MOST_HIGH, _RISE_PX = 1.7, 60.0, 1.2
 """Edges along rows or columns of pixels are found worse: all along them errors are the same."""
 
 _EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
@@ -55,17 +48,27 @@ def corner_sigma(
     sides = np.roll(corners, -1, axis=-2) - corners
     first, second = corners[..., 2, :] - corners[..., 0, :], corners[..., 3, :] - corners[..., 1, :]
     area = np.abs(first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]) / 2
+    rise = np.abs(sides).min(axis=(-2, -1))  # of a side along rows or columns, in pixels
     longest = np.linalg.norm(sides, axis=-1).max(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = area / longest
-        # a bit less where the square is slanted much
-        blurs_high = height * (height / longest) ** 0.4 / (borders.blur_px + _NO_BLUR_PX)
-        sharp = np.exp(np.interp(np.log(blurs_high), np.log(_BLURS_HIGH), np.log(_SIGMAS_PX)))
+        slanted = height * (height / longest) ** 0.25  # a bit less where it is slanted much
+    fitted = _look_up(_FITTED, slanted / np.maximum(borders.blur_px - 0.15, 0.2))
+    raw = _look_up(_RAW, slanted / (borders.blur_px + 0.2))
+    sharp = np.where(height < _FITTED_HIGH_PX, raw, fitted)
+    high = np.clip(slanted / (borders.blur_px + 0.2), 1, _MOST_HIGH)
+    by_rows = _BY_ROWS / high * np.exp(-rise / _RISE_PX)
     noise = _BY_NOISE * borders.noise * np.sqrt(borders.blur_px)
-    rise = np.abs(sides).min(axis=(-2, -1))  # of a side along rows or columns, in pixels
-    by_rows = _BY_ROWS * borders.blur_px * np.exp(-rise / _RISE_PX)
     sigma: Floats = np.sqrt(sharp**2 + noise**2 + by_rows**2 + floor_px**2)
     return sigma
+
+
+def _look_up(table: tuple[tuple[float, ...], tuple[float, ...]], values: Floats) -> Floats:
+    """Between the table's lines, by logarithms; at its ends the last ones."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logs = np.interp(np.log(values), *np.log(table))
+    found: Floats = np.exp(logs)
+    return found
 
 
 def with_extra(sigma_px: Floats, chi2: Floats) -> Floats:

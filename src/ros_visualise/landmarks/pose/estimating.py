@@ -21,6 +21,7 @@ _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _EXCLUDED = 9.0  # log of the likelihood ratio, 1 to 8000, at which a solution is left out
 _FAR_PX = 1e6  # no image is that large
 _SMALLEST_PX2 = 1.0  # twice the area that three corners of a square have at least
+_NO_FIT = 0.15  # of the corners' own spread, that they are off where this is no such body
 _SAME = 1e-3  # radians between solutions that are one
 
 
@@ -96,7 +97,7 @@ def squares_poses(
     given = sigmas_px is not None
     sigmas = np.asarray(sigmas_px, np.float64) if given else corner_sigma(seen, floor_px, borders)
     points = _SQUARE * sizes[:, None, None]
-    return _estimate(points, rays_of(seen, info), np.repeat(sigmas[:, None], 4, axis=1), given)
+    return _estimate(points, seen, info, np.repeat(sigmas[:, None], 4, axis=1), given)
 
 
 def rig_poses(
@@ -128,7 +129,7 @@ def rig_poses(
     if sigma_px is None:
         sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2), floor_px, borders), 4)
     sigmas = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
-    return _estimate(points[None], rays_of(corners[None], info), sigmas[None].copy(), given)[0]
+    return _estimate(points[None], corners[None], info, sigmas[None].copy(), given)[0]
 
 
 def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
@@ -159,9 +160,10 @@ def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
 
 
 def _estimate(
-    points: Floats, rays: Rays, sigmas: Floats, given: bool
+    points: Floats, corners: Floats, info: CameraInfo, sigmas: Floats, given: bool
 ) -> list[tuple[PoseEstimate, ...]]:
     """Of each body (B, N, ...), which all have N points; deviations may be given or by size."""
+    rays = rays_of(corners, info)
     begun = starts(points, rays.directions)
     found: list[tuple[PoseEstimate, ...]] = [()] * len(points)
     if not begun:
@@ -178,7 +180,9 @@ def _estimate(
     for number, body in enumerate(bodies):
         both = slice(2 * number, 2 * number + 2)
         two = Fit(*(part[both] for part in fit))
-        found[body] = _solutions(two, spreads[both], sigmas[body])
+        spread_px = np.sqrt(corners[body].var(axis=0).sum())
+        several = _solutions(two, spreads[both], sigmas[body])
+        found[body] = tuple(one for one in several if one.rms_px < _NO_FIT * spread_px)
     return found
 
 

@@ -60,7 +60,8 @@ def refine(R: Floats, t: Floats, points: Floats, rays: Rays, sigma_px: Floats) -
         R, t = np.where(better[:, None, None], new_R, R), np.where(better[:, None], new_t, t)
         residuals = np.where(better[:, None], new_residuals, residuals)
         jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
-        gain = chi2 - np.where(better, new_chi2, chi2)
+        with np.errstate(invalid="ignore"):  # of none that begins behind the camera
+            gain = chi2 - np.where(better, new_chi2, chi2)
         chi2 = np.where(better, new_chi2, chi2)
         damping = np.clip(np.where(better, damping / 10, damping * 10), 1e-12, _MOST_DAMPING)
         tiny = np.abs(step).max(axis=1) < _SMALLEST_STEP * np.maximum(1, np.abs(t).max(axis=1))

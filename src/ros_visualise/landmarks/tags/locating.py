@@ -9,6 +9,7 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Detection, Hypothesis, Pixels
 from ros_visualise.landmarks.pose import (
+    TYPICAL,
     PoseEstimate,
     borders_of,
     rig_poses,
@@ -23,8 +24,8 @@ def locate(
     known: KnownTags,
     size_m: float,
     info: CameraInfo | None,
-    gray: Pixels,
     floor_px: float = 0.0,
+    gray: Pixels | None = None,
 ) -> tuple[Detection, ...]:
     """Detections of tags, then those of bundles, each with the poses that it may have.
 
@@ -37,8 +38,8 @@ def locate(
         known: their sizes, and bundles.
         size_m: the side of all others; 0 where nobody knows, so that they have no poses.
         info: the camera's calibration.
-        gray: (height, width) uint8, the image: how sharp it is tells how exact corners are.
         floor_px: see `corner_sigma`.
+        gray: (height, width) uint8, the image: how sharp it is tells how exact corners are.
     """
     bundles = known.bundles if info else ()
     members = {id for bundle in bundles for id in bundle.corners_xyz}
@@ -56,7 +57,7 @@ def _poses(
     tags: Sequence[Tag],
     sizes: Sequence[float],
     info: CameraInfo | None,
-    gray: Pixels,
+    gray: Pixels | None,
     floor_px: float,
 ) -> list[tuple[PoseEstimate, ...]]:
     found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
@@ -64,7 +65,7 @@ def _poses(
     if info and sized:
         corners = np.array([tags[number].corners_uv for number in sized])
         of_known = [sizes[number] for number in sized]
-        borders = borders_of(gray, corners)
+        borders = TYPICAL if gray is None else borders_of(gray, corners)
         estimates = squares_poses(corners, of_known, info, floor_px=floor_px, borders=borders)
         for number, one in zip(sized, estimates, strict=True):
             found[number] = one
@@ -79,7 +80,7 @@ def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detect
 
 
 def _of_bundle(
-    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, gray: Pixels, floor_px: float
+    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, gray: Pixels | None, floor_px: float
 ) -> list[Detection]:
     """One detection, of all of its tags that are seen; none where none is."""
     seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
@@ -87,7 +88,8 @@ def _of_bundle(
         return []
     corners = np.array([tag.corners_uv for tag in seen])
     points = np.concatenate([bundle.corners_xyz[tag.id] for tag in seen])
-    flat, borders = corners.reshape(-1, 2), borders_of(gray, corners)
+    flat = corners.reshape(-1, 2)
+    borders = TYPICAL if gray is None else borders_of(gray, corners)
     poses = rig_poses(flat, points, info, floor_px=floor_px, borders=borders)
     score = max(map(_score, seen))
     box = Detection.of_corners(
