@@ -100,7 +100,10 @@ class Gallery:
 
     def offer(self, view: View) -> bool:
         """Whether the view is kept."""
-        if any(self._distance(view, other) < _ALIKE for other in self.views):
+        of_its_kind = [
+            one for one in self.views if (one.board, one.size) == (view.board, view.size)
+        ]
+        if any(self._distance(view, other) < _ALIKE for other in of_its_kind):
             self.alike += 1
             return False
         self.views.append(view)
