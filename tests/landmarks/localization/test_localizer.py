@@ -1,6 +1,7 @@
 """Landmarks from detections: which are one, which are two, what moves, what is left out."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -162,8 +163,12 @@ def test_without_a_ground_or_above_it_a_direction_gives_no_landmark():
 def test_detections_without_poses_are_counted():
     localizer = Localizer()
     unknown = tag_seen(above(0), *TAG, np.zeros((6, 6)))
-    localizer.observe(detections(0, [unknown], []), above(0), RULES)
-    assert localizer.left_out == {"no pose": 2}
+    nowhere = replace(tag_seen(above(0), *TAG, np.eye(6)), position_xyz=np.full(3, np.nan))
+    unturned = replace(tag_seen(above(0), *TAG, np.eye(6)), quat_xyzw=np.zeros(4))
+    impossible = tag_seen(above(0), *TAG, np.diag([1, 1, -1, 1, 1, 1.0]))
+    several = [unknown], [], [nowhere], [unturned], [impossible]
+    localizer.observe(detections(0, *several), above(0), RULES)
+    assert localizer.left_out == {"no pose": 5}
 
 
 def test_an_odometrys_covariance_is_carried_to_the_camera():

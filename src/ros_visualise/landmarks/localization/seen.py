@@ -64,7 +64,8 @@ def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> Sighting | No
     covariance = hypothesis.covariance
     position = hypothesis.position_xyz
     range_m = float(np.linalg.norm(position))
-    if not _is_covariance(covariance) or not np.isfinite(position).all() or range_m == 0:
+    quat_norm = float(np.linalg.norm(hypothesis.quat_xyzw))
+    if not _is_covariance(covariance) or not (0 < range_m < np.inf and 0.5 < quat_norm < 2):
         return None
     turned = np.kron(np.eye(2), R)
     noise = turned @ covariance @ turned.T
