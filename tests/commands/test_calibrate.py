@@ -98,3 +98,25 @@ def test_the_board_is_written_once(run, tmp_path):
     assert "AprilGrid of 6x6 tags, tags of 23 mm, 6.9 mm between them" in said
     assert run("--board", out)[0] == 2
     assert run("--board", out, "--overwrite")[0] == 0
+
+
+def test_a_camera_is_followed_for_a_while(recordings, run):
+    """One picture over and over: it is one view, and it says what to do next."""
+    picture = recordings / "calib" / "opencv" / "left01.jpg"
+    status, _, errors = run(f"lavfi:movie={picture},loop=-1:1", "--duration", "1.5")
+    assert status == 2
+    assert "1 view; tilt the board" in errors
+    assert "too few views of the board that differ: 1" in errors
+
+
+def test_what_is_broken_is_said_and_the_rest_counts(recordings, run, tmp_path):
+    for path in (recordings / "calib" / "opencv").glob("left0*.jpg"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    small = cv2.resize(cv2.imread(str(tmp_path / "left01.jpg")), (480, 360))
+    cv2.imwrite(str(tmp_path / "a_small.png"), small)
+    (tmp_path / "broken.jpg").write_bytes((tmp_path / "left01.jpg").read_bytes()[:999])
+    status, said, errors = run(tmp_path)
+    assert status == 1
+    assert "broken.jpg" in errors
+    assert "in 10 of 10 images of 640x480" in said
+    assert "1 image of another size" in said

@@ -12,6 +12,7 @@ from typing import TypeVar
 from tqdm import tqdm
 
 from ros_visualise.commands.calibration_report import draw, summary, to_json
+from ros_visualise.commands.wording import counted
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.landmarks.calibration.boards import Board, Kind, board_of
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
@@ -72,10 +73,9 @@ def _calibrate(args: Namespace, board: Board) -> int:
     if wish.asked and not any(map(is_live, args.input)):
         return STOPPED
     if not collector.found:
-        images = f"{collector.seen} image{'' if collector.seen == 1 else 's'}"
         raise OpenError(
-            f"{args.input[0]}: no board in {images}: no {collector.finder.tried};"
-            " check --pattern and --size"
+            f"{args.input[0]}: no board in {counted(collector.seen, 'image')}:"
+            f" no {collector.finder.tried}; check --pattern and --size"
         )
     found = calibrate(collector.views, Lens(args.model))
     better = better_lens(found)
@@ -148,6 +148,6 @@ def _follow(source: str, args: Namespace, collector: Collector, wish: Wish) -> N
             coverage = collector.coverage
             if len(collector.views) > before and coverage.advice != advice:
                 advice = coverage.advice
-                say(f"{len(collector.views)} views; {advice or 'a few more'}")
+                say(f"{counted(len(collector.views), 'view')}; {advice or 'a few more'}")
             if len(collector.views) >= _ENOUGH_VIEWS and not coverage.advice:
                 return
