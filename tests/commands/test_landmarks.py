@@ -171,6 +171,31 @@ def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
     assert find("husky", "--duration", 1, "--map", out)[0] == 2  # it is there
 
 
+def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
+    run = tmp_path / "run.mcap"
+    options = [
+        "--mission",
+        "default",
+        "--duration",
+        "3",
+        "--view",
+        "none",
+        "--rate",
+        "0",
+        "--record",
+        str(run),
+    ]
+    assert main(["sim", "husky", *options]) == 0
+    status, found, _ = find(run, "--size", 0.48, "--json")
+    assert status == 0
+    assert {one["name"]: one["frame_id"] for one in found["landmarks"]}["tag36h11_0"] == "map"
+    assert found["images"][0]["width"] == 640
+    status, again, _ = find(run, "--topic", "/detections", "--json")  # their poses are recorded
+    assert status == 0
+    places = [one["landmarks"][0]["pose"]["position"] for one in (found, again)]
+    np.testing.assert_allclose(*places, atol=0.02)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

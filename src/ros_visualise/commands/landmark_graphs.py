@@ -31,6 +31,7 @@ from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.topic_names import MADE
 
 _NONE = "none"
 _MAPPED = (Transforms, Odometry)
@@ -91,7 +92,7 @@ def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
     beside = [
         name
         for name, kind in kinds.items()
-        if kind in _MAPPED and not recording.topics[name].unreadable
+        if kind in _MAPPED and name not in MADE and not recording.topics[name].unreadable
     ]
     declared = player(recording, [topic, *beside], camera_info_url=args.calibration)
     outputs = {name: name for name in declared.outputs}
