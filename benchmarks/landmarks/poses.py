@@ -80,8 +80,8 @@ def apriltag(picture: Picture) -> Pose | None:
 PEERS = {
     "ours": best,
     "pyapriltags' own pose": apriltag,
-    "AprilTag's corners, OpenCV IPPE": opencv(found_corners, cv2.SOLVEPNP_IPPE),
-    "AprilTag's corners, OpenCV ITERATIVE": opencv(found_corners, cv2.SOLVEPNP_ITERATIVE),
+    "our corners, OpenCV IPPE": opencv(found_corners, cv2.SOLVEPNP_IPPE),
+    "our corners, OpenCV ITERATIVE": opencv(found_corners, cv2.SOLVEPNP_ITERATIVE),
     "OpenCV's corners, IPPE": opencv(aruco_corners, cv2.SOLVEPNP_IPPE),
 }
 

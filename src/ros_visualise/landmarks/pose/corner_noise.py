@@ -20,7 +20,7 @@ _RAW = (
 """The same of AprilTag alone."""
 _FITTED_HIGH_PX = 16.0
 _BY_NOISE = 0.52
-_BY_ROWS, _MOST_HIGH, _RISE_PX = 1.7, 60.0, 1.2
+_BY_ROWS, _MOST_HIGH, _RISE_PX = 2.0, 60.0, 1.2
 """Edges along rows or columns of pixels are found worse: all along them errors are the same."""
 
 _EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
@@ -52,14 +52,16 @@ def corner_sigma(
     longest = np.linalg.norm(sides, axis=-1).max(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         height = area / longest
-        slanted = height * (height / longest) ** 0.25  # a bit less where it is slanted much
+        slanted = height * (height / longest) ** 0.25
     fitted = _look_up(_FITTED, slanted / np.maximum(borders.blur_px - 0.15, 0.2))
     raw = _look_up(_RAW, slanted / (borders.blur_px + 0.2))
     sharp = np.where(height < _FITTED_HIGH_PX, raw, fitted)
     high = np.clip(slanted / (borders.blur_px + 0.2), 1, _MOST_HIGH)
     by_rows = _BY_ROWS / high * np.exp(-rise / _RISE_PX)
     noise = _BY_NOISE * borders.noise * np.sqrt(borders.blur_px)
-    sigma: Floats = np.sqrt(sharp**2 + noise**2 + by_rows**2 + floor_px**2)
+    by_slant = 1 + 2 * np.maximum(0.65 - height / longest, 0)  # seen under 50 degrees and more
+    found = by_slant * np.sqrt(sharp**2 + noise**2 + by_rows**2)
+    sigma: Floats = np.hypot(found, floor_px)
     return sigma
 
 
