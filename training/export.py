@@ -75,7 +75,7 @@ def write_onnx(
     free = {"images": {2: "height", 3: "width"}, **{name: {1: "cells"} for name in OUTPUTS}}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of what it cannot foresee of shapes, which are free
-        torch.onnx.export(
+        torch.onnx.utils.export(
             whole,
             (torch.zeros(1, 3, 256, 320),),
             str(path),
