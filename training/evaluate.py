@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,9 +24,14 @@ from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.network import Network
 
 Array = npt.NDArray[np.float64]
+Names = Mapping[int, str]
 _LEAST_PX, _LEAST_SHARE = 12.0, 0.5
 _SIZES = ((12, 24), (24, 48), (48, 96), (96, 192), (192, 1000))
+_SURE = 0.3
+"""Least score where sizes and points are counted."""
 _WHOLE = 0.97
+_INSIDE = 5.99 / 2
+"""Half the 95% limit of a chi-square with two degrees of freedom: squares here are means of two."""
 _PICTURE_ENDS = (".jpg", ".jpeg", ".png")
 
 
@@ -35,6 +40,19 @@ class Case(NamedTuple):
 
     picture: npt.NDArray[np.uint8]
     rows: Array
+
+
+class Result(NamedTuple):
+    """The true rows of a picture, and what was found in it, however doubtful."""
+
+    rows: Array
+    found: Candidates
+
+
+def detect_all(network: Network, cases: Iterator[Case]) -> list[Result]:
+    """Run the network on all pictures."""
+    doubtful = Choice(min_score=0.02)
+    return [Result(each.rows, network.detect(each.picture, "BGR", doubtful)) for each in cases]
 
 
 def world_cases(folder: Path) -> Iterator[Case]:
@@ -79,69 +97,60 @@ def frames(path: Path, step: int) -> Iterator[npt.NDArray[np.uint8]]:
         number += 1
 
 
-def report(network: Network, cases: list[Case], title: str) -> None:
+def report(names: Names, results: list[Result], title: str) -> None:
     """Print the table of one set of pictures."""
-    found = [network.detect(case.picture, "BGR", Choice(min_score=0.02)) for case in cases]
-    kinds = sorted({int(kind) for case in cases for kind in case.rows[:, 0]})
-    print(f"\n{title}: {len(cases)} pictures\n")
+    kinds = sorted({int(kind) for each in results for kind in each.rows[:, 0]})
+    print(f"\n{title}: {len(results)} pictures\n")
     print("| class | true | AP50 | recall at precision 0.95 | its least score |")
     print("|---|---|---|---|---|")
     for kind in kinds:
-        matches = gather(
-            [_of_kind(case, each, kind) for case, each in zip(cases, found, strict=True)]
-        )
+        matches = gather([_of_kind(each, kind) for each in results])
         recall, score = recall_at(matches, 0.95)
-        name = network.names.get(kind, str(kind))
         ap = average_precision(matches)
-        print(f"| {name} | {matches.truths} | {ap:.3f} | {recall:.3f} | {score:.2f} |")
+        print(f"| {names[kind]} | {matches.truths} | {ap:.3f} | {recall:.3f} | {score:.2f} |")
 
 
-def report_sizes(network: Network, cases: list[Case]) -> None:
-    """Print the recall of all classes at score 0.3 by the longer side of the boxes."""
-    found = [network.detect(case.picture, "BGR", Choice(min_score=0.3)) for case in cases]
-    print("\n| longer side, px | true | found at score 0.3 |\n|---|---|---|")
-    for low, high in _SIZES:
-        there = hits = 0
-        for case, each in zip(cases, found, strict=True):
-            for kind in np.unique(case.rows[:, 0]):
-                of_kind, truth, ignored = _of_kind(case, each, int(kind))
-                side = (truth[:, 2:] - truth[:, :2]).max(axis=1)
-                fits = ~ignored & (side >= low) & (side < high)
-                got = set(match(of_kind, truth, ignored))
-                there += int(fits.sum())
-                hits += sum(int(n) in got for n in np.nonzero(fits)[0])
-        print(f"| {low} to {high} | {there} | {hits / max(there, 1):.3f} |")
+def report_sizes(results: list[Result]) -> None:
+    """Print the recall of all classes by the longer side of the boxes."""
+    there, hits = np.zeros(len(_SIZES), int), np.zeros(len(_SIZES), int)
+    for result in results:
+        for kind in np.unique(result.rows[:, 0]):
+            found, truth, ignored = _of_kind(result, int(kind), _SURE)
+            got = set(match(found, truth, ignored))
+            side = (truth[:, 2:] - truth[:, :2]).max(axis=1)
+            for bin_, (low, high) in enumerate(_SIZES):
+                fits = np.nonzero(~ignored & (side >= low) & (side < high))[0]
+                there[bin_] += len(fits)
+                hits[bin_] += sum(int(number) in got for number in fits)
+    print(f"\n| longer side, px | true | found at score {_SURE} |\n|---|---|---|")
+    for (low, high), all_, hit in zip(_SIZES, there, hits, strict=True):
+        print(f"| {low} to {high} | {all_} | {hit / max(all_, 1):.3f} |")
 
 
-def report_points(network: Network, cases: list[Case]) -> None:
+def report_points(names: Names, results: list[Result]) -> None:
     """Print how far ground points are from the truth, and whether their variances say so."""
-    print("\n| class | points | median, % of the longer side | mean squared error / variance |")
+    print("\n| class | points | median, % of the longer side | squared error / variance |")
     print("|---|---|---|---|")
-    shares: dict[int, list[float]] = {}
-    squares: dict[int, list[float]] = {}
-    for case in cases:
-        found = network.detect(case.picture, "BGR", Choice(min_score=0.3))
-        for kind in np.unique(case.rows[:, 0]):
-            for share, square in _points_of(case, found, int(kind)):
-                shares.setdefault(int(kind), []).append(share)
-                squares.setdefault(int(kind), []).append(square)
-    for kind, errors in sorted(shares.items()):
-        name, mean = network.names.get(kind, str(kind)), np.mean(squares[kind])
-        inside = np.mean(np.array(squares[kind]) < 5.99 / 2)  # of a chi-square with 2 degrees
-        print(
-            f"| {name} | {len(errors)} | {100 * np.median(errors):.2f} "
-            f"| {mean:.2f}, {inside:.0%} inside 95% |"
-        )
+    for kind, name in names.items():
+        pairs = [pair for each in results for pair in _points_of(each, kind)]
+        if pairs:
+            shares, squares = np.array(pairs).T
+            inside = np.mean(squares < _INSIDE)
+            print(
+                f"| {name} | {len(pairs)} | {100 * np.median(shares):.2f} "
+                f"| {np.mean(squares):.2f} (median {np.median(squares):.2f}), "
+                f"{inside:.0%} inside 95% |"
+            )
 
 
-def _points_of(case: Case, found: Candidates, kind: int) -> Iterator[tuple[float, float]]:
+def _points_of(result: Result, kind: int) -> Iterator[tuple[float, float]]:
     """Error by the box's longer side, and mean squared error by variance, of what is all seen."""
-    mine = found.take(found.classes == kind)
+    mine = result.found.take((result.found.classes == kind) & (result.found.scores >= _SURE))
     if mine.points_uv is None or mine.covariances is None:
         return
-    of_kind, truth, ignored = _of_kind(case, found, kind)
-    rows = case.rows[case.rows[:, 0] == kind]
-    for number, at in enumerate(match(of_kind, truth, ignored)):
+    found, truth, ignored = _of_kind(result, kind, _SURE)
+    rows = result.rows[result.rows[:, 0] == kind]
+    for number, at in enumerate(match(found, truth, ignored)):
         if at >= 0 and rows[at, 7] > _WHOLE:
             gap = mine.points_uv[number] - rows[at, 5:7]
             side = (truth[at, 2:] - truth[at, :2]).max()
@@ -161,10 +170,11 @@ def report_nothing(network: Network, path: Path, step: int) -> None:
 
 
 def _of_kind(
-    case: Case, found: Candidates, kind: int
+    result: Result, kind: int, least: float = 0.0
 ) -> tuple[Found, Array, npt.NDArray[np.bool_]]:
-    mine = found.take(found.classes == kind)
-    rows = case.rows[case.rows[:, 0] == kind]
+    """What `match` takes, of one class."""
+    mine = result.found.take((result.found.classes == kind) & (result.found.scores >= least))
+    rows = result.rows[result.rows[:, 0] == kind]
     side = (rows[:, 3:5] - rows[:, 1:3]).max(axis=1) if len(rows) else np.zeros(0)
     ignored = (side < _LEAST_PX) | (rows[:, 7] < _LEAST_SHARE)
     return Found(mine.boxes_xyxy, mine.scores), rows[:, 1:5], ignored
@@ -192,16 +202,17 @@ def main() -> int:
     parser.add_argument("--step", type=int, default=20, help="between frames of a video")
     asked = parser.parse_args()
     network = Network(str(asked.onnx))
+    names = network.names
     for folder in asked.worlds:
-        cases = list(world_cases(folder))
-        report(network, cases, f"Worlds in {folder.name}")
-        report_sizes(network, cases)
-        report_points(network, cases)
+        results = detect_all(network, world_cases(folder))
+        report(names, results, f"Worlds in {folder.name}")
+        report_sizes(results)
+        report_points(names, results)
     if asked.photos:
-        report(network, list(photo_cases(asked.photos)), "Photos of helipads")
+        report(names, detect_all(network, photo_cases(asked.photos)), "Photos of helipads")
     if asked.cars:
-        numbers = {name: number for number, name in network.names.items()}
-        report(network, list(coco_cases(asked.cars, numbers["vehicle"])), "Photos of cars")
+        kind = next(number for number, name in names.items() if name == "vehicle")
+        report(names, detect_all(network, coco_cases(asked.cars, kind)), "Photos of cars")
     for path in asked.nothing:
         report_nothing(network, path, asked.step)
     return 0
