@@ -1,7 +1,12 @@
 """`ros-visualise landmarks`: what is in pictures and recordings, and where it is."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
+from subprocess import PIPE
 
 import cv2
 import numpy as np
@@ -151,6 +156,32 @@ def test_tags_that_were_recorded_get_poses(find, recordings, tmp_path):
     assert len(tags) > 5
     beside = np.linalg.norm(tags["tag36h11_72"] - tags["tag36h11_76"])  # one to the right and up
     assert beside == pytest.approx(0.15 * np.sqrt(2), abs=0.02)
+
+
+def test_recorded_tags_without_a_calibration_have_no_poses_and_that_is_said_once(
+    find, recordings, caplog
+):
+    bag = recordings / "tagslam/example_13/tag_detections.bag"
+    status, found, _ = find(bag, "--size", 0.15, "--frames", 3, "--json")
+    assert status == 0
+    detections = [one for image in found["images"] for one in image["detections"]]
+    assert len(detections) > 3
+    assert all(len(one["corners"]) == 4 and one["pose"] is None for one in detections)
+    assert caplog.text.count("no calibration of the camera comes with the tags") == 1
+
+
+def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path):
+    out = tmp_path / "map.yaml"
+    command = ["-m", "ros_visualise", "landmarks", "husky", "--model", "none", "--map", str(out)]
+    with subprocess.Popen([sys.executable, *command], stderr=PIPE, stdout=PIPE, text=True) as run:
+        time.sleep(6)
+        run.send_signal(signal.SIGINT)
+        _, said = run.communicate(timeout=30)
+    assert run.returncode == 130
+    if out.exists():
+        assert load_yaml(out)["landmarks"]
+    else:
+        assert f"{out}: not written, as no landmark has a place in the map yet" in said
 
 
 def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):

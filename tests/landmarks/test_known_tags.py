@@ -50,6 +50,8 @@ def test_a_file_without_tags_is_one(tmp_path):
         ("standalone_tags: [{id: 3, size: 0}]", "size is 0; give the side of its square in metres"),
         ("standalone_tags: [{id: 3, size: big}]", "size is 'big'; give a number"),
         ("standalone_tags: [{id: 3, size: .nan}]", "size is nan; give a number"),
+        ("standalone_tags: [{id: 3, size: 1.0e-9}]", "size is 1e-09; give the side of its square"),
+        ("standalone_tags: [{id: 3, size: 1000}]", "size is 1000; give the side of its square"),
         ("standalone_tags: [{id: -1, size: 1}]", "id is -1; give a whole number from 0 on"),
         ("standalone_tags: [{id: 3, size: 1, name: ''}]", "name is ''; give a word"),
         ("standalone_tags: [{id: 3, siez: 1}]", "no key 'siez'; there is id, size, name"),
@@ -62,6 +64,15 @@ def test_a_file_without_tags_is_one(tmp_path):
         (
             GOOD.replace("{id: 10,", "{id: 3,"),
             "layout entry 1: size 0.2, but standalone_tags say 0.162 of tag 3",
+        ),
+        (
+            "tag_bundles: [{name: a, layout: [{id: 1, size: 1, x: 1.0e+300}]}]",
+            "x is 1e+300; give a number of metres",
+        ),
+        (
+            "tag_bundles: [{name: a, layout: [{id: 1, size: 1}]},"
+            " {name: b, layout: [{id: 1, size: 1}]}]",
+            "tag 1 is in two bundles, 'a' and 'b'",
         ),
         (GOOD.replace("dock", "box"), "the name 'box' is there twice; give each its own"),
         ("a: [", "in line 1"),

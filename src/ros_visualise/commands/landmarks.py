@@ -42,8 +42,8 @@ def run(args: Namespace) -> int:
     with noticed() as wish:
         with in_time(wish, lambda: runtime.steps):
             stopped = _run(runtime, wish)
-        if args.map is not None and not stopped:
-            _save_map(runtime, found, args)
+        if args.map is not None:
+            _save_map(runtime, found, args, stopped)
         _tell(graph, found, args)
         report = runtime.report()
         for node in report.nodes.values():
@@ -64,8 +64,13 @@ def _run(runtime: LocalRuntime, wish: Wish) -> bool:
         runtime.stop()
 
 
-def _save_map(runtime: LocalRuntime, found: Sightings, args: Namespace) -> None:
-    if found.map is None or not found.map.detections:
+def _save_map(runtime: LocalRuntime, found: Sightings, args: Namespace, stopped: bool) -> None:
+    """Write the map; of a run that was stopped, as far as there is one."""
+    is_empty = found.map is None or not found.map.detections
+    if is_empty and stopped:
+        say(f"ros-visualise: {args.map}: not written, as no landmark has a place in the map yet")
+        return
+    if is_empty:
         raise RosVisualiseError(
             f"{args.map}: not written, as no landmark has a place in the map; give the tags' size"
             " by --size or --tags, and the camera's calibration"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,12 +16,11 @@ from ros_visualise.landmarks.networks.finding import Place, Stand, to_detections
 from ros_visualise.landmarks.networks.names import load_names, numbers_of
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
+from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.vision import color
 from ros_visualise.vision.threads import fit_threads
-
-log = logging.getLogger(__name__)
 
 OWN_MODEL = Path(__file__).parents[1] / "landmarks" / "networks" / "models" / "aerial.onnx"
 """The network of this project, which is taken where no other is named."""
@@ -110,7 +108,7 @@ class LandmarkDetector:
     """Finds things by a network in an ONNX file, and their directions if calibrated."""
 
     def __init__(self, params: LandmarkParams) -> None:
-        self._said: set[str] = set()
+        self._remarks = Remarks("landmark_detector")
         self._opened: tuple[str | int | Provider, ...] = ()
         self._told: dict[int, str] | None = None
         self._version = 0
@@ -165,18 +163,13 @@ class LandmarkDetector:
         stand = Stand(params.stands_on, params.box_sigma)
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
-            self._say_once(f"no directions in images of {size} with a calibration for {of_info}")
+            self._remarks.say(f"no directions in images of {size} with a calibration for {of_info}")
             info = None
         try:
             return to_detections(found, self._names, stand, info)
         except (UncalibratedCamera, UnsupportedImage) as error:
-            self._say_once(f"no directions: {error}")
+            self._remarks.say(f"no directions: {error}")
             return to_detections(found, self._names, stand, None)
-
-    def _say_once(self, text: str) -> None:
-        if text not in self._said:
-            self._said.add(text)
-            log.warning("landmark_detector: %s (said once)", text)
 
 
 def _file_of(model: str) -> str:

@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ros_visualise.data import Deferred, Detection, Detections, Image, Pixels
-from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.landmarks.drawing import draw_detections
+from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
-from ros_visualise.landmarks.tags.locating import locate
+from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.search import Search
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.threads import fit_threads
-
-log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ class TagDetector:
 
     def __init__(self, params: TagParams) -> None:
         self._search = Search()
-        self._said: set[str] = set()
+        self._remarks = Remarks("tag_detector")
         self._prepare(params)
 
     def reset(self) -> None:
@@ -140,17 +137,8 @@ class TagDetector:
         info = image.camera_info
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
-            self._say_once(f"no poses of images of {size} with a calibration for {of_info}")
+            self._remarks.say(f"no poses of images of {size} with a calibration for {of_info}")
             info = None
-        if info and not params.size and any(tag.id not in self._known.every for tag in tags):
-            self._say_once("tags of unknown size have no poses: set size, or a file of tags")
-        try:
-            return locate(tags, self._known, params.size, info, params.corner_floor, gray)
-        except (UncalibratedCamera, UnsupportedImage) as error:
-            self._say_once(f"no poses: {error}")
-            return locate(tags, self._known, params.size, None)
-
-    def _say_once(self, text: str) -> None:
-        if text not in self._said:
-            self._said.add(text)
-            log.warning("tag_detector: %s (said once)", text)
+        return locate_or_remark(
+            tags, self._known, params.size, info, params.corner_floor, gray, self._remarks
+        )

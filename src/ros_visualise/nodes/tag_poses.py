@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ros_visualise.data import Detection, Detections
+from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
-from ros_visualise.landmarks.tags.locating import locate
+from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 
@@ -46,6 +47,7 @@ class TagPoses:
     """Adds poses to recorded tags, by their corners and the calibration that comes with them."""
 
     def __init__(self, params: TagPosesParams) -> None:
+        self._remarks = Remarks("tag_poses")
         self._path = ""
         self._known = KnownTags()
         self._read(params)
@@ -56,7 +58,11 @@ class TagPoses:
         tags = [tag for one in corners.detections if (tag := _tag(one)) is not None]
         rest = tuple(one for one in corners.detections if _tag(one) is None)
         info = corners.camera_info
-        found = locate(tags, self._known, params.size, info, params.corner_floor)
+        if info is None and tags:
+            self._remarks.say("no poses: no calibration of the camera comes with the tags")
+        found = locate_or_remark(
+            tags, self._known, params.size, info, params.corner_floor, None, self._remarks
+        )
         return replace(corners, detections=found + rest)
 
     def _read(self, params: TagPosesParams) -> None:

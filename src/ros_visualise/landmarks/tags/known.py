@@ -18,7 +18,7 @@ the bundle's. Ids hold in every family.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,9 @@ from ros_visualise.yaml_files import BadYaml, load_yaml
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
+
+_LEAST_M, _MOST_M = 1e-4, 100.0  # of a tag's side
+_FAR_M = 1e4  # from a bundle's origin
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +94,22 @@ def _known(values: Any) -> KnownTags:
         _bundle(f"tag_bundles, entry {number}", one, sizes)
         for number, one in enumerate(_listed(parts, "tag_bundles"), 1)
     ]
+    _refuse_shared(bundles)
     every = [*names.values(), *(one.name for one in bundles)]
     for name in every:
         if every.count(name) > 1:
             raise _Wrong(f"the name {name!r} is there twice; give each its own")
     return KnownTags(sizes, names, tuple(bundles))
+
+
+def _refuse_shared(bundles: Sequence[Bundle]) -> None:
+    """A tag sits on one body."""
+    bearer: dict[int, str] = {}
+    for bundle in bundles:
+        for id in bundle.corners_xyz:
+            if id in bearer:
+                raise _Wrong(f"tag {id} is in two bundles, {bearer[id]!r} and {bundle.name!r}")
+            bearer[id] = bundle.name
 
 
 def _bundle(where: str, values: Any, sizes: Mapping[int, float]) -> Bundle:
@@ -153,7 +167,7 @@ def _id(where: str, tag: Mapping[str, Any], taken: Collection[int]) -> int:
 
 def _size(where: str, tag: Mapping[str, Any]) -> float:
     size = _number(where, tag, "size")
-    if size <= 0:
+    if not _LEAST_M <= size <= _MOST_M:
         raise _Wrong(f"{where}: size is {size:g}; give the side of its square in metres")
     return size
 
@@ -161,8 +175,8 @@ def _size(where: str, tag: Mapping[str, Any]) -> float:
 def _number(where: str, tag: Mapping[str, Any], name: str) -> float:
     number = tag[name]
     is_number = isinstance(number, int | float) and not isinstance(number, bool)
-    if not is_number or not math.isfinite(number):
-        raise _Wrong(f"{where}: {name} is {number!r}; give a number")
+    if not is_number or not abs(number) <= _FAR_M:
+        raise _Wrong(f"{where}: {name} is {number!r}; give a number of metres")
     return float(number)
 
 

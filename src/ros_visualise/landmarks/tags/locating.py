@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ros_visualise.data import CameraInfo, Detection, Hypothesis, Pixels
+from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.landmarks.pose import (
     TYPICAL,
     PoseEstimate,
@@ -15,6 +16,7 @@ from ros_visualise.landmarks.pose import (
     rig_poses,
     squares_poses,
 )
+from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags.finder import Tag
 from ros_visualise.landmarks.tags.known import Bundle, KnownTags
 
@@ -51,6 +53,25 @@ def locate(
         for bundle in bundles:
             found += _of_bundle(tags, bundle, info, gray, floor_px)
     return tuple(found)
+
+
+def locate_or_remark(
+    tags: Sequence[Tag],
+    known: KnownTags,
+    size_m: float,
+    info: CameraInfo | None,
+    floor_px: float,
+    gray: Pixels | None,
+    remarks: Remarks,
+) -> tuple[Detection, ...]:
+    """As `locate`; where a calibration or a size serves for no pose, that is remarked."""
+    if info and not size_m and any(tag.id not in known.every for tag in tags):
+        remarks.say("tags of unknown size have no poses: set size, or a file of tags")
+    try:
+        return locate(tags, known, size_m, info, floor_px, gray)
+    except (UncalibratedCamera, UnsupportedImage) as error:
+        remarks.say(f"no poses: {error}")
+        return locate(tags, known, size_m, None)
 
 
 def _poses(
