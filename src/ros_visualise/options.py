@@ -100,7 +100,7 @@ def add_landmark_options(parser: ArgumentParser) -> None:
         "--model",
         default="",
         metavar="FILE.onnx|none",
-        help="the network that finds objects (default: the one for landmarks seen from above)",
+        help="the network that finds objects (without one: tags alone)",
     )
     group.add_argument(
         "--calibration",

@@ -32,7 +32,7 @@ class LandmarkParams:
 
     model: str = param(
         "",
-        "ONNX file of a network that finds things; empty: the one for landmarks seen from above",
+        "ONNX file of a network that finds things",
         restart=True,
     )
     names: str = param(

@@ -1,13 +1,10 @@
 """Boards: found in pictures of known truth, whichever way their counts are told, and printed."""
 
 import re
-import subprocess
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
-import pyapriltags
 import pytest
 from board_pictures import Studio, poses_of
 
@@ -26,7 +23,6 @@ MODEL = MODELS[Lens.PINHOLE]
 CHESSBOARD = board_of(Kind.CHESSBOARD, "7x5")
 CHARUCO = board_of(Kind.CHARUCO, "7x6")
 APRILGRID = board_of(Kind.APRILGRID, "5x4")
-SYSTEM_PYTHON = Path("/usr/bin/python3")
 
 
 @pytest.fixture(scope="module")
@@ -140,8 +136,7 @@ def test_a_board_that_does_not_fit_is_refused_with_what_does():
         lay_out(CHESSBOARD, "A4", 0.1)
 
 
-@pytest.mark.skipif(not SYSTEM_PYTHON.exists(), reason="no Python of the system's")
-def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path):
+def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path, run_on_system_opencv):
     """Debian 12 has 4.6, whose calls for markers are others."""
     boards = (CHESSBOARD, CHARUCO, APRILGRID)
     for board in boards:
@@ -156,18 +151,8 @@ def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path):
         "    print(len(found.numbers), *found.uv.mean(axis=0))\n"
     )
     counts = [f"{board.columns}x{board.rows}" for board in boards]
-    (tmp_path / "pyapriltags").symlink_to(Path(pyapriltags.__file__).parent)
-    paths = f"{Path(__file__).parents[3] / 'src'}:{tmp_path}"
-    done = subprocess.run(
-        [SYSTEM_PYTHON, "-c", code, tmp_path, *counts],
-        env={"PYTHONPATH": paths},
-        capture_output=True,
-        text=True,
-    )
-    if "No module named 'cv2'" in done.stderr:
-        pytest.skip("the system's Python has no OpenCV")
-    assert done.returncode == 0, done.stderr
-    for board, line in zip(boards, done.stdout.splitlines(), strict=True):
+    said = run_on_system_opencv(code, str(tmp_path), *counts)
+    for board, line in zip(boards, said.splitlines(), strict=True):
         number, *middle = map(float, line.split())
         here = find_board(pictures(board, 1)[0][0], board)
         assert number == pytest.approx(len(here.numbers), rel=0.15)
