@@ -23,6 +23,25 @@ def graph_of(robot: str) -> Graph:
     return Graph(whole.source, tuple(node for node in whole.nodes if node.name == "path"))
 
 
+class Hold:
+    """A press of buttons that is told again with each call, as a browser does."""
+
+    presses = 0
+
+    def __init__(self, client: Client, names: str) -> None:
+        Hold.presses += 1
+        self._client, self._press, self._names, self._number = client, Hold.presses, names, 0
+
+    def __call__(self) -> bool:
+        self._number += 1
+        self._client.set("hold", f"{self._press} {self._number} {self._names}")
+        return True
+
+    def release(self) -> None:
+        self._names = ""
+        self()
+
+
 class Told:
     """A runtime that tells what it was asked for."""
 
@@ -62,14 +81,14 @@ def test_an_action_of_the_robot_ends_the_driving(port):
     running.start()
     client = Client(port)
     try:
-        client.read_until(lambda: "drive" in client.values)
+        client.read_until(lambda: "hold" in client.values)
         truth = told.subscribe("/ground_truth/odom")
-        client.set("drive", "▽ down")
-        client.read_until(lambda: len(told.velocities) > 2)
+        hold = Hold(client, "down")
+        client.read_until(lambda: hold() and len(told.velocities) > 2)
         client.set("clear", True)
-        client.read_until(lambda: told.actions == [("path", "clear")])
+        client.read_until(lambda: hold() and told.actions == [("path", "clear")])
         before = len(told.velocities)
-        client.read_until(lambda: len(told.velocities) > before + 1)
+        client.read_until(lambda: hold() and len(told.velocities) > before + 1)
         client.set("take off", True)
         client.read_until(lambda: truth.take(10).position_xyz[2] > 1.0)
         after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
@@ -83,7 +102,7 @@ def test_an_action_of_the_robot_ends_the_driving(port):
 @pytest.fixture
 def client(husky, port) -> Iterator[Client]:
     client = Client(port)
-    client.read_until(lambda: "drive" in client.values)
+    client.read_until(lambda: "hold" in client.values)
     yield client
     client.socket.close()
 
@@ -93,20 +112,45 @@ def test_what_can_be_driven_is_known():
     assert velocity_topic(Graph(None, ())) is None
 
 
-def test_it_drives_until_it_is_stopped(client, husky):
+def test_it_drives_while_a_button_is_held(client, husky):
     truth = husky.subscribe("/ground_truth/odom")
 
     def now():
         return truth.take(10)
 
     client.set("speed", 0.5)
-    client.set("drive", "▲ forward")
-    client.read_until(lambda: len(husky.velocities) > 3)
+    hold = Hold(client, "forward")
+    client.read_until(lambda: hold() and len(husky.velocities) > 3)
     assert set(husky.velocities) == {(0.5, 0.0, 0.0)}
-    client.read_until(lambda: now().position_xyz[0] > 0.3)
-    client.set("drive", "■ stop")
+    client.read_until(lambda: hold() and now().position_xyz[0] > 0.3)
+    hold.release()
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
     client.read_until(lambda: np.abs(now().linear_xyz).max() < 0.01)
+    sent = len(husky.velocities)
+    client.set("speed", 2.0)
+    client.set("turn", 1.5)
+    client.read_until(lambda: client.values["turn"] == 1.5 and now() is not None)
+    assert len(husky.velocities) == sent, "sliders do not move a robot"
+
+
+def test_a_browser_that_falls_silent_lets_go(client, husky):
+    hold = Hold(client, "forward left")
+    client.read_until(lambda: hold() and (0.8, 0.0, 0.6) in husky.velocities)
+    client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0))
+    stopped = len(husky.velocities)
+    for _ in range(3):  # what was under way when the connection was lost
+        hold()
+    again = Hold(client, "back")
+    client.read_until(lambda: again() and len(husky.velocities) > stopped)
+    assert set(husky.velocities[stopped:]) == {(-0.8, 0.0, 0.0)}, "it takes another press"
+
+
+def test_what_is_no_button_moves_nothing(client, husky):
+    for told in ("", "1", "1 2 sideways", "x" * 4000, "forward"):
+        client.set("hold", told)
+    hold = Hold(client, "right")
+    client.read_until(lambda: hold() and husky.velocities)
+    assert set(husky.velocities) == {(0.0, 0.0, -0.6)}
 
 
 def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
@@ -122,12 +166,13 @@ def test_whatever_else_is_being_done_a_stop_is_at_once(client, husky):
 
     husky.act = act
     husky.parameters["path"].update = set_slowly
-    client.set("drive", "▲ forward")
-    client.read_until(lambda: len(husky.velocities) > 3)
+    hold = Hold(client, "forward")
+    client.read_until(lambda: hold() and len(husky.velocities) > 3)
     client.set("clear", True)
     client.set("max poses", 5000)
-    client.read_until(lambda: set(told) == {"clear", "slow"})
-    client.set("drive", "■ stop")
+    client.read_until(lambda: hold() and set(told) == {"clear", "slow"})
+    Hold(client, "stop")()  # from whichever browser
+    hold()
     client.read_until(lambda: husky.velocities[-1] == (0.0, 0.0, 0.0), timeout_s=10)
     free.set()
 
@@ -163,10 +208,9 @@ def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
     running.start()
     client = Client(port)
     try:
-        client.read_until(lambda: "drive" in client.values)
-        client.set("drive", "▲ forward")
-        client.set("drive", "△ up")
-        client.read_until(lambda: len(told.velocities) > 3)
+        client.read_until(lambda: "hold" in client.values)
+        hold = Hold(client, "forward up")
+        client.read_until(lambda: hold() and len(told.velocities) > 3)
         assert set(told.velocities) == {(0.0, 0.8, 0.0)}
     finally:
         client.socket.close()
@@ -175,9 +219,8 @@ def test_a_robot_is_driven_along_the_axes_that_it_declares(port):
 
 
 def test_a_rover_goes_neither_up_nor_down(client, husky):
-    client.set("drive", "△ up")
-    client.set("drive", "◀ left")
-    client.read_until(lambda: len(husky.velocities) > 3)
+    hold = Hold(client, "up left")
+    client.read_until(lambda: hold() and len(husky.velocities) > 3)
     assert {up for _, up, _ in husky.velocities} == {0.0}
 
 

@@ -30,7 +30,7 @@ from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
 
-_PERIOD_S = 0.2
+_PERIOD_S, _DRIVE_PERIOD_S = 0.2, 0.05
 _WINDOW_S = 2.0
 _CLOSE_S = 0.3
 
@@ -49,7 +49,7 @@ class Desk:
         gui.add_html(STYLE)
         self._notice = Notice(gui)
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
-        self._driver = Worker(self._say_soon, self._drive, _PERIOD_S)
+        self._driver = Worker(self._say_soon, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
         self._windows: list[Window] = []
@@ -151,7 +151,7 @@ class Desk:
             self._actors.pop(name).close(0)
 
     def _drive(self) -> None:
-        self._driving.refresh() if self._is_watched() else self._driving.rest()
+        self._driving.refresh()
 
     def _pictures(self) -> list[Picture]:
         return [window.picture for window in self._windows if window.picture is not None]

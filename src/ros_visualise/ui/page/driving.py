@@ -1,10 +1,11 @@
-"""Driving a robot from the page, by buttons and keys."""
+"""Driving a robot from the page, by buttons and keys that are held."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from functools import partial
-from typing import Any
+import time
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
+from typing import NamedTuple
 
 import numpy as np
 import viser
@@ -12,69 +13,87 @@ import viser
 from ros_visualise.data import Twist
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.worker import Worker
 
-_STOP = "■"
-_Share = tuple[float, float, float, float]
-_MOVES: Mapping[str, Mapping[str, tuple[Any, _Share]]] = {
-    "linear.x": {"▲ forward": ("i", (1, 0, 0, 0)), "▼ back": ("m", (-1, 0, 0, 0))},
-    "angular.z": {"◀ left": ("j", (0, 0, 0, 1)), "▶ right": ("l", (0, 0, 0, -1))},
-    "linear.z": {"△ up": ("t", (0, 0, 1, 0)), "▽ down": ("b", (0, 0, -1, 0))},
+_STOP = "stop"
+_LAPSE_S = 0.4
+"""So long after the browser was heard last, nothing is held any more."""
+
+
+class _Move(NamedTuple):
+    axis: str
+    label: str
+    key: str
+    share: tuple[float, float, float, float]
+    """x, y, z and turn, as shares of the speeds."""
+
+
+_MOVES: Mapping[str, _Move] = {
+    "left": _Move("angular.z", "◀ left", "j", (0, 0, 0, 1)),
+    "forward": _Move("linear.x", "▲ forward", "i", (1, 0, 0, 0)),
+    "right": _Move("angular.z", "▶ right", "l", (0, 0, 0, -1)),
+    "up": _Move("linear.z", "△ up", "t", (0, 0, 1, 0)),
+    "back": _Move("linear.x", "▼ back", "m", (-1, 0, 0, 0)),
+    "down": _Move("linear.z", "▽ down", "b", (0, 0, -1, 0)),
 }
-"""Axis of the velocity -> label -> key, and (x, y, z, turn) as shares of the speeds."""
+
+
+class _Hold(NamedTuple):
+    press: str
+    moves: tuple[_Move, ...]
+    heard_s: float
 
 
 class Driving:
-    """Buttons that set a robot's velocity until they stop it; the velocity is sent periodically.
+    """Buttons that move a robot while they are held, and keys that do the same.
+
+    The browser tells again and again what is held (``scripts/hold.js``). The robot is stopped when
+    that is released, and when nothing is heard any more: of a lost connection, a browser that
+    hangs. A press that has ended so moves nothing when it is heard again; it takes a new one.
 
     Args:
         gui: of the page.
         folder: where the elements are.
         runtime: what runs.
         worker: serves these buttons alone, so that a stop never waits.
+        clock: seconds.
     """
 
     def __init__(
-        self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, runtime: Runtime, worker: Worker
+        self,
+        gui: viser.GuiApi,
+        folder: viser.GuiFolderHandle,
+        runtime: Runtime,
+        worker: Worker,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._runtime = runtime
+        self._runtime, self._clock = runtime, clock
         self._topic = velocity_topic(runtime.graph)
-        self._share: _Share | None = None
+        self._held: _Hold | None = None
+        self._ended: deque[str] = deque(maxlen=100)  # presses
         folder.visible = self._topic is not None
         if self._topic is None:
             return
         axes = _velocity_axes(runtime.graph, self._topic)
-        moves = {
-            label: move
-            for axis, both in _MOVES.items()
-            if axis in axes
-            for label, move in both.items()
-        }
+        self._moves = {name: move for name, move in _MOVES.items() if move.axis in axes}
         with folder:
             self._speed = gui.add_slider("speed", 0.1, 3.0, 0.1, 0.8, hint="m/s")
             self._turn = gui.add_slider("turn", 0.1, 2.0, 0.1, 0.6, hint="rad/s")
-            labels = (*moves, f"{_STOP} stop")
-            keys = ", ".join(key.upper() for key, _ in moves.values())
-            buttons = gui.add_button_group("drive", labels, hint=f"keys {keys}; stop: K")
-        shares = {label: share for label, (_, share) in moves.items()}
-        buttons.on_click(worker.listener("drive", partial(self._press, shares)))
-        for label, (key, share) in moves.items():
-            name = f"Drive: {label[2:].capitalize()}"
-            worker.add_key(gui, name, key, partial(self._go, share))
+            gui.add_html(_pad(self._moves))
+            add_channel(gui, worker, "hold", self._hear)
         worker.add_key(gui, "Drive: Stop", "k", self._stop)
 
     def refresh(self) -> None:
         """Send the velocity again: without, a robot stops by itself."""
-        if self._topic is not None and self._share is not None:
-            x, y, z, turn = self._share
-            linear = self._speed.value * np.array([x, y, z])
-            self._runtime.publish(
-                self._topic, Twist(linear, np.array([0, 0, self._turn.value * turn]))
-            )
-
-    def rest(self) -> None:
-        """Send no more velocities: nobody watches, and the robot stops by itself."""
-        self._share = None
+        if self._held is None or self._topic is None:
+            return
+        if self._clock() - self._held.heard_s > _LAPSE_S:
+            self._stop()
+            return
+        shares = np.sum([move.share for move in self._held.moves], axis=0)
+        linear, turn = self._speed.value * shares[:3], self._turn.value * shares[3]
+        self._runtime.publish(self._topic, Twist(linear, np.array([0.0, 0.0, turn])))
 
     def make_way(self, node: str) -> None:
         """Stop driving if an action of the robot itself was chosen."""
@@ -82,20 +101,42 @@ class Driving:
         if self._topic is not None and self._topic in graph.node(node).inputs.values():
             self._stop()
 
-    def _go(self, share: _Share) -> None:
-        self._share = share
-        self.refresh()
+    def _hear(self, told: str) -> None:
+        """Take what a browser tells: ``PRESS NUMBER NAME ...``, without names when released."""
+        press, *names = told.split() or [""]
+        if _STOP in names:
+            self._ended.append(press)
+            self._stop()
+        elif press not in self._ended and (self._held is None or self._held.press == press):
+            moves = tuple(self._moves[name] for name in names if name in self._moves)
+            self._hold(_Hold(press, moves, self._clock()))
 
-    def _stop(self) -> None:
-        if self._share is not None:
-            self._go((0, 0, 0, 0))
-            self._share = None
-
-    def _press(self, shares: Mapping[str, _Share], label: str) -> None:
-        if label in shares:
-            self._go(shares[label])
+    def _hold(self, hold: _Hold) -> None:
+        if hold.moves:
+            self._held = hold
+            self.refresh()
         else:
             self._stop()
+
+    def _stop(self) -> None:
+        if self._held is not None and self._topic is not None:
+            self._ended.append(self._held.press)
+            self._held = None
+            self._runtime.publish(self._topic, Twist(np.zeros(3), np.zeros(3)))
+
+
+def _pad(moves: Mapping[str, _Move]) -> str:
+    """The buttons, as a table of three columns, and a wide one that stops."""
+    cells = [
+        f'<button data-hold="{name}" data-key="{move.key}">{move.label}'
+        f"<kbd>{move.key.upper()}</kbd></button>"
+        if name in moves
+        else "<i></i>"
+        for name, move in _MOVES.items()
+    ]
+    stop = f'<button data-hold="{_STOP}">■ stop<kbd>K</kbd></button>'
+    note = '<div class="rv-note">It moves while a button or its key is held.</div>'
+    return f'<div class="rv-pad">{"".join(cells)}{stop}</div>{note}'
 
 
 def velocity_topic(graph: Graph) -> str | None:
@@ -108,4 +149,4 @@ def _velocity_axes(graph: Graph, topic: str) -> Collection[str]:
     source = graph.source
     if source is not None and topic in source.inputs.values():
         return source.type.velocity_axes
-    return tuple(_MOVES)
+    return {move.axis for move in _MOVES.values()}

@@ -24,6 +24,7 @@ from websockets.http11 import Request, Response
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.elements import refusal
 from ros_visualise.ui.page.inbound import MAX_BYTES, Update, understand
+from ros_visualise.ui.page.scripts import complete
 
 log = logging.getLogger(__name__)
 
@@ -40,14 +41,15 @@ class Gate:
 
     Args:
         door: decides which requests are answered.
+        title: of the page.
 
     Attributes:
         gui: the elements of the page; None until there are any.
         is_used: whether a server has its connections from here.
     """
 
-    def __init__(self, door: Door) -> None:
-        self.door = door
+    def __init__(self, door: Door, title: str) -> None:
+        self.door, self.title = door, title
         self.gui: viser.GuiApi | None = None
         self.is_used = False
         self._refused: set[str] = set()
@@ -148,7 +150,8 @@ class _Connection(ServerConnection):
             if reason:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"ros-visualise: {reason}\n")
             request.path = self._gate.door.inside(request.path)
-            return process_request(connection, request) if process_request else None
+            answer = process_request(connection, request) if process_request else None
+            return answer and complete(answer, self._gate.title)
 
         await super().handshake(admit, self._answer, None)
 

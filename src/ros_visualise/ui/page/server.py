@@ -24,6 +24,7 @@ def open_server(
     """Bind a server to this address and no other; it checks every request.
 
     Args:
+        title: what the browser's tab is called.
         flag: how a person gives another port: its name and its value go in.
 
     Raises:
@@ -32,7 +33,7 @@ def open_server(
     _check_address(host, port, flag)
     _silence()
     mend_wakeups()
-    gate = Gate(door)
+    gate = Gate(door, title)
     with gate.guard():
         server = viser.ViserServer(host, port, label=title, verbose=False)
     gate.gui = server.gui

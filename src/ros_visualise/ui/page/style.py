@@ -38,6 +38,14 @@ table.rv-topics td {{ border-top: 1px solid #8883; }}
 table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0;
   white-space: normal; overflow-wrap: anywhere; }}
 table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
+.rv-pad {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px;
+  padding: .3em .8em .5em; }}
+.rv-pad button {{ padding: .45em .2em; border: 1px solid #8886; border-radius: 4px; color: inherit;
+  background: #8882; font: inherit; font-size: .8rem; touch-action: none; user-select: none;
+  -webkit-user-select: none; cursor: pointer; }}
+.rv-pad button:last-child {{ grid-column: 1 / -1; }}
+.rv-pad button.rv-held {{ background: #228be6; color: #fff; }}
+.rv-pad kbd {{ margin-left: .5em; opacity: .5; font-size: .65rem; }}
 .rv-frames {{ overflow-x: auto; padding: 0 .8em .5em; }}
 svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;
   margin: 0 auto .4em; }}

@@ -1,0 +1,50 @@
+"""What is added to viser's page in the browser: a title of our own, and our scripts."""
+
+from __future__ import annotations
+
+import gzip
+from collections.abc import Callable
+from functools import lru_cache
+from html import escape
+from pathlib import Path
+
+import viser
+from websockets.http11 import Response
+
+from ros_visualise.ui.page.worker import Worker
+
+_FOLDER = Path(__file__).parent
+_SCRIPTS = ("send.js", "hold.js")
+"""In the order in which they run, before viser's own."""
+_HEAD, _TITLE = b"<head>", b"<title>Viser</title>"
+
+
+def complete(response: Response, title: str) -> Response:
+    """The answer to a request; viser's page with title and scripts, anything else as it is."""
+    if response.headers.get("Content-Type", "").startswith("text/html"):
+        is_packed = response.headers.get("Content-Encoding") == "gzip"
+        response.body = _completed(bytes(response.body or b""), is_packed, title)
+        del response.headers["Content-Length"]
+        response.headers["Content-Length"] = str(len(response.body))
+    return response
+
+
+def add_channel(
+    gui: viser.GuiApi, worker: Worker, name: str, action: Callable[[str], object]
+) -> None:
+    """Do this with each text that a script of ours sends by ``rv.send(name, text)``."""
+    element = gui.add_text(name, "", visible=False)
+    element.on_update(worker.listener(None, action))
+    gui.add_html(f'<i hidden data-channel="{name}" data-uuid="{element._impl.uuid}"></i>')
+
+
+@lru_cache(maxsize=4)
+def _completed(page: bytes, is_packed: bool, title: str) -> bytes:
+    if is_packed:
+        page = gzip.decompress(page)
+    if _HEAD not in page or _TITLE not in page:
+        raise RuntimeError("this viser has another page: nothing can be added to it")
+    scripts = "".join(f"<script>\n{(_FOLDER / name).read_text()}</script>" for name in _SCRIPTS)
+    page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
+    page = page.replace(_TITLE, f"<title>{escape(title)}</title>".encode(), 1)
+    return gzip.compress(page) if is_packed else page
