@@ -24,6 +24,7 @@ LAYERS = [
     {"graph"},
     {"topic_names"},
     {"pipelines", "landmark_pipelines"},
+    {"lessons"},
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},

@@ -35,6 +35,7 @@ _EXAMPLES = """examples:
   ros-visualise camera rtsp://192.168.1.10/stream
   ros-visualise bag drive.bag --image /camera/image_raw
   ros-visualise kitti 2011_09_26/2011_09_26_drive_0009_sync
+  ros-visualise explain canny photo.jpg
   ros-visualise landmarks photo.jpg --size 0.16 --calibration ost.yaml
 """
 
@@ -115,6 +116,29 @@ def _add_playing(commands: Any) -> None:
             "--size", metavar="WxH", default="", help="scale the images to this size"
         )
     _add_recordings(commands, playing)
+    _add_explain(commands, playing)
+
+
+def _add_explain(commands: Any, playing: argparse.ArgumentParser) -> None:
+    explain = commands.add_parser(
+        "explain", parents=[playing], help="show how it works, step by step, on your own picture"
+    )
+    explain.set_defaults(module="explain")
+    explain.add_argument(
+        "topic", metavar="TOPIC", nargs="?", help="what to explain (default: list what there is)"
+    )
+    explain.add_argument(
+        "input",
+        metavar="FILE",
+        nargs="?",
+        help="a picture, a film, a recording or a robot (default: what fits the topic)",
+    )
+    explain.add_argument(
+        "--export",
+        type=Path,
+        metavar="DIR",
+        help="write it to this folder as one HTML page, with its figures as PNG and SVG",
+    )
 
 
 def _add_robots(commands: Any, playing: argparse.ArgumentParser) -> tuple[Any, Any]:

@@ -9,6 +9,7 @@ from contextlib import ExitStack, closing
 from typing import Any
 
 from ros_visualise.commands.insertion import parse_insertion
+from ros_visualise.commands.lesson_graphs import lesson_graph
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph
@@ -152,6 +153,7 @@ _GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
     "sim": _sim,
     "video": _video,
     "camera": _camera,
+    "explain": lesson_graph,
 }
 
 

@@ -46,6 +46,8 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
         frames=args.frames,
         hold=view.stays and args.duration is None and args.frames is None,
     )
+    if getattr(args, "paused", False):
+        playback.pause()
     playback.step_topic = stepped_topic(graph)
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     with noticed() as wish:

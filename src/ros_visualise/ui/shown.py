@@ -1,14 +1,21 @@
-"""Which of a node's images are shown."""
+"""Which of a node's images and texts are shown."""
 
 from __future__ import annotations
 
-from ros_visualise.data import Detections, Image
-from ros_visualise.graph import Graph, Member
+from ros_visualise.data import Detections, Image, Text
+from ros_visualise.graph import Graph, Member, Node
 
 
 def images_of(node: Member) -> list[str]:
     """The topics on which a node publishes images."""
     return [topic for port, topic in node.outputs.items() if node.type.outputs[port] is Image]
+
+
+def texts_of(node: Member) -> list[str]:
+    """The topics on which a node tells something; texts of sources are for machines, as a URDF."""
+    if not isinstance(node, Node):
+        return []
+    return [topic for port, topic in node.outputs.items() if node.type.outputs[port] is Text]
 
 
 def first_shown(graph: Graph, node: Member) -> str | None:

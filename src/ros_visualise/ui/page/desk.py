@@ -194,8 +194,12 @@ class Desk:
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()
+            for window in self._windows:
+                window.rest()
             return
         self._field_plot.refresh()
+        for window in self._windows:
+            window.refresh()
         if self._transport is not None:
             self._transport.refresh()
         self._ticks += 1

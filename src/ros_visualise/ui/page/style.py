@@ -28,6 +28,9 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
+.rv-text {{ padding: 0 .8em .5em; font-size: .8rem; line-height: 1.45; }}
+.rv-text p {{ margin: .4em 0; }}
+.rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; white-space: pre-wrap; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
 table.rv-topics {{ width: calc(100% - 1.9em); margin: 0 1.1em .6em .8em; border-collapse: collapse;
   font-size: .75rem; font-variant-numeric: tabular-nums; }}

@@ -15,10 +15,11 @@ from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture
+from ros_visualise.ui.page.note import Note
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
-from ros_visualise.ui.shown import detections_of, first_shown, images_of
+from ros_visualise.ui.shown import detections_of, first_shown, images_of, texts_of
 
 _NO_OVERLAY = "none"
 
@@ -52,6 +53,7 @@ class Window:
             first = first_shown(runtime.graph, node)
             if first is not None:
                 self._add_picture(runtime, images, first, len(main))
+            self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             self._add_actions(node, act)
 
@@ -75,9 +77,20 @@ class Window:
         """Whether a new window for this node would be the same."""
         return self._looks == (_looks_of(node), _overlays_of(runtime, node))
 
+    def refresh(self) -> None:
+        """Show the newest texts."""
+        for note in self._notes:
+            note.refresh() if self.visible else note.rest()
+
+    def rest(self) -> None:
+        """Ask for no texts until the next `refresh`."""
+        for note in self._notes:
+            note.rest()
+
     def close(self) -> None:
-        """Stop following the node's parameters."""
+        """Stop following the node's parameters and texts."""
         self._controls.close()
+        self.rest()
 
     def remove(self) -> None:
         """Remove it from the page."""
@@ -133,8 +146,8 @@ class Window:
 
 
 def has_window(node: Member) -> bool:
-    """Whether a node has anything to show: images, parameters or actions."""
-    return bool(images_of(node) or specs(node.params) or node.type.actions)
+    """Whether a node has anything to show: images, texts, parameters or actions."""
+    return bool(images_of(node) or texts_of(node) or specs(node.params) or node.type.actions)
 
 
 def _clouds_of(runtime: Runtime) -> list[str]:
@@ -148,4 +161,4 @@ def _overlays_of(runtime: Runtime, node: Member) -> object:
 
 
 def _looks_of(node: Member) -> object:
-    return node.name, type(node.params), images_of(node)
+    return node.name, type(node.params), images_of(node), texts_of(node)

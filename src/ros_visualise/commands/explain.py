@@ -1,0 +1,56 @@
+"""Giving a lesson: on the page, or written down."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from pathlib import Path
+
+from ros_visualise.commands import play
+from ros_visualise.errors import OpenError
+from ros_visualise.lessons import TOPICS, find_lesson
+from ros_visualise.lessons.handout import PAGE
+from ros_visualise.printing import answer, say
+
+
+def run(args: Namespace) -> int:
+    """List the lessons, or give one; 1 if something was lost."""
+    if args.topic is None:
+        _list(args.json)
+        return 0
+    find_lesson(args.topic)
+    if args.export is None:
+        args.paused = args.rate is None
+        return play.run(args)
+    page = args.export / PAGE
+    _prepare(page, args.overwrite)
+    args.view, args.rate = "none", 0.0
+    if args.frames is None and args.duration is None:
+        args.frames = 1
+    status = play.run(args)
+    if page.exists():
+        say(f"{page}: written")
+    return status
+
+
+def _prepare(page: Path, overwrite: bool) -> None:
+    """Make the folder of a page.
+
+    Raises:
+        OpenError: that cannot be done, or the page is there already.
+    """
+    if page.exists() and not overwrite:
+        raise OpenError(f"{page}: is there already; give another folder or --overwrite")
+    try:
+        page.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OpenError(f"{page.parent}: {error.strerror}; choose another folder") from None
+
+
+def _list(as_json: bool) -> None:
+    lessons = [find_lesson(name) for name in TOPICS]
+    if as_json:
+        answer([json.dumps({lesson.name: lesson.about for lesson in lessons})])
+        return
+    width = max(len(name) for name in TOPICS)
+    answer([f"{lesson.name.ljust(width)}  {lesson.about}" for lesson in lessons])

@@ -1,0 +1,60 @@
+"""Which graph the command `explain` runs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from contextlib import ExitStack, closing
+
+from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.lessons import find_lesson
+from ros_visualise.lessons.pipeline import lesson_pipeline
+from ros_visualise.nodes import find_source
+from ros_visualise.nodes.player import player
+from ros_visualise.pipelines import alone, robots
+from ros_visualise.sources.opening import is_recording, open_recording
+from ros_visualise.sources.pictures import is_pictures
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings.images import image_topic
+
+_SAMPLE = "landscape"
+"""A picture that the program draws: where nobody gives one."""
+
+
+def lesson_graph(args: Namespace) -> Graph:
+    """A lesson on what a person has, or on a picture that is at hand.
+
+    Raises:
+        OpenError: the file cannot be opened.
+        UsageError: there is no such lesson, or no images in the file.
+    """
+    lesson = find_lesson(args.topic)
+    folder = args.export or args.record_dir / f"explain_{lesson.name}"
+    with ExitStack() as undo:
+        source, topic = _source(args.input, undo)
+        graph = lesson_pipeline(lesson, source, topic, folder, at_end=args.export is not None)
+        undo.pop_all()  # a recording is the graph's now
+        return graph
+
+
+def _source(path: str | None, undo: ExitStack) -> tuple[SourceNode, str]:
+    """A source, and its topic of images."""
+    if path is None or path in robots():
+        return _alone(path or _SAMPLE), "/image_raw"
+    if is_pictures(path):
+        return _alone("pictures", path=path), "/image_raw"
+    if not is_recording(path):
+        return _alone("streamer", path=path), "/image_raw"
+    return _recorded(undo.enter_context(closing(open_recording(path))))
+
+
+def _alone(name: str, **settings: str) -> SourceNode:
+    source = alone(find_source(name)).configured({name: settings}).source
+    assert source is not None
+    return source
+
+
+def _recorded(recording: Recording) -> tuple[SourceNode, str]:
+    topic = image_topic(recording, None)
+    declared = player(recording, [topic])
+    outputs = {name: name for name in declared.outputs}
+    return SourceNode("player", declared, declared.params(), {}, outputs), topic

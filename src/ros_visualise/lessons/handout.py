@@ -1,0 +1,128 @@
+"""The last node of a lesson: writes it down as one HTML page with its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from itertools import chain, count
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from ros_visualise.data import Image, Message, Text
+from ros_visualise.errors import OpenError
+from ros_visualise.lessons.lesson import Drawn, Lesson
+from ros_visualise.lessons.prose import to_html
+from ros_visualise.nodes import NoParams, action, node
+from ros_visualise.sinks.figure import Figure
+
+NAME = "handout"
+PAGE = "index.html"
+
+_STYLE = """body { font: 16px/1.5 sans-serif; max-width: 50em; margin: 2em auto; padding: 0 1em; }
+img { width: 100%; } figcaption { font-size: .8em; }
+pre { background: #f2f2f2; padding: .6em 1em; overflow-x: auto; }"""
+
+
+def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: bool) -> Any:
+    """The node that writes a lesson down.
+
+    Args:
+        lesson: what is written.
+        steps: name of a node -> what it does; `image_of` and `text_of` call the inputs.
+        folder: where the page goes; a person who asks for more gets them beside it.
+        at_end: write it when the stream ends.
+    """
+    inputs: dict[str, type[Message]] = {image_of(step): Image for step in steps}
+    inputs |= {text_of(step): Text for step in steps}
+
+    @node(NAME, inputs=inputs, outputs={"text": Text})
+    class Handout:
+        """Writes the lesson as one HTML page with its figures."""
+
+        def __init__(self, _: NoParams) -> None:
+            self._news: dict[str, Any] = {}
+
+        def step(self, params: NoParams, **news: Any) -> None:
+            """Keep the newest of everything."""
+            self._news |= news
+
+        @action("write the lesson as it is now: a page with its figures")
+        def export(self) -> Text:
+            """Write it to a new folder."""
+            return Text(f"Written: {write_page(lesson, steps, self._news, _unused(folder))}")
+
+        def finish(self) -> Text | None:
+            """Write it, if that is wanted."""
+            if not at_end:
+                return None
+            return Text(f"Written: {write_page(lesson, steps, self._news, folder)}")
+
+    return Handout
+
+
+def image_of(step: str) -> str:
+    """What the input is called that takes the image of a step."""
+    return f"{step}_image"
+
+
+def text_of(step: str) -> str:
+    """What the input is called that takes the text of a step."""
+    return f"{step}_text"
+
+
+def write_page(
+    lesson: Lesson, steps: Mapping[str, str], news: dict[str, Any], folder: Path
+) -> Path:
+    """Write a lesson: each figure as PNG and SVG, and a page that shows them; returns the page.
+
+    Raises:
+        OpenError: it cannot be written.
+    """
+    parts = [f"<h1>{escape(lesson.name)}: {escape(lesson.about)}</h1>"]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for step, heading in steps.items():
+            parts.append(f"<h2>{escape(heading)}</h2>")
+            if image_of(step) in news:
+                parts.append(_figure(folder, step, news[image_of(step)]))
+            if text_of(step) in news:
+                parts.append(to_html(news[text_of(step)].text))
+        page = folder / PAGE
+        page.write_text(_page(lesson, parts), encoding="utf-8")
+    except OSError as error:
+        raise OpenError(f"{folder}: {error.strerror}; choose another folder") from None
+    return page
+
+
+def _figure(folder: Path, name: str, image: Image) -> str:
+    """Write the image of a step in both formats; what shows it on the page."""
+    _, png = cv2.imencode(".png", image.pixels)
+    (folder / f"{name}.png").write_bytes(bytes(png))
+    if isinstance(image.data, Drawn):
+        figure, shown = image.data.figure, "svg"
+    else:
+        figure, shown = Figure(image.width, image.height), "png"
+        figure.picture((0, 0, image.width, image.height), image.pixels)
+    (folder / f"{name}.svg").write_bytes(figure.svg())
+    links = " ".join(f'<a href="{name}.{kind}">{kind.upper()}</a>' for kind in ("png", "svg"))
+    return (
+        f'<figure><img src="{name}.{shown}" alt="{escape(name)}"/>'
+        f"<figcaption>{links}</figcaption></figure>"
+    )
+
+
+def _page(lesson: Lesson, parts: Sequence[str]) -> str:
+    head = f'<meta charset="utf-8"/><title>{escape(lesson.name)}</title><style>{_STYLE}</style>'
+    return (
+        f"<!DOCTYPE html>\n<html><head>{head}</head><body>\n"
+        + "\n".join(parts)
+        + "\n</body></html>\n"
+    )
+
+
+def _unused(folder: Path) -> Path:
+    """The folder, or the first that is not there of those called as it and 2, 3, ..."""
+    others = (folder.with_name(f"{folder.name}_{n}") for n in count(2))
+    return next(one for one in chain([folder], others) if not one.exists())

@@ -1,0 +1,105 @@
+"""What a lesson is, and what its steps pass on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from textwrap import dedent
+from typing import Any, TypeVar
+
+import numpy as np
+
+from ros_visualise.data import Deferred, Image, Message, Pixels, Text
+from ros_visualise.errors import UnsupportedImage
+from ros_visualise.nodes import NodeType
+from ros_visualise.sinks.figure import Figure
+
+W = TypeVar("W")
+
+TAKES = {"image": Image}
+GIVES = {"image": Image, "text": Text}
+"""What most steps take and give: what is seen, and a text about it."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A node of a lesson, and whose image it takes: of the step before it, if it does not say."""
+
+    node: Any
+    after: str = ""
+
+    @property
+    def declared(self) -> NodeType:
+        """What the node declares."""
+        declared: NodeType = self.node.declared
+        return declared
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """A lesson.
+
+    Attributes:
+        name: its name on the command line.
+        about: a sentence that tells what one sees.
+        intro: the text that it begins with.
+        steps: its nodes; they follow the node ``picture``, which gives them the picture.
+    """
+
+    name: str
+    about: str
+    intro: str
+    steps: Sequence[Step] = field(default_factory=tuple)
+
+
+class Drawn(Deferred):
+    """The pixels of a figure, which can be had as lines too."""
+
+    def __init__(self, figure: Figure) -> None:
+        self.figure = figure
+        super().__init__(figure.shape, np.uint8, figure.pixels)
+
+
+@dataclass(frozen=True, eq=False)
+class Shown(Image):
+    """The image of a step, and what it was computed from, for the steps after it."""
+
+    work: Any = None
+
+
+def show(
+    image: Image, seen: Pixels | Figure, text: str, work: Any = None, **filled: Any
+) -> dict[str, Message]:
+    """What a step answers.
+
+    Args:
+        image: what it was given.
+        seen: gray or BGR of 8 bits, or a figure.
+        text: about it; the numbers of this run take the places of ``{names}``.
+        work: what the next step needs; none: what this one was given.
+        filled: name -> number.
+    """
+    data = Drawn(seen) if isinstance(seen, Figure) else seen
+    encoding = "mono8" if len(data.shape) == 2 else "bgr8"
+    passed = getattr(image, "work", None) if work is None else work
+    shown = Shown(data, encoding, image.header, work=passed)
+    return {"image": shown, "text": Text(fill(text, filled), image.header)}
+
+
+def fill(text: str, numbers: Mapping[str, Any]) -> str:
+    """A text with numbers in the places of ``{names}``."""
+    return dedent(text).format(**numbers)
+
+
+def work_of(image: Image, kind: type[W]) -> W:
+    """What the step before has computed.
+
+    Raises:
+        UnsupportedImage: the image is not from that step.
+    """
+    work = getattr(image, "work", None)
+    if not isinstance(work, kind):
+        raise UnsupportedImage(
+            "the image is not of the step before: put no other node between them"
+        )
+    return work

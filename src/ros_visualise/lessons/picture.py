@@ -1,0 +1,61 @@
+"""The first node of a lesson: the picture that it is about, in a size at which one sees pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+
+from ros_visualise.data import Image, Message, Pixels
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, show
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.vision import color
+from ros_visualise.vision.depth import to_8_bit
+
+NAME = "picture"
+
+
+@dataclass(frozen=True)
+class PictureParams:
+    """How large the picture is."""
+
+    longest: int = param(
+        640, "pixels of the longer side; a smaller picture keeps its own", min=16, max=4096,
+        slider=(64, 1280),
+    )  # fmt: skip
+
+
+def picture_of(lesson: Lesson) -> Any:
+    """The node that gives a lesson its picture, and says what the lesson is about."""
+
+    @node(NAME, params=PictureParams, inputs=TAKES, outputs=GIVES)
+    def picture(image: Image, params: PictureParams) -> dict[str, Message]:
+        """The picture."""
+        pixels = fit(colors_of(image), params.longest)
+        height, width = pixels.shape[:2]
+        return show(image, pixels, lesson.intro, pixels, width=width, height=height)
+
+    return picture
+
+
+def colors_of(image: Image) -> Pixels:
+    """An image in BGR of 8 bits.
+
+    Raises:
+        UnsupportedImage: it holds measurements, such as depth.
+    """
+    color.refuse_measurements(image.encoding)
+    pixels = color.demosaiced(image.pixels, image.encoding)
+    return color.to_bgr(to_8_bit(pixels), color.order_of(image.encoding))
+
+
+def fit(pixels: Pixels, longest: int) -> Pixels:
+    """A picture no longer than that, made smaller by means over areas."""
+    height, width = pixels.shape[:2]
+    scale = longest / max(height, width)
+    if scale >= 1:
+        return pixels
+    size = max(1, round(width * scale)), max(1, round(height * scale))
+    return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)

@@ -1,0 +1,292 @@
+"""Canny's edges, step by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Message, Pixels
+from ros_visualise.lessons.drawing import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    YELLOW,
+    Zoom,
+    arrow,
+    by_direction,
+    frame,
+    levels,
+)
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods import canny
+from ros_visualise.lessons.methods.canny import NEIGHBOURS, Edges, Gradient, Mask
+from ros_visualise.lessons.methods.sobel import direction
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Figure
+from ros_visualise.vision.edges import Aperture, smooth
+
+_REACH = 3
+_ZOOM, _OVERVIEW = 400, 240
+
+
+@dataclass(frozen=True)
+class SmoothingParams:
+    """How much is smoothed."""
+
+    sigma: float = param(1.0, "standard deviation of the Gaussian, pixels; 0 is off",
+                         min=0, max=20, slider=(0, 5))  # fmt: skip
+
+
+@node("smoothing", params=SmoothingParams, inputs=TAKES, outputs=GIVES)
+def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
+    """Step 1: gray, smoothed by a Gaussian."""
+    gray = cv2.cvtColor(image.pixels, cv2.COLOR_BGR2GRAY)
+    smoothed = smooth(gray, params.sigma)
+    change = float(np.abs(gray.astype(int) - smoothed).mean())
+    text = """
+        A derivative makes noise larger, so the picture is smoothed first: each pixel becomes a
+        mean of its neighbours, weighted by a Gaussian.
+
+            G(x, y) = exp(-(x² + y²) / 2σ²) / 2πσ²,   σ = {sigma:g}
+
+        That changes a pixel of this picture by {change:.2f} gray levels on average. OpenCV's
+        Canny leaves this step to whoever calls it; with σ = 0 it is off.
+        """
+    return show(image, smoothed, text, smoothed, sigma=params.sigma, change=change)
+
+
+@dataclass(frozen=True)
+class GradientParams:
+    """How the gradient is measured."""
+
+    aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
+    l2: bool = param(False, "the Euclidean norm, which is more exact, not |Gx| + |Gy|")
+
+
+@node("gradient", params=GradientParams, inputs=TAKES, outputs=GIVES)
+def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
+    """Step 2: how fast the gray changes, and in which direction."""
+    found = canny.gradient(work_of(image, np.ndarray), params.aperture.value, params.l2)
+    size = _norm(found)
+    y, x = np.unravel_index(size.argmax(), size.shape)
+    text = """
+        Sobel's kernels measure how fast the gray changes to the right, Gx, and down, Gy. For 3x3:
+
+                 −1  0  1             −1 −2 −1
+            Gx:  −2  0  2       Gy:    0  0  0
+                 −1  0  1              1  2  1
+
+            |G| = {norm},   θ = atan2(Gy, Gx)
+
+        The colour is the direction θ, the brightness √|G|. The largest here is {largest:.0f}, at
+        ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
+        """
+    return show(
+        image,
+        by_direction(direction(found.dx, found.dy), size),
+        text,
+        found,
+        norm="√(Gx² + Gy²)" if params.l2 else "|Gx| + |Gy|",
+        largest=size[y, x],
+        x=x,
+        y=y,
+        dx=found.dx[y, x],
+        dy=found.dy[y, x],
+        angle=direction(found.dx[y, x], found.dy[y, x]),
+    )
+
+
+@dataclass(frozen=True)
+class SuppressionParams:
+    """At which pixel one looks."""
+
+    x: int = param(-1, "column of the pixel that is shown; -1: where the gradient is largest",
+                   min=-1, max=4096, slider=(-1, 640))  # fmt: skip
+    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+
+
+@dataclass(frozen=True, eq=False)
+class _Thin:
+    """The gradient, and where it is a maximum."""
+
+    gradient: Gradient
+    keeps: Mask
+
+
+@node("suppression", params=SuppressionParams, inputs=TAKES, outputs=GIVES)
+def suppression(image: Image, params: SuppressionParams) -> dict[str, Message]:
+    """Step 3: only maxima along the gradient stay, so that edges are one pixel wide."""
+    found = work_of(image, Gradient)
+    keeps = canny.is_maximum(found)
+    size = _norm(found)
+    x, y = _chosen(size, params.x, params.y)
+    kind = int(canny.direction_class(found)[y, x])
+    towards = NEIGHBOURS[kind]
+    neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
+    text = """
+        A pixel stays only if |G| there is no smaller than at its two neighbours along the
+        gradient; of the four directions (0°, 45°, 90°, 135°) the nearest one is taken.
+
+        At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, taken as {taken}°. The neighbours,
+        orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
+
+        Of {all} pixels with a gradient {kept} stay, {share:.1f} %. Choose another pixel by x and y.
+        """
+    return show(
+        image,
+        _draw_suppression(found, keeps, (x, y), towards),
+        text,
+        _Thin(found, keeps),
+        x=x,
+        y=y,
+        here=size[y, x],
+        angle=direction(found.dx[y, x], found.dy[y, x]),
+        taken=45 * kind,
+        before=neighbours[0],
+        after=neighbours[1],
+        fate="stays" if keeps[y, x] else "is suppressed",
+        all=int((size > 0).sum()),
+        kept=int(keeps.sum()),
+        share=100 * keeps.sum() / max(1, int((size > 0).sum())),
+    )
+
+
+@dataclass(frozen=True)
+class HysteresisParams:
+    """The two thresholds."""
+
+    low: int = param(60, "lower threshold of |G|", min=0, max=4000, slider=(0, 800))
+    high: int = param(140, "upper threshold of |G|", min=0, max=4000, slider=(0, 800))
+
+
+@dataclass(frozen=True, eq=False)
+class _Sorted:
+    """The gradient, and the edges by two thresholds."""
+
+    gradient: Gradient
+    edges: Edges
+    params: HysteresisParams
+
+
+@node("thresholds", params=HysteresisParams, inputs=TAKES, outputs=GIVES)
+def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
+    """Step 4: strong edges, weak ones, and what is none."""
+    thin = work_of(image, _Thin)
+    edges = canny.hysteresis(thin.gradient, thin.keeps, params.low, params.high)
+    weak = edges.rescued | edges.lost
+    text = """
+        Two thresholds sort what is left:
+
+            strong:  |G| > {high}        weak:  {low} < |G| ≤ {high}
+
+        Here {strong} pixels are strong, white, and {weak} weak, orange. {none} are below both.
+        """
+    low, high = sorted((params.low, params.high))
+    return show(
+        image,
+        _colored([(edges.strong, (255, 255, 255)), (weak, ORANGE)]),
+        text,
+        _Sorted(thin.gradient, edges, params),
+        low=low,
+        high=high,
+        strong=int(edges.strong.sum()),
+        weak=int(weak.sum()),
+        none=int(thin.keeps.sum() - edges.strong.sum() - weak.sum()),
+    )
+
+
+@node("hysteresis", inputs=TAKES, outputs=GIVES)
+def hysteresis(image: Image, params: object) -> dict[str, Message]:
+    """Step 5: weak edges stay where they hang on strong ones."""
+    found = work_of(image, _Sorted)
+    edges = found.edges
+    theirs = canny.opencv_edges(found.gradient, found.params.low, found.params.high)
+    differ = int((theirs != edges.pixels).sum())
+    text = """
+        A weak pixel is rescued if a chain of neighbours leads from it to a strong one; the
+        others are noise. {rescued} are rescued, green; {lost} are not, red.
+
+        The edges: {edges} pixels. cv2.Canny, given the smoothed picture, differs in
+        {differ} of {all} pixels.
+        """
+    masks = [(edges.strong, (255, 255, 255)), (edges.rescued, (90, 220, 90)), (edges.lost, RED)]
+    return show(
+        image,
+        _colored(masks),
+        text,
+        rescued=int(edges.rescued.sum()),
+        lost=int(edges.lost.sum()),
+        edges=int((edges.pixels > 0).sum()),
+        differ=differ,
+        all=theirs.size,
+    )
+
+
+LESSON = Lesson(
+    "canny",
+    "how Canny finds edges of one pixel's width: its five steps, and one pixel looked into",
+    """
+    An edge is where the gray changes quickly. Canny wanted three things of a detector: it misses no
+    edge and invents none, it finds edges where they are, and it finds each one once. His method
+    (1986) has five steps: smooth, differentiate, thin, apply two thresholds, and follow the edges.
+
+    Each window shows one step on this picture of {width} x {height} pixels; move its sliders, and
+    the steps after it follow.
+    """,
+    [Step(smoothing), Step(gradient), Step(suppression), Step(thresholds), Step(hysteresis)],
+)
+
+
+def _norm(found: Gradient) -> Pixels:
+    """The size of the gradient, float; in L2 the root of what is compared."""
+    size: Pixels = np.sqrt(found.size) if found.is_l2 else found.size.astype(float)
+    return size
+
+
+def _chosen(size: Pixels, x: int, y: int) -> tuple[int, int]:
+    """The pixel that a person chose, else that of the largest gradient."""
+    if x < 0 or y < 0:
+        row, column = np.unravel_index(size.argmax(), size.shape)
+        return int(column), int(row)
+    return min(x, size.shape[1] - 1), min(y, size.shape[0] - 1)
+
+
+def _at(size: Pixels, x: int, y: int) -> float:
+    """The gradient there; beyond the border there is none."""
+    is_inside = 0 <= x < size.shape[1] and 0 <= y < size.shape[0]
+    return float(size[y, x]) if is_inside else 0.0
+
+
+def _draw_suppression(
+    found: Gradient, keeps: Mask, pixel: tuple[int, int], towards: tuple[int, int]
+) -> Figure:
+    """The maxima of the whole picture, and beside them |G| around one pixel."""
+    size = _norm(found)
+    scale = min(_OVERVIEW / size.shape[1], _ZOOM / size.shape[0])
+    figure = Figure(_OVERVIEW + _ZOOM, _ZOOM)
+    box = (0, 0, size.shape[1] * scale, size.shape[0] * scale)
+    figure.picture(box, levels(np.sqrt(np.where(keeps, size, 0))))
+    (x, y), reach = pixel, (_REACH + 0.5) * scale + 4
+    middle_x, middle_y = (x + 0.5) * scale, (y + 0.5) * scale
+    frame(figure, (middle_x - reach, middle_y - reach, 2 * reach, 2 * reach), YELLOW)
+    zoom = Zoom(figure, (_OVERVIEW, 0, _ZOOM, _ZOOM), pixel, _REACH)
+    zoom.draw(levels(size), size)
+    for sign in (-1, 1):
+        zoom.mark(x + sign * towards[0], y + sign * towards[1], ORANGE)
+    zoom.mark(x, y, BLUE)
+    along = np.array([found.dx[y, x], found.dy[y, x]], float)
+    along *= 2.5 * _ZOOM / (2 * _REACH + 1) / max(float(np.linalg.norm(along)), 1.0)
+    arrow(figure, zoom.place(x, y), zoom.place(x, y) + along, GREEN)
+    return figure
+
+
+def _colored(masks: list[tuple[Mask, tuple[int, int, int]]]) -> Pixels:
+    """Masks in colours (red, green, blue) on black, as BGR."""
+    picture = np.zeros((*masks[0][0].shape, 3), np.uint8)
+    for mask, color in masks:
+        picture[mask] = color[::-1]
+    return picture

@@ -1,0 +1,108 @@
+"""Lessons as a person meets them: the list, the page that is written, the page in the browser."""
+
+import json
+import re
+from pathlib import Path
+from xml.etree import ElementTree as Xml
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.cli import main
+from ros_visualise.lessons import TOPICS, find_lesson
+from ros_visualise.lessons.prose import to_html
+
+
+@pytest.fixture
+def picture(tmp_path) -> Path:
+    """A photo of someone's own: dots of all colours."""
+    random = np.random.default_rng(3)
+    pixels = cv2.GaussianBlur(random.integers(0, 256, (90, 120, 3), np.uint8), (0, 0), 1.5)
+    path = tmp_path / "own <b>.png"
+    cv2.imwrite(str(path), cv2.normalize(pixels, None, 0, 255, cv2.NORM_MINMAX))
+    return path
+
+
+def texts_of(page: Path) -> str:
+    html = page.read_text(encoding="utf-8").removeprefix("<!DOCTYPE html>")
+    return " ".join(Xml.fromstring(html).find("body").itertext())
+
+
+def test_lessons_are_listed_with_a_sentence_each(capsys):
+    assert main(["explain"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == [*TOPICS]
+    assert all(find_lesson(line.split()[0]).about in line for line in lines)
+    assert main(["explain", "--json"]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == [*TOPICS]
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_a_lesson_is_written_with_the_numbers_of_its_run(topic, tmp_path, capfd):
+    folder = tmp_path / "out"
+    assert main(["explain", topic, "--export", str(folder)]) == 0
+    page = folder / "index.html"
+    html = page.read_text(encoding="utf-8")
+    steps = [step.declared.name for step in find_lesson(topic).steps]
+    for name in ("picture", *steps):
+        assert f'src="{name}.' in html
+        assert Xml.parse(folder / f"{name}.svg").getroot().tag.endswith("svg")
+        assert cv2.imread(str(folder / f"{name}.png")) is not None
+    assert not re.search(
+        "[{}]|nan", texts_of(page).partition("</style>")[2] or texts_of(page)[400:]
+    )
+    assert "said once" not in capfd.readouterr().err
+
+
+def test_the_picture_may_be_ones_own(picture, tmp_path):
+    folder = tmp_path / "out"
+    arguments = ["explain", "canny", str(picture), "--export", str(folder)]
+    settings = [
+        "--set",
+        "thresholds.low=70",
+        "--set",
+        "smoothing.sigma=0",
+        "--set",
+        "gradient.l2=1",
+    ]
+    assert main([*arguments, *settings]) == 0
+    gray = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2GRAY)
+    edges = cv2.Canny(gray, 70, 140, L2gradient=True)
+    text = texts_of(folder / "index.html")
+    assert f"The edges: {np.count_nonzero(edges)} pixels" in text
+    assert f"differs in 0 of {edges.size} pixels" in text
+    drawn = cv2.imread(str(folder / "hysteresis.png"))
+    is_edge = (drawn == 255).all(axis=2) | (drawn[..., 1] == 220)
+    assert (is_edge == (edges > 0)).all()
+
+
+def test_what_was_written_before_stays_unless_told_otherwise(picture, tmp_path, capsys):
+    arguments = ["explain", "canny", str(picture), "--export", str(tmp_path / "out")]
+    assert main(arguments) == 0
+    capsys.readouterr()
+    assert main(arguments) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert main([*arguments, "--overwrite"]) == 0
+
+
+def test_wrong_names_are_answered_in_one_line(tmp_path, capsys):
+    for arguments, words in {
+        ("cany",): "did you mean canny?",
+        ("canny", str(tmp_path / "none.png")): "no such file",
+        ("canny", "--export", "/dev/null/x"): "/dev/null/x",
+    }.items():
+        assert main(["explain", *arguments, "--view", "none", "--frames", "1"]) in (1, 2)
+        err = capsys.readouterr().err
+        assert words in err
+        assert "Traceback" not in err
+
+
+def test_texts_are_shown_as_they_are_written():
+    html = to_html("A <b>name</b>\ngoes on & on.\n\n    a  =  b < c\n    d\n\nEnd")
+    blocks = [
+        "<p>A &lt;b&gt;name&lt;/b&gt; goes on &amp; on.</p>",
+        "<pre>a  =  b &lt; c",
+        "d</pre>",
+    ]
+    assert html.splitlines() == [*blocks, "<p>End</p>"]
