@@ -36,6 +36,7 @@ SOURCE_TOPICS = {
     "imu": "/imu/data",
     "mag": "/imu/mag",
     "truth": "/ground_truth/odom",
+    "pad": "/ground_truth/pad",
 }
 """Outputs of sources whose topics are not called as they are."""
 

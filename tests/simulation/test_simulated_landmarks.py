@@ -55,13 +55,13 @@ def test_tags_are_where_they_are_by_odometry_that_drifts_and_says_so(flight):
         for message in found[name]:
             frames.add(message, static=name == "tf_static")
     node, odoms = LandmarkLocalizer(params), iter(found["odom"])
-    odom = next(odoms)
+    odom, answer = next(odoms), {}
     for image in found["image"]:
         while odom.header.stamp_ns < image.header.stamp_ns:
             node.step(params, odom=odom, frames=frames)
             odom = next(odoms)
         seen = detected(image, {number: one.size for number, one in truth.items()})
-        answer = node.step(params, detections=seen, frames=frames)
+        answer |= node.step(params, detections=seen, frames=frames)
     located = answer["landmarks"].detections
     assert len(located) == len(answer["tf_static"].transforms) >= 2
     for one in located:

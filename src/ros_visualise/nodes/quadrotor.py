@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ros_visualise.data import FluidPressure, MagneticField
+from ros_visualise.data import FluidPressure, MagneticField, Odometry
 from ros_visualise.nodes import action, source
 from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
 from ros_visualise.simulation.source import INPUTS, LATCHED, OUTPUTS, SimulatedRobot
@@ -20,7 +20,7 @@ class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
     "quadrotor",
     params=QuadrotorNodeParams,
     inputs=INPUTS,
-    outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure},
+    outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure, "pad": Odometry},
     latched=LATCHED,
     makes_time=True,
     velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Text, Transforms
 from ros_visualise.geometry.rotations import to_rpy
-from ros_visualise.simulation.model import BASE
+from ros_visualise.simulation.model import BASE, bodies_of_robot
 
 _SHOWN_GROUP = 2
 _PLANE, _SPHERE, _CAPSULE, _CYLINDER, _BOX = 0, 2, 3, 5, 6  # mjtGeom
@@ -22,7 +22,7 @@ def describe(model: Any, fixed: Transforms) -> Text:
     """
     name = str(model.names[: model.names.index(b"\0")].decode()) or "robot"
     robot = Xml.Element("robot", name=name)
-    bodies = {_link_of(model, n): n for n in range(1, model.nbody)}
+    bodies = {_link_of(model, n): n for n in bodies_of_robot(model)}
     joints = {t.child_frame_id: t for t in fixed.transforms if t.header.frame_id != "map"}
     links = [BASE, *joints, *({"camera_link"} - {*joints})]
     for link in links:

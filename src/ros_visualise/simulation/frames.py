@@ -23,7 +23,12 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.model import BASE, site_position, standing_height
+from ros_visualise.simulation.model import (
+    BASE,
+    bodies_of_robot,
+    site_position,
+    standing_height,
+)
 from ros_visualise.simulation.settings import RobotParams
 
 MAP, ODOM = "map", "odom"
@@ -92,7 +97,7 @@ def fixed_frames(model: Any, mount: CameraMount, start: tuple[Vector, Quat]) -> 
 def _wheel_frames(model: Any) -> list[TransformStamped]:
     """Frames of the wheels; they do not turn, as no joint states are published."""
     frames = []
-    for number in range(2, model.nbody):
+    for number in bodies_of_robot(model)[1:]:
         body = model.body(number)
         frames.append(_transform(0, BASE, f"{body.name}_link", np.array(body.pos), _LEVEL))
     return frames

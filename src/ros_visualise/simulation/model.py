@@ -30,6 +30,12 @@ def compile_model(robot: str, world: World, params: RobotParams) -> Any:
     return model
 
 
+def bodies_of_robot(model: Any) -> list[int]:
+    """Numbers of the bodies that the robot consists of, its base first."""
+    base = model.body(BASE).id
+    return [number for number in range(model.nbody) if model.body_rootid[number] == base]
+
+
 def site_position(model: Any, name: str) -> Floats:
     """(3,) metres in the frame of the body that the site is on."""
     return np.array(model.site(name).pos)

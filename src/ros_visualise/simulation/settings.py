@@ -8,6 +8,7 @@ random walk. A slow error has a standard deviation and a time constant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from typing import Any
 
@@ -26,6 +27,16 @@ _odometry = partial(setting, group="odometry")
 _lidar = partial(setting, group="lidar")
 _magnetometer = partial(setting, group="magnetometer")
 _barometer = partial(setting, group="barometer")
+_wind = partial(setting, group="wind")
+_pad = partial(setting, group="pad")
+
+
+class PadMotion(Enum):
+    """How a landing pad moves."""
+
+    STILL = "still"
+    LINE = "line"
+    CIRCLE = "circle"
 
 
 @dataclass(frozen=True)
@@ -176,6 +187,35 @@ class QuadrotorParams(RobotParams):
     )
     baro_drift_time: float = _barometer(
         300.0, "time constant of the slow error, seconds", min=0.1, max=1e5
+    )
+
+    wind: float = _wind(0.0, "mean speed of the wind, 6 m above the ground, m/s", min=0, max=20)
+    wind_direction: float = _wind(
+        0.0, "where the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
+    )
+    gusts: float = _wind(1.0, "how strong its gusts are; 1: as usual for such a wind", min=0, max=5)
+
+    pad: bool = _pad(
+        False, "a landing pad with tags; it is there too where the mission lands on it"
+    )
+    pad_motion: PadMotion = param(
+        PadMotion.STILL,
+        "how the pad moves; along a line it goes forth and back",
+        restart=True,
+        group="pad",
+    )
+    pad_speed: float = _pad(1.0, "speed of the pad, where it moves, m/s", min=0.01, max=10)
+    pad_reach: float = _pad(
+        4.0, "length of the pad's line, or diameter of its circle, m", min=0.1, max=1000
+    )
+    pad_x: float = _pad(
+        -3.5, "where the pad is at first: east of the robot's start, m", min=-1000, max=1000
+    )
+    pad_y: float = _pad(
+        1.5, "where the pad is at first: north of the robot's start, m", min=-1000, max=1000
+    )
+    pad_heading: float = _pad(
+        0.0, "where the pad points, and moves to at first, from east, degrees", min=-360, max=360
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
 from pathlib import Path
@@ -16,11 +17,13 @@ from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
 from ros_visualise.simulation.model import compile_model, standing_height
+from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
 from ros_visualise.simulation.schedule import Output, Schedule
 from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
+from ros_visualise.simulation.wind import Wind
 from ros_visualise.simulation.worlds import World, build_world
 from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
@@ -60,10 +63,11 @@ class Simulation:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
         self.settings = settings or PARAMS[robot]()
-        self.world: World = build_world(world, self.settings.camera)
+        self.world: World = build_world(world, self.settings.camera, _place_of_pad(self.settings))
         self._name = robot
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
+        self._moves = self._surround(seed)
         self.start_pose = self._set_down()
         self._robot = self._make_robot(seed)
         self._step_ns: int = round(1e9 * self._model.opt.timestep)
@@ -71,7 +75,9 @@ class Simulation:
         self._orders: deque[Callable[[], None]] = deque()
         gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal
         mount = frames.CameraMount(self._model, self.settings, gimbal)
-        self._suite = SensorSuite(self._robot, self._model, self._data, self.settings, mount, seed)
+        self._suite = SensorSuite(
+            self._robot, self._model, self._data, self.settings, mount, seed, self.pad
+        )
         self._schedule = Schedule(self._suite.streams, wants)
         self._fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
         self._description = describe(self._model, self._fixed)
@@ -115,11 +121,14 @@ class Simulation:
             yield Output(0, "tf_static", self._fixed)
         step, model, data = load_mujoco().mj_step, self._model, self._data
         control, schedule, orders = self._robot.control, self._schedule, self._orders
+        moves = self._moves
         try:
             while True:
                 while orders:
                     self._obey(orders.popleft())
                 stamp_ns = self._steps * self._step_ns
+                for move in moves:
+                    move(stamp_ns / 1e9)
                 control(stamp_ns / 1e9)
                 step(model, data)
                 self._steps += 1
@@ -202,6 +211,18 @@ class Simulation:
         self._data.time = 0.0
         return position, attitude
 
+    def _surround(self, seed: int) -> list[Callable[[float], None]]:
+        """What moves beside the robot, each at a time in seconds: the pad, and the air."""
+        self.pad: Pad | None = None
+        if not isinstance(self.settings, QuadrotorParams):
+            return []
+        model, data = self._model, self._data
+        moves: list[Callable[[float], None]] = [Wind(model, data, self.settings, seed).advance]
+        if self.settings.pad:
+            self.pad = Pad(model, data, self.settings)
+            moves.append(self.pad.advance)
+        return moves
+
     def _make_robot(self, seed: int) -> Robot:
         settings = self.settings
         if isinstance(settings, HuskyParams) and self._name == "husky":
@@ -228,6 +249,13 @@ class Simulation:
         if self.world.path_xy:
             return follow_path(self.world.path_xy, 0.8)
         return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)
+
+
+def _place_of_pad(settings: RobotParams) -> tuple[float, float, float] | None:
+    """Where the pad is at first, from the start, metres and radians; None where there is none."""
+    if not (isinstance(settings, QuadrotorParams) and settings.pad):
+        return None
+    return settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
 
 
 def _check_finite(what: str, *arrays: Floats) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ros_visualise.data import Transforms
 from ros_visualise.simulation.frames import CameraMount, body_frame
+from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots.base import Robot
 from ros_visualise.simulation.schedule import Make, Stream
 from ros_visualise.simulation.sensors.barometer import Barometer
@@ -19,6 +20,7 @@ from ros_visualise.simulation.sensors.lidar import Lidar
 from ros_visualise.simulation.sensors.magnetometer import Magnetometer
 from ros_visualise.simulation.sensors.truth import tell_truth
 from ros_visualise.simulation.settings import QuadrotorParams, RobotParams
+from ros_visualise.simulation.worlds.pad import PAD
 
 Measured = Iterator[tuple[str, Any]]
 
@@ -34,12 +36,16 @@ class SensorSuite:
         params: RobotParams,
         mount: CameraMount,
         seed: int,
+        pad: Pad | None,
     ) -> None:
         self._robot, self._body, self._data = robot, robot.body, data
         self._mount = mount
         self.streams: list[Stream] = []
         self._add("odom", params.odom_rate, self._move, always=True)
         self._add("truth", params.truth_rate, self._tell)
+        if pad is not None:
+            self._pad = pad
+            self._add("pad", params.truth_rate, self._tell_of_pad)
         self._imu = ImuSensor(params, seed)
         self._add("imu", params.imu_rate, self._feel, always=True)
         if params.gps:
@@ -80,6 +86,11 @@ class SensorSuite:
     def _tell(self, stamp_ns: int, _: int) -> Measured:
         body = self._body
         yield "truth", tell_truth(stamp_ns, body.position, body.attitude, *body.velocity())
+
+    def _tell_of_pad(self, stamp_ns: int, _: int) -> Measured:
+        pad = self._pad
+        speed = np.array(pad.velocity(stamp_ns / 1e9))
+        yield "pad", tell_truth(stamp_ns, pad.position, pad.attitude, speed, np.zeros(3), PAD)
 
     def _feel(self, stamp_ns: int, _: int) -> Measured:
         yield "imu", self._imu.measure(stamp_ns, self._body.attitude, self._body.motion())

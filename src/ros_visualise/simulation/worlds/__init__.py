@@ -12,6 +12,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.simulation.landmarks import Landmark
 from ros_visualise.simulation.worlds.field import build_field
 from ros_visualise.simulation.worlds.mjcf import WorldBuilder
+from ros_visualise.simulation.worlds.pad import add_pad
 from ros_visualise.simulation.worlds.plane import build_plane
 from ros_visualise.simulation.worlds.playpen import build_playpen
 
@@ -21,7 +22,10 @@ Pose2 = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class World:
-    """One world; ``starts`` has the start of each robot, ``path_xy`` is a closed path."""
+    """One world; ``starts`` has the start of each robot, ``path_xy`` is a closed path.
+
+    ``landmarks`` are those that never move, so a landing pad is none.
+    """
 
     name: str
     mjcf: str
@@ -40,8 +44,13 @@ WORLDS = tuple(_BUILDERS)
 
 
 @cache
-def build_world(name: str, pictures: bool = True) -> World:
+def build_world(name: str, pictures: bool = True, pad: Pose2 | None = None) -> World:
     """The world of that name; without pictures it is gray, and ready much sooner.
+
+    Args:
+        name: one of `WORLDS`.
+        pictures: draw the textures.
+        pad: where a landing pad is at first, from the quadrotor's start; None: there is none.
 
     Raises:
         OpenError: there is no such world.
@@ -50,6 +59,9 @@ def build_world(name: str, pictures: bool = True) -> World:
         raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
     scene = WorldBuilder(pictures)
     _BUILDERS[name](scene)
+    if pad is not None:
+        x, y, _ = scene.starts["quadrotor"]
+        add_pad(scene, (x + pad[0], y + pad[1], pad[2]))
     return World(
         name,
         scene.mjcf(),

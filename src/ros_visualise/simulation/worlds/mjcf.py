@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import cv2
@@ -21,7 +22,7 @@ GROUND = 'contype="1" conaffinity="0"'
 SOLID = 'contype="2" conaffinity="0"'
 SHOWN = 'contype="0" conaffinity="0"'  # without contacts
 _BOARD_THICKNESS = 0.024
-_PRINT_THICKNESS = 0.002  # of the tag in front of its board
+PRINT_THICKNESS = 0.002  # of the tag in front of its board
 
 
 class WorldBuilder:
@@ -110,16 +111,33 @@ class WorldBuilder:
             position: middle of the tag.
             R: R_map_landmark, see `Landmark`.
         """
+        half = self.print_tag(tag_id, position, R, size)
+        behind = np.asarray(position) - R[:, 2] * (PRINT_THICKNESS + _BOARD_THICKNESS / 2)
+        rim = half + 0.02
+        self.add("box", (rim, rim, _BOARD_THICKNESS / 2), behind, "0.45 0.32 0.2", SOLID, R)
+        self.landmarks.append(Landmark(f"tag_{tag_id}", "tag", position, R, size, tag_id))
+
+    def print_tag(
+        self, tag_id: int, position: Sequence[float] | Floats, R: Floats, size: float
+    ) -> float:
+        """Add an AprilTag as on a sheet of paper, as `add_board`; half the side of the sheet."""
         name = f"tag_{tag_id}"
         if f"{name}.png" not in self.assets:
             self.add_material(name, lambda: draw_tag(tag_id))
         half = size * BOARD_CELLS / CELLS / 2
-        behind = np.asarray(position) - R[:, 2] * _PRINT_THICKNESS / 2
-        self.add("box", (half, half, _PRINT_THICKNESS / 2), behind, name, SHOWN, R)
-        behind = behind - R[:, 2] * (_PRINT_THICKNESS + _BOARD_THICKNESS) / 2
-        rim = half + 0.02
-        self.add("box", (rim, rim, _BOARD_THICKNESS / 2), behind, "0.45 0.32 0.2", SOLID, R)
-        self.landmarks.append(Landmark(name, "tag", position, R, size, tag_id))
+        behind = np.asarray(position) - R[:, 2] * PRINT_THICKNESS / 2
+        self.add("box", (half, half, PRINT_THICKNESS / 2), behind, name, SHOWN, R)
+        return half
+
+    @contextmanager
+    def body(self, name: str, position: Sequence[float], yaw: float, inner: str) -> Iterator[None]:
+        """A body of its own, of what is added meanwhile; ``inner`` is MJCF of its joints."""
+        outside, self._things = self._things, []
+        yield
+        turn = f'euler="0 0 {math.degrees(yaw):.6g}"'
+        things = "".join(self._things)
+        opening = f'<body name="{name}" pos="{_numbers(position)}" {turn}>'
+        self._things = [*outside, f"{opening}{inner}{things}</body>"]
 
     def _store(self, name: str, draw: Draw, plain: Canvas) -> None:
         picture = draw() if self._pictures else plain

@@ -1,0 +1,84 @@
+"""How a landing pad moves: on a line or a circle, whatever stands on it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ros_visualise.simulation.attitude import Quat, Vector
+from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
+from ros_visualise.simulation.worlds.pad import PAD
+
+_ACCELERATION = 0.5  # m/s^2, where its line begins and ends
+
+Motion = tuple[float, float, float, float]
+"""Metres ahead and to the left of where it was at first, and both speeds in m/s."""
+
+
+def move(params: QuadrotorParams, time_s: float) -> Motion:
+    """Where the pad is, and how fast, along the axes of its heading."""
+    if params.pad_motion is PadMotion.LINE:
+        way, speed = _shuttle(params.pad_reach, params.pad_speed, time_s)
+        return way, 0.0, speed, 0.0
+    if params.pad_motion is PadMotion.CIRCLE:
+        radius, speed = params.pad_reach / 2, params.pad_speed
+        turn = speed * time_s / radius
+        c, s = math.cos(turn), math.sin(turn)
+        return radius * s, radius * (1 - c), speed * c, speed * s
+    return 0.0, 0.0, 0.0, 0.0
+
+
+def _shuttle(reach: float, speed: float, time_s: float) -> tuple[float, float]:
+    """Way and speed of going forth and back over a distance, from rest to rest."""
+    top = min(speed, math.sqrt(reach * _ACCELERATION))
+    rising_s = top / _ACCELERATION
+    leg_s = reach / top + rising_s
+    leg, since_s = divmod(time_s, leg_s)
+    left_s = leg_s - since_s
+    if since_s < rising_s:
+        way, now = _ACCELERATION * since_s**2 / 2, _ACCELERATION * since_s
+    elif left_s < rising_s:
+        way, now = reach - _ACCELERATION * left_s**2 / 2, _ACCELERATION * left_s
+    else:
+        way, now = top * (since_s - rising_s / 2), top
+    return (way, now) if leg % 2 == 0 else (reach - way, -now)
+
+
+class Pad:
+    """The pad in the physics, which moves it along: nothing on it holds it up.
+
+    Args:
+        model: an ``mjModel`` with a pad.
+        data: its ``mjData``.
+        params: how it moves.
+    """
+
+    def __init__(self, model: Any, data: Any, params: QuadrotorParams) -> None:
+        self._data, self._params = data, params
+        self._body = model.body(PAD).id
+        joints = [model.joint(f"{PAD}_{axis}") for axis in "xy"]
+        self._place = [int(joint.qposadr[0]) for joint in joints]
+        self._speed = [int(joint.dofadr[0]) for joint in joints]
+
+    def advance(self, time_s: float) -> None:
+        """Put it where it is at that time, for the next step."""
+        x, y, vx, vy = move(self._params, time_s)
+        self._data.qpos[self._place] = x, y
+        self._data.qvel[self._speed] = vx, vy
+
+    @property
+    def position(self) -> Vector:
+        """The middle of its surface, metres in ``map``."""
+        x, y, z = self._data.xpos[self._body].tolist()
+        return x, y, z
+
+    @property
+    def attitude(self) -> Quat:
+        """R_map_pad."""
+        w, x, y, z = self._data.xquat[self._body].tolist()
+        return w, x, y, z
+
+    def velocity(self, time_s: float) -> Vector:
+        """m/s in the axes of the pad, at the time of `position`."""
+        _, _, vx, vy = move(self._params, time_s)
+        return vx, vy, 0.0

@@ -1,0 +1,67 @@
+"""The landing pad: how it moves, what it shows, and what stands on it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from simulated_runs import BLIND_QUADROTOR, collect
+
+from ros_visualise.landmark_pipelines import tags_of_world
+from ros_visualise.landmarks.tags.known import read_known_tags
+from ros_visualise.simulation import WORLDS, Simulation
+from ros_visualise.simulation.settings import PadMotion
+from ros_visualise.simulation.worlds.pad import PAD_TAGS
+
+
+def with_pad(motion: PadMotion, **settings):
+    chosen = replace(BLIND_QUADROTOR, pad=True, pad_motion=motion, **settings)
+    return Simulation("quadrotor", "plane", 0, None, chosen)
+
+
+def test_on_a_line_it_goes_forth_and_back_at_its_speed():
+    simulation = with_pad(PadMotion.LINE, pad_heading=90.0, pad_reach=6.0, pad_x=1.0, pad_y=2.0)
+    pads = collect(simulation, 17)["pad"]
+    ways = np.array([one.position_xyz for one in pads])
+    assert np.allclose(ways[:, [0, 2]], [1.0, 0.3])
+    assert [ways[0, 1], ways[:, 1].max()] == pytest.approx([2.0, 8.0], abs=1e-3)
+    speeds = np.gradient(ways[:, 1], 0.02)
+    assert abs(speeds).max() == pytest.approx(1.0, abs=1e-6)
+    assert np.allclose(speeds[1:-1], [one.linear_xyz[0] for one in pads[1:-1]], atol=0.01)
+    assert ways[800, 1] == pytest.approx(2.0, abs=1e-3)  # after 16 s: there and back
+
+
+def test_on_a_circle_it_goes_around():
+    pads = collect(with_pad(PadMotion.CIRCLE, pad_reach=4.0), 13)["pad"]
+    ways = np.array([one.position_xyz[:2] for one in pads])
+    assert np.allclose(np.linalg.norm(ways - [-3.5, 3.5], axis=1), 2.0)
+    assert np.allclose(np.linalg.norm(np.diff(ways, axis=0), axis=1) / 0.02, 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_the_file_of_each_world_knows_the_tags_of_the_pad(world):
+    (bundle,) = read_known_tags(tags_of_world(world)).bundles
+    assert bundle.name == "pad"
+    for tag_id, size, place in PAD_TAGS:
+        corners = bundle.corners_xyz[tag_id]
+        assert corners.mean(axis=0) == pytest.approx([*place, 0.0])
+        assert corners[1] - corners[0] == pytest.approx([size, 0, 0])
+
+
+def test_it_carries_along_what_stands_on_it():
+    simulation = with_pad(PadMotion.LINE, pad_reach=40.0)
+    simulation._data.qpos[:3] = [-3.5, 1.5, 0.5]
+    rode = collect(simulation, 9)
+    both = zip(rode["truth"], rode["pad"], strict=True)
+    apart = np.array([robot.position_xyz - pad.position_xyz for robot, pad in both])
+    assert rode["pad"][-1].position_xyz[0] > 4
+    assert abs(apart[-1] - [0, 0, 0.16]).max() < 0.03
+    assert np.ptp(apart[150:, :2], axis=0).max() < 0.001
+
+
+def test_a_robot_without_a_pad_has_none():
+    alone = Simulation("quadrotor", "plane", 0, None, BLIND_QUADROTOR)
+    beside = with_pad(PadMotion.STILL)
+    assert alone.pad is None
+    assert {*beside.outputs} - {*alone.outputs} == {"pad"}
+    first, second = (collect(one, 0.1)["tf_static"][0].transforms for one in (alone, beside))
+    assert [one.child_frame_id for one in first] == [one.child_frame_id for one in second]
