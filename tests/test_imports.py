@@ -28,7 +28,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},
-    {"cli", "options"},
+    {"cli", "options", "trajectory_options"},
     {"entry"},
     {"__main__"},
 ]

@@ -25,6 +25,7 @@ from ros_visualise.options import (
 )
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
+from ros_visualise.trajectory_options import add_trajectory
 
 _RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
@@ -206,7 +207,7 @@ def _add_asking(commands: Any) -> None:
     add_memory_option(info)
     _add_convert(commands)
     _add_landmarks(commands)
-    _add_trajectory(commands)
+    add_trajectory(commands)
     add_calibrate(commands)
     nodes = commands.add_parser(
         "nodes", help="list all nodes with their topics, actions and parameters"
@@ -268,29 +269,6 @@ def _add_convert(commands: Any) -> None:
     convert.add_argument("--overwrite", action="store_true", help="replace DST if it exists")
     convert.add_argument("--json", action="store_true", help="print a report as one JSON object")
     add_memory_option(convert)
-
-
-def _add_trajectory(commands: Any) -> None:
-    trajectory = commands.add_parser(
-        "trajectory", help="write poses as a text file for evo, and draw them"
-    )
-    trajectory.set_defaults(module="trajectory")
-    trajectory.add_argument("input", metavar="SRC", help="the recording, of any kind")
-    trajectory.add_argument("output", metavar="OUT", type=Path, help="the text file")
-    trajectory.add_argument(
-        "--topic",
-        help="topic of the poses, odometry, fixes or path, or two frames as /tf:PARENT.CHILD",
-    )
-    trajectory.add_argument(
-        "--format",
-        choices=("tum", "kitti"),
-        default="tum",
-        help="format of OUT (default: %(default)s)",
-    )
-    trajectory.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
-    trajectory.add_argument("--overwrite", action="store_true", help="replace existing files")
-    trajectory.add_argument("--json", action="store_true", help="print a report as one JSON object")
-    add_memory_option(trajectory)
 
 
 class _Version(argparse.Action):

@@ -1,4 +1,4 @@
-"""`ros-visualise trajectory`: files that evo reads, with the numbers that evo has."""
+"""`ros-visualise trajectory`: files that evo reads, and the numbers and errors that evo has."""
 
 import json
 import subprocess
@@ -176,6 +176,124 @@ class TestPlot:
         assert (pixels == (178, 111, 31)).all(axis=2).sum() > 3000  # of the line, blue green red
 
 
+EVO = {
+    ("freiburg", "se3"): {"rmse": 0.013470, "mean": 0.012024, "median": 0.011183, "max": 0.034760},
+    ("freiburg", "sim3"): {"rmse": 0.013389, "std": 0.005966, "min": 0.000733, "sse": 0.140731},
+    ("kitti", "sim3"): {"rmse": 0.937709, "mean": 0.872693, "max": 2.693500, "sse": 3992.893611},
+    ("bag", "sim3"): {"rmse": 5.404707, "mean": 4.836811, "median": 4.621377, "min": 0.579268},
+}
+"""What ``evo_ape`` (1.38.1) prints for these, with -a and with -as."""
+
+
+@pytest.fixture
+def compared(recordings):
+    """The arguments that compare an estimate with the truth."""
+    texts, bags = recordings / "trajectory" / "evo", recordings / "bags"
+    truth = texts / "freiburg1_xyz-groundtruth.txt"
+    return {
+        "freiburg": [texts / "freiburg1_xyz-rgbdslam.txt", "--truth", truth],
+        "kitti": [texts / "KITTI_00_ORB.txt", "--truth", texts / "KITTI_00_gt.txt"],
+        "bag": [bags / "evo_ROS_example.bag", "--topic=ORB-SLAM", "--truth", "groundtruth"],
+    }
+
+
+class TestTruth:
+    @pytest.mark.parametrize(("name", "align"), EVO, ids=" ".join)
+    def test_the_ate_is_what_evo_prints(self, run, compared, name, align):
+        status, said, _ = run(*compared[name], "--align", align, "--json")
+        report = json.loads(said)
+        assert status == 0
+        found = report["errors"]["ate"]["translation_m"]
+        expected = EVO[name, align]
+        assert {key: found[key] for key in expected} == pytest.approx(expected, abs=1e-6)
+
+    def test_the_rpe_is_what_evo_prints(self, run, compared):
+        """``evo_rpe tum ... -a -d 0.5 -u m``."""
+        command = (*compared["freiburg"], "--align=se3", "--delta=0.5m")
+        errors = json.loads(run(*command, "--json")[1])["errors"]
+        assert errors["rpe"]["translation_m"] == pytest.approx(
+            {
+                "rmse": 0.024082,
+                "mean": 0.022580,
+                "median": 0.022975,
+                "std": 0.008371,
+                "min": 0.004619,
+                "max": 0.034115,
+                "sse": 0.009859,
+            },
+            abs=1e-6,
+        )
+        [row] = [line for line in run(*command)[1].splitlines() if line.startswith("RPE (m)")]
+        assert row.split()[:7] == ["RPE", "(m)", "over", "0.5", "m", "0.024082", "0.022580"]
+
+    def test_several_topics_and_a_file_beside_them(self, run, recordings, tmp_path):
+        bag, orb = recordings / "bags" / "evo_ROS_example.bag", tmp_path / "orb.tum"
+        assert run(bag, orb, "--topic=ORB-SLAM")[0] == 0
+        topics = ["--topic=ORB-SLAM", "--topic=S-PTAM", "--with", orb, "--truth=groundtruth"]
+        status, said, _ = run(bag, *topics, "--align=sim3", "--json")
+        report = json.loads(said)
+        first, second, third = report["trajectories"]
+        assert status == 0
+        assert [first["topic"], second["topic"]] == ["/ORB-SLAM", "/S-PTAM"]
+        assert third["topic"] == str(orb)
+        assert third["errors"] == first["errors"] != second["errors"]
+        assert report["truth"]["topic"] == "/groundtruth"
+
+    def test_a_topic_of_another_recording(self, run, recordings, tmp_path):
+        bag, orb = recordings / "bags" / "evo_ROS_example.bag", tmp_path / "orb.tum"
+        run(bag, orb, "--topic=ORB-SLAM")
+        status, said, _ = run(orb, "--truth", f"{bag}@/groundtruth", "--align=sim3", "--json")
+        assert status == 0
+        found = json.loads(said)["errors"]["ate"]["translation_m"]["rmse"]
+        assert found == pytest.approx(EVO["bag", "sim3"]["rmse"], abs=1e-6)
+
+    def test_out_holds_it_as_it_was_aligned(self, run, compared, tmp_path):
+        out = tmp_path / "aligned.tum"
+        source, _, truth = compared["freiburg"]
+        assert run(source, out, "--truth", truth, "--align=sim3")[0] == 0
+        status, said, _ = run(out, "--truth", truth, "--json")
+        found = json.loads(said)["errors"]["ate"]["translation_m"]["rmse"]
+        assert (status, found) == (0, pytest.approx(0.013389, abs=1e-6))
+
+    def test_what_has_no_attitudes_has_no_rotations(self, run, recordings):
+        drive = recordings / "oxts" / "2011_09_26_drive_0005_sync"
+        command = [drive, "--topic=/gps/fix", "--truth=/odom"]
+        status, said, _ = run(*command, "--align=se3", "--json")
+        errors = json.loads(said)["errors"]
+        assert status == 0
+        assert errors["rpe"] is None
+        assert errors["ate"]["rotation_deg"] is None
+        assert errors["ate"]["translation_m"]["rmse"] < 0.1
+        told = run(*command)[1]
+        assert "no rotation, and no RPE" in told
+        assert "not aligned, though the frames are map and odom" in told
+
+    def test_without_out_it_is_drawn(self, run, compared, monkeypatch):
+        monkeypatch.setenv("COLUMNS", "80")
+        status, said, errors = run(*compared["kitti"], "--align=sim3")
+        lines = said.splitlines()
+        assert (status, errors) == (0, "")
+        assert lines[0].startswith("+---")
+        assert "x (m): -271.4 to 292.6" in lines  # a car, by its camera: x to the right, z ahead
+        assert "z (m): -17.6 to 479.1" in lines
+        assert sum(line.startswith("|") and "*" in line for line in lines) > 15
+        assert any("4541 poses, aligned by sim3, scale 1.004698" in line for line in lines)
+
+    def test_the_picture(self, run, compared, tmp_path):
+        picture = tmp_path / "way.svg"
+        run(*compared["freiburg"], "--align=se3", "--plot", picture)
+        root = ElementTree.parse(picture).getroot()
+        space = "{http://www.w3.org/2000/svg}"
+        texts = [one.text for one in root.iter(f"{space}text")]
+        assert texts.count("x (m)") == texts.count("z (m)") == 2  # it moves in all three planes
+        assert "distance from the truth (m)" in texts
+        assert any("groundtruth.txt (truth)" in text for text in texts)
+        run(*compared["freiburg"], "--plane=xz", "--plot", picture, "--overwrite")
+        root = ElementTree.parse(picture).getroot()
+        texts = [one.text for one in root.iter(f"{space}text")]
+        assert texts.count("x (m)") == texts.count("z (m)") == texts.count("y (m)") == 1
+
+
 class TestRefusals:
     @pytest.fixture
     def refused(self, run, capsys):
@@ -224,6 +342,36 @@ class TestRefusals:
         same = tmp_path / "way.svg"
         assert "is in use already" in refused(tmp_path / "a.bag", same, "--plot", same)
         assert "no such file" in refused(tmp_path / "a.bag", tmp_path / "out.tum")
+
+    def test_comparisons_that_mean_nothing(self, recordings, refused, compared, tmp_path):
+        bag, texts = recordings / "bags", recordings / "trajectory" / "evo"
+        source, _, truth = compared["kitti"]
+        assert "--truth" in refused(source, "--align=se3")
+        assert "holds one trajectory" in refused(source, tmp_path / "out.tum", "--with", truth)
+        assert "no times" in refused(source, tmp_path / "out.tum")
+        tum = texts / "freiburg1_xyz-rgbdslam.txt"
+        assert "nobody knows which belong together" in refused(tum, "--truth", truth)
+        times = texts / "KITTI_00_gt_times.txt"
+        assert "neither TUM's 8 numbers" in refused(times)
+        assert "neither TUM's 8 numbers" in refused(source, "--truth", times)
+        robot = [bag / "evo_tf_example.bag", "--topic=/tf:odom.base_link"]
+        assert "--max-difference" in refused(*robot, "--truth", tum)
+        assert "there is /tf" in refused(*robot, "--truth", "/nothing")
+        assert "has no topics" in refused(source, "--truth", "/nothing")
+        assert "has no topics" in refused(source, "--topic", "/odom")
+        drive = recordings / "oxts" / "2011_09_26_drive_0005_sync"
+        fixes = [drive, "--topic=/gps/fix", "--truth=/odom"]
+        assert "no attitudes" in refused(*fixes, "--align=origin")
+        line = tmp_path / "line.tum"
+        line.write_text("".join(f"{n} {n} 0 0 0 0 0 1\n" for n in range(9)))
+        assert "on a line" in refused(line, "--truth", line, "--align=se3")
+        assert "is in use" in refused(source, truth, "--truth", truth, "--overwrite")
+
+    @pytest.mark.parametrize("delta", ["1", "0f", "1.5f", "-1m", "5 m", "nans", "1km"])
+    def test_deltas(self, run, compared, capsys, delta):
+        with pytest.raises(SystemExit):
+            run(*compared["kitti"], f"--delta={delta}")
+        assert "give poses as 1f, or 10m, 5deg, 1s" in capsys.readouterr().err
 
     def test_a_picture_without_a_folder_leaves_no_file(self, recordings, refused, tmp_path):
         source, out = recordings / "bags" / "robot_localization_test1.bag", tmp_path / "out.tum"

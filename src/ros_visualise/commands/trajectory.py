@@ -1,49 +1,62 @@
-"""``trajectory``: the way that something went, as a text file and a picture."""
+"""``trajectory``: the ways that things went, drawn, written as text, and held against the truth."""
 
 from __future__ import annotations
 
 import json
+import shutil
 from argparse import Namespace
-from contextlib import closing
-from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.commands.wording import counted
+from ros_visualise.commands.trajectory_comparison import Comparison, compare
+from ros_visualise.commands.trajectory_inputs import Inputs, files_read, read_inputs
+from ros_visualise.commands.trajectory_report import figures, summary, table, to_json
 from ros_visualise.errors import UsageError
-from ros_visualise.geometry.travel import Travel
+from ros_visualise.geometry.planes import Plane, planes_of
 from ros_visualise.printing import answer, say, shown
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.names import check_targets
+from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.trajectory import FORMATS, save
-from ros_visualise.sinks.trajectory_plot import plot_trajectory
-from ros_visualise.sources.opening import open_recording
-from ros_visualise.sources.recordings import Loss
-from ros_visualise.sources.trajectories import Trajectory, read_trajectory
+from ros_visualise.sinks.trajectory_plot import Drawn, draw_in_text, plot_trajectories
+from ros_visualise.sources.trajectories import Trajectory
+
+_ROWS = 28  # of what is drawn in a terminal
+_COLUMNS = (40, 100)  # its least and most width
+
+Compared = list[tuple[Trajectory, Comparison | None]]
 
 
 def run(args: Namespace) -> int:
-    """Write the way, draw it if that is asked for, and say what it is."""
+    """Read the ways, compare them, write and draw what is asked for, and say what they are."""
     _check(args)
-    found, loss = interruptible(lambda: _read(args.input, args.topic))
-    files = {args.output: "".join(FORMATS[args.format](found.path)).encode()}
-    figures = _figures(found)
-    if args.plot is not None:
-        figure = plot_trajectory(found.path, _title(found, figures))
-        files[args.plot] = FIGURE_FORMATS[args.plot.suffix.lower()](figure)
-    save(files, args.overwrite)
-    report = [json.dumps(_report(found, figures, args))]
-    answer(report if args.json else _summary(found, figures))
-    for note in loss.notes:
-        say(f"ros-visualise: {args.input}: {note}")
-    return 1 if loss or found.left_out.get("damaged") else 0
+    inputs, compared = interruptible(lambda: _read_and_compare(args))
+    drawn = _drawn(inputs, compared)
+    planes = planes_of([one.path.positions_xyz for one in drawn], args.plane)
+    save(_files(inputs, compared, drawn, planes, args), args.overwrite)
+    if args.json:
+        answer([json.dumps(_report(inputs, compared, args))])
+    else:
+        answer(_lines(inputs, compared, drawn, planes, args))
+    for note in inputs.notes:
+        say(f"ros-visualise: {note}")
+    return 1 if inputs.notes or any(one.left_out.get("damaged") for one in inputs.all) else 0
 
 
 def _check(args: Namespace) -> None:
-    """Refuse what cannot be written, before anything is read."""
-    targets = [args.output] if args.plot is None else [args.output, args.plot]
-    check_targets(targets, args.input)
+    """Refuse what cannot be done, before anything is read."""
+    if args.align != "none" and args.truth is None:
+        raise UsageError(f"--align {args.align}: to what? Name it by --truth TOPIC|FILE")
+    beside = (parse_target(name)[1] for name in args.beside)
+    count = max(1, len(args.topic)) + sum(max(1, len(topics)) for topics in beside)
+    if args.output is not None and count > 1:
+        raise UsageError(f"{args.output}: holds one trajectory; ask for one, or leave OUT away")
+    targets = [one for one in (args.output, args.plot) if one is not None]
+    for read in files_read(args):
+        check_targets(targets, read)
     if args.plot is not None and args.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
@@ -53,58 +66,75 @@ def _check(args: Namespace) -> None:
         TargetFile.check(target, args.overwrite)
 
 
-def _read(path: str, topic: str | None) -> tuple[Trajectory, Loss]:
-    with closing(open_recording(path)) as recording:
-        return read_trajectory(recording, topic), recording.loss
-
-
-def _figures(found: Trajectory) -> dict[str, Any]:
-    travel = Travel()
-    for stamp_ns, position in zip(
-        found.path.stamps_ns.tolist(), found.path.positions_xyz.tolist(), strict=True
-    ):
-        travel.add(stamp_ns, position)
-    return {"poses": len(found.path.stamps_ns), **asdict(travel.summary())}
-
-
-def _title(found: Trajectory, figures: dict[str, Any]) -> str:
-    return f"{shown(found.topic)}: {figures['length_m']:.2f} m in {figures['duration_s']:.1f} s"
-
-
-def _report(found: Trajectory, figures: dict[str, Any], args: Namespace) -> dict[str, Any]:
-    return {
-        "path": str(args.input),
-        "topic": found.topic,
-        "frame": found.path.header.frame_id,
-        "start": int(found.path.stamps_ns[0]) / 1e9,
-        **figures,
-        "left_out": found.left_out,
-        "unordered": found.unordered,
-        "repeated": found.repeated,
-        "without_attitude": found.without_attitude,
-    }
-
-
-def _summary(found: Trajectory, figures: dict[str, Any]) -> list[str]:
-    frame = found.path.header.frame_id
-    poses = counted(figures["poses"], "pose")
-    lines = [
-        f"{found.topic}: {poses}{f' in the frame {frame}' if frame else ''}",
-        f"length:     {figures['length_m']:.3f} m",
-        f"duration:   {figures['duration_s']:.3f} s",
+def _read_and_compare(args: Namespace) -> tuple[Inputs, Compared]:
+    inputs = read_inputs(args)
+    truth = inputs.truth
+    return inputs, [
+        (found, compare(found, truth, args) if truth else None) for found in inputs.trajectories
     ]
-    if figures["mean_mps"] is not None:
-        lines.append(f"mean speed: {figures['mean_mps']:.3f} m/s")
-        lines.append(f"top speed:  {figures['top_mps']:.3f} m/s over a second")
-    for why, count in found.left_out.items():
-        lines.append(f"left out:   {count} {why}")
-    if found.unordered:
-        lines.append(f"sorted:     {found.unordered} came after later ones")
-    if found.repeated:
-        lines.append(
-            f"stamps:     {found.repeated} are those of the pose before; programs that need each"
-            " once will refuse them"
-        )
-    if found.without_attitude:
-        lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
+
+
+def _drawn(inputs: Inputs, compared: Compared) -> list[Drawn]:
+    """The truth beneath the others, which lie as they were aligned."""
+    truth = inputs.truth
+    drawn = [] if truth is None else [Drawn(shown(truth.topic), truth.path, is_truth=True)]
+    for found, one in compared:
+        path = one.trajectory.path if one else found.path
+        astray = (one.moments, one.ate.translation_m) if one else None
+        drawn.append(Drawn(shown(found.topic), path, astray=astray))
+    return drawn
+
+
+def _files(
+    inputs: Inputs,
+    compared: Compared,
+    drawn: list[Drawn],
+    planes: tuple[Plane, ...],
+    args: Namespace,
+) -> dict[Path, bytes]:
+    files = {}
+    found, one = compared[0]
+    if args.output is not None:
+        if args.format == "tum" and not found.stamped:
+            raise UsageError(f"{found.topic}: has no times, which TUM needs; take --format kitti")
+        path = one.trajectory.path if one else found.path
+        files[args.output] = "".join(FORMATS[args.format](path)).encode()
+    if args.plot is not None:
+        stamped = all(one.stamped for one in inputs.all)
+        figure = plot_trajectories(drawn, planes, _title(found, len(compared)), stamped)
+        files[args.plot] = FIGURE_FORMATS[args.plot.suffix.lower()](figure)
+    return files
+
+
+def _title(found: Trajectory, count: int) -> str:
+    told = figures(found)
+    lasts = f" in {told['duration_s']:.1f} s" if found.stamped else ""
+    more = f" and {count - 1} more" if count > 1 else ""
+    return f"{shown(found.topic)}: {told['length_m']:.2f} m{lasts}{more}"
+
+
+def _report(inputs: Inputs, compared: Compared, args: Namespace) -> dict[str, Any]:
+    reports = [to_json(found, one, args) for found, one in compared]
+    report: dict[str, Any] = reports[0] if len(reports) == 1 else {"trajectories": reports}
+    if inputs.truth is not None:
+        report["truth"] = to_json(inputs.truth, None, args)
+    return report
+
+
+def _lines(
+    inputs: Inputs,
+    compared: Compared,
+    drawn: list[Drawn],
+    planes: tuple[Plane, ...],
+    args: Namespace,
+) -> list[str]:
+    lines = []
+    if args.output is None:
+        columns = np.clip(shutil.get_terminal_size().columns, *_COLUMNS)
+        lines += draw_in_text(drawn, planes, int(columns), _ROWS)
+    for found in inputs.all:
+        lines += summary(found)
+    for _, one in compared:
+        if one is not None and inputs.truth is not None:
+            lines += ["", *table(one, inputs.truth, args)]
     return lines

@@ -1,36 +1,183 @@
-"""A picture of a trajectory: from above, and its height over time."""
+"""A picture of trajectories: in the planes in which they move, over time, and how far astray."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import cycle, zip_longest
+
 import numpy as np
 
-from ros_visualise.data import Path
+from ros_visualise.data import Floats, Path
+from ros_visualise.geometry.planes import AXES, Plane, other_axis
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Color, Figure
+from ros_visualise.sinks.text_plot import draw_text
 
-_WAY: Color = (31, 111, 178)
+_STYLES: tuple[tuple[Color, str], ...] = (
+    ((31, 111, 178), "*"),
+    ((226, 120, 20), "o"),
+    ((130, 70, 170), "x"),
+    ((0, 150, 136), "+"),
+    ((190, 60, 120), "%"),
+)
+_TRUTH: tuple[Color, str] = (150, 150, 150), "."
+"""Colours and letters."""
 _START: Color = (44, 145, 60)
 _END: Color = (200, 50, 40)
 
+_LEFT, _WIDE = 70, 700
+_TALL, _LOW = 460, 140
+_THIRD = 260  # a panel's height where there are three planes
+_TOP, _GAP = 68, 72
+_LEGEND_ROW = 18
 
-def plot_trajectory(path: Path, title: str) -> Figure:
-    """Draw a path of at least one pose: y over x at one scale, and z over the time gone."""
-    figure = Figure(800, 800)
-    figure.text(70, 28, title, 15, color=(20, 20, 20))
-    plane = path.positions_xyz[:, :2]
-    above = Axes(figure, (70, 68, 700, 460), plane.min(axis=0), plane.max(axis=0), equal=True)
-    above.draw("x (m)", "y (m)")
-    above.curve(plane, _WAY)
+
+@dataclass(frozen=True)
+class Drawn:
+    """One trajectory as it is drawn.
+
+    Attributes:
+        name: for the legend.
+        path: where it went, in one pose or more.
+        is_truth: whether the others are compared with it.
+        astray: stamps or numbers of poses (N,), and how far they are from the truth (N,), metres.
+    """
+
+    name: str
+    path: Path
+    is_truth: bool = False
+    astray: tuple[Floats, Floats] | None = None
+
+
+def plot_trajectories(
+    drawn: Sequence[Drawn], planes: Sequence[Plane], title: str, stamped: bool
+) -> Figure:
+    """Draw trajectories; the later ones are drawn over the earlier ones.
+
+    Args:
+        drawn: the trajectories.
+        planes: those to draw; where it is one, the axis that it lacks is drawn over time.
+        title: the words above.
+        stamped: whether all of them have times; else their poses are counted.
+    """
+    legend = _LEGEND_ROW * len(drawn) if len(drawn) > 1 else 0
+    tall = _TALL if len(planes) == 1 else _THIRD
+    series = _series(drawn, planes, stamped)
+    height = _TOP + legend + len(planes) * (tall + _GAP) + len(series) * (_LOW + _GAP) - 12
+    figure = Figure(800, height)
+    figure.text(_LEFT, 28, title, 15, color=(20, 20, 20))
+    if legend:
+        _draw_legend(figure, drawn)
+    top = _TOP + legend
+    for plane in planes:
+        _draw_plane(figure, (_LEFT, top, _WIDE, tall), drawn, plane)
+        top += tall + _GAP
+    for name, curves in series:
+        across = "time (s)" if stamped else "pose"
+        _draw_series(figure, (_LEFT, top, _WIDE, _LOW), curves, (across, name), _span(series))
+        top += _LOW + _GAP
+    return figure
+
+
+def draw_in_text(
+    drawn: Sequence[Drawn], planes: Sequence[Plane], columns: int, rows: int
+) -> list[str]:
+    """The same planes drawn with letters, side by side, and whose they are."""
+    letters = [letter for _, letter in _styles(drawn)]
+    each = columns // len(planes) - 1
+    panels = []
+    for across, up in planes:
+        points = [one.path.positions_xyz[:, (across, up)] for one in drawn]
+        curves = list(zip(letters, points, strict=True))
+        panels.append(draw_text(curves, f"{AXES[across]} (m)", f"{AXES[up]} (m)", each, rows))
+    lines = [
+        " ".join(line.ljust(each) for line in row).rstrip()
+        for row in zip_longest(*panels, fillvalue="")
+    ]
+    if len(drawn) > 1:
+        lines += [f"{letter} {_label(one)}" for letter, one in zip(letters, drawn, strict=True)]
+    return lines
+
+
+def _styles(drawn: Sequence[Drawn]) -> list[tuple[Color, str]]:
+    styles = cycle(_STYLES)
+    return [_TRUTH if one.is_truth else next(styles) for one in drawn]
+
+
+def _label(one: Drawn) -> str:
+    return f"{one.name} (truth)" if one.is_truth else one.name
+
+
+def _draw_legend(figure: Figure, drawn: Sequence[Drawn]) -> None:
+    for row, (one, (color, _)) in enumerate(zip(drawn, _styles(drawn), strict=True)):
+        y = 52 + row * _LEGEND_ROW
+        figure.line(np.array([[_LEFT, y], [_LEFT + 24, y]]), color, 3)
+        figure.text(_LEFT + 32, y + 4, _label(one))
+
+
+def _draw_plane(
+    figure: Figure, box: tuple[float, float, float, float], drawn: Sequence[Drawn], plane: Plane
+) -> None:
+    curves = [one.path.positions_xyz[:, plane] for one in drawn]
+    points = np.concatenate(curves)
+    axes = Axes(figure, box, points.min(axis=0), points.max(axis=0), equal=True)
+    axes.draw(*(f"{AXES[axis]} (m)" for axis in plane))
+    for curve, (color, _) in zip(curves, _styles(drawn), strict=True):
+        axes.curve(curve, color)
     for name, color, x, place in (
-        ("start", _START, 650, above.places(plane[:1])[0]),
-        ("end", _END, 715, above.places(plane[-1:])[0]),
+        ("start", _START, 650, axes.places(curves[0][:1])[0]),
+        ("end", _END, 715, axes.places(curves[0][-1:])[0]),
     ):
         figure.dot(place[0], place[1], 5, color)
-        figure.dot(x, 56, 4, color)
-        figure.text(x + 9, 60, name)
-    times_s = (path.stamps_ns - path.stamps_ns[0]) / 1e9
-    heights = np.stack([times_s, path.positions_xyz[:, 2]], axis=1)
-    over_time = Axes(figure, (70, 600, 700, 140), heights.min(axis=0), heights.max(axis=0))
-    over_time.draw("time (s)", "z (m)")
-    over_time.curve(heights, _WAY)
-    return figure
+        figure.dot(x, box[1] - 12, 4, color)
+        figure.text(x + 9, box[1] - 8, name)
+
+
+_Curve = tuple[Floats, Color]
+
+
+def _series(
+    drawn: Sequence[Drawn], planes: Sequence[Plane], stamped: bool
+) -> list[tuple[str, list[_Curve]]]:
+    """(Name, curves) of what is drawn over time, in points (N, 2)."""
+    moments = [
+        one.path.stamps_ns if stamped else np.arange(len(one.path.stamps_ns)) for one in drawn
+    ]
+    zero, unit = min(one[0] for one in moments), 1e9 if stamped else 1
+    styles = _styles(drawn)
+    found = []
+    if len(planes) == 1:
+        axis = other_axis(planes[0])
+        curves = [
+            (np.stack([(when - zero) / unit, one.path.positions_xyz[:, axis]], axis=1), color)
+            for one, when, (color, _) in zip(drawn, moments, styles, strict=True)
+        ]
+        found.append((f"{AXES[axis]} (m)", curves))
+    astray = [
+        (np.stack([(one.astray[0] - zero) / unit, one.astray[1]], axis=1), color)
+        for one, (color, _) in zip(drawn, styles, strict=True)
+        if one.astray is not None
+    ]
+    return [*found, ("distance from the truth (m)", astray)] if astray else found
+
+
+def _span(series: Sequence[tuple[str, Sequence[_Curve]]]) -> Floats:
+    moments = np.concatenate([curve[:, 0] for _, curves in series for curve, _ in curves])
+    return np.array([moments.min(), moments.max()])
+
+
+def _draw_series(
+    figure: Figure,
+    box: tuple[float, float, float, float],
+    curves: Sequence[_Curve],
+    names: tuple[str, str],
+    span: Floats,
+) -> None:
+    """One of several; all of them span the same (2,) moments."""
+    values = np.concatenate([curve[:, 1] for curve, _ in curves])
+    low, high = np.array([span, [values.min(), values.max()]]).T
+    axes = Axes(figure, box, low, high)
+    axes.draw(*names)
+    for curve, color in curves:
+        axes.curve(curve, color)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.data import (
     Floats,
@@ -62,6 +63,8 @@ class Trajectory:
         unordered: poses that were recorded before others of earlier stamps.
         repeated: poses that have the stamp of the one before.
         without_attitude: poses whose quaternion was zero; they have that of the frame.
+        stamped: whether there are times; else all stamps are zero.
+        turns: whether attitudes are known; of fixes they are not.
     """
 
     topic: str
@@ -70,6 +73,8 @@ class Trajectory:
     unordered: int = 0
     repeated: int = 0
     without_attitude: int = 0
+    stamped: bool = True
+    turns: bool = True
 
 
 class _Pose(NamedTuple):
@@ -81,7 +86,9 @@ class _Pose(NamedTuple):
     frame_id: str
 
 
-def read_trajectory(recording: Recording, topic: str | None = None) -> Trajectory:
+def read_trajectory(
+    recording: Recording, topic: str | None = None, but: str | None = None
+) -> Trajectory:
     """Read the way on a topic.
 
     Stamps are those of the headers or, where no header has one, when the messages were recorded.
@@ -90,6 +97,7 @@ def read_trajectory(recording: Recording, topic: str | None = None) -> Trajector
         recording: what to read.
         topic: its name, or that of a pair of frames, as `parse_pair`. None: the only one of the
             best type.
+        but: a topic that is not to be chosen.
 
     Raises:
         UsageError: there is no such topic, or none is to be preferred; all are listed.
@@ -99,12 +107,45 @@ def read_trajectory(recording: Recording, topic: str | None = None) -> Trajector
     if topic is not None and ":" in topic:
         poses = reader.transforms(topic)
     else:
-        topic = find_topic(recording, topic, _KINDS) if topic is not None else _choose(recording)
+        topic = find_topic(recording, topic, _KINDS) if topic else _choose(recording, but)
         kind = recording.topics[topic].type.data_class
         if kind is Transforms:
             raise UsageError(ask_for_pair(recording, f"--topic {topic}"))
         poses = reader.last_path(topic) if kind is Path else reader.poses(topic)
-    return _ordered(topic, list(poses), reader)
+    return _put_together(topic, list(poses), reader)
+
+
+def has_poses(recording: Recording, topic: str) -> bool:
+    """Whether a recording has a topic of that name that a way can be read from, or such frames."""
+    name = topic.partition(":")[0].lstrip("/")
+    return any(name == one.lstrip("/") for one in topics_of(recording, _KINDS))
+
+
+def ordered(
+    topic: str,
+    stamps_ns: npt.NDArray[np.int64],
+    rows: Floats,
+    frame_id: str,
+    left_out: dict[str, int],
+) -> Trajectory:
+    """The trajectory of poses (N, 7) in any order: x, y, z and a quaternion x, y, z, w each.
+
+    Raises:
+        RosVisualiseError: there are none.
+    """
+    if not len(rows):
+        why = ", ".join(f"{count} {why}" for why, count in left_out.items())
+        raise RosVisualiseError(f"no poses on {topic}{': ' if why else ''}{why}")
+    unordered = int((stamps_ns < np.maximum.accumulate(stamps_ns)).sum())
+    order = np.argsort(stamps_ns, kind="stable")
+    stamps_ns, rows = stamps_ns[order], rows[order]
+    flat = ~rows[:, 3:].any(axis=1)
+    rows[flat, 6] = 1
+    path = Path(stamps_ns, rows[:, :3], rows[:, 3:], Header(int(stamps_ns[-1]), frame_id))
+    repeated = int((np.diff(stamps_ns) == 0).sum())
+    without_attitude = int(flat.sum())
+    turns = without_attitude < len(rows)
+    return Trajectory(topic, path, left_out, unordered, repeated, without_attitude, turns=turns)
 
 
 class _Reader:
@@ -115,6 +156,7 @@ class _Reader:
         self._locator = Locator()
         self._wrong_transforms: Counter[str] = Counter()
         self._damaged = 0
+        self.has_attitudes = True
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -133,6 +175,7 @@ class _Reader:
             pose = self._locator.locate(message)
             if pose is not None:
                 is_fix = isinstance(message, NavSatFix)
+                self.has_attitudes = not is_fix
                 frame_id = PLANE_FRAME if is_fix else message.header.frame_id
                 yield _Pose(message.header.stamp_ns, recorded_ns, pose, frame_id)
 
@@ -180,10 +223,10 @@ class _Reader:
                     self._damaged += 1
 
 
-def _choose(recording: Recording) -> str:
-    there = topics_of(recording, _KINDS)
+def _choose(recording: Recording, but: str | None) -> str:
+    there = [topic for topic in topics_of(recording, _KINDS) if topic != but]
     for kind in _KINDS:
-        of_kind = topics_of(recording, (kind,))
+        of_kind = [topic for topic in topics_of(recording, (kind,)) if topic in there]
         if len(of_kind) == 1 or (of_kind and kind is Transforms):
             return of_kind[0]
         if of_kind:
@@ -192,20 +235,12 @@ def _choose(recording: Recording) -> str:
     raise UsageError(f"{recording.path}: no topic of poses in it; see ros-visualise info")
 
 
-def _ordered(topic: str, poses: list[_Pose], reader: _Reader) -> Trajectory:
-    if not poses:
-        why = ", ".join(f"{count} {why}" for why, count in reader.left_out.items())
-        raise RosVisualiseError(f"no poses on {topic}{': ' if why else ''}{why}")
+def _put_together(topic: str, poses: list[_Pose], reader: _Reader) -> Trajectory:
     stamps_ns = np.array([one.stamp_ns for one in poses], np.int64)
     if not stamps_ns.any():
         stamps_ns = np.array([one.recorded_ns for one in poses], np.int64)
     rows = np.array([one.pose for one in poses])
-    unordered = int((stamps_ns < np.maximum.accumulate(stamps_ns)).sum())
-    order = np.argsort(stamps_ns, kind="stable")
-    stamps_ns, rows = stamps_ns[order], rows[order]
-    flat = ~rows[:, 3:].any(axis=1)
-    rows[flat, 6] = 1
-    header = Header(int(stamps_ns[-1]), poses[0].frame_id)
-    path = Path(stamps_ns, rows[:, :3], rows[:, 3:], header)
-    repeated = int((np.diff(stamps_ns) == 0).sum())
-    return Trajectory(topic, path, reader.left_out, unordered, repeated, int(flat.sum()))
+    frame_id = poses[0].frame_id if poses else ""
+    found = ordered(topic, stamps_ns, rows, frame_id, reader.left_out)
+    found.turns &= reader.has_attitudes
+    return found

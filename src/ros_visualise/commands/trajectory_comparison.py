@@ -1,0 +1,121 @@
+"""A trajectory laid over the truth, and how far it is from it."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import Floats, Path
+from ros_visualise.errors import UsageError
+from ros_visualise.geometry import transforms
+from ros_visualise.geometry.alignment import Similarity, align
+from ros_visualise.geometry.trajectory_errors import (
+    Delta,
+    Indices,
+    PoseErrors,
+    absolute_errors,
+    associate,
+    chain,
+    relative_errors,
+)
+from ros_visualise.sources.trajectories import Trajectory
+
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One trajectory and the truth.
+
+    Attributes:
+        trajectory: all of it, laid over the truth.
+        alignment: what did that.
+        moments: the stamps (N,), or the numbers, of the poses that were compared.
+        apart_s: the most that the stamps of two compared poses are apart.
+        ate: of each compared pose.
+        rpe: of each pair of them; None where no two are so far apart.
+        turns: whether both know attitudes; else distances of the ATE are all that can be said.
+    """
+
+    trajectory: Trajectory
+    alignment: Similarity
+    moments: Floats
+    apart_s: float
+    ate: PoseErrors
+    rpe: PoseErrors | None
+    turns: bool
+
+
+def compare(found: Trajectory, truth: Trajectory, args: Namespace) -> Comparison:
+    """Compare with the truth, as the command line says.
+
+    Raises:
+        UsageError: no poses belong together, or they cannot be aligned like that.
+    """
+    turns = found.turns and truth.turns
+    if args.align == "origin" and not turns:
+        without = found if truth.turns else truth
+        raise UsageError(f"--align origin: {without.topic} has no attitudes; take se3")
+    of_truth, of_found = _pairs(found, truth, round(args.max_difference * _NS))
+    T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
+    try:
+        alignment = align(T_truth, T[of_found], args.align)
+    except ValueError as error:
+        hint = "take --align origin" if turns else "take --align none"
+        raise UsageError(f"{found.topic}: --align {args.align}: {error}; {hint}") from None
+    T = alignment.apply(T)
+    stamps_ns = found.path.stamps_ns[of_found]
+    begins = chain(stamps_ns, T[of_found], Delta(*args.delta))
+    has_pairs = turns and len(begins) > 1
+    apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
+    return Comparison(
+        _laid(found, T) if args.align != "none" else found,
+        alignment,
+        (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.float64),
+        float(apart_ns) / _NS,
+        absolute_errors(T_truth, T[of_found]),
+        relative_errors(T_truth, T[of_found], begins) if has_pairs else None,
+        turns,
+    )
+
+
+def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices, Indices]:
+    """The poses of the truth and of the other that belong together."""
+    if found.stamped and truth.stamped:
+        pairs = associate(truth.path.stamps_ns, found.path.stamps_ns, most_ns)
+        if not len(pairs[0]):
+            raise UsageError(_why_none(found, truth, most_ns))
+        return pairs
+    count, other = len(found.path.stamps_ns), len(truth.path.stamps_ns)
+    if count != other:
+        without = truth if found.stamped else found
+        raise UsageError(
+            f"{without.topic} has no times, and {found.topic} {count} poses where {truth.topic} has"
+            f" {other}: nobody knows which belong together; give both with times (TUM)"
+        )
+    return np.arange(count), np.arange(count)
+
+
+def _why_none(found: Trajectory, truth: Trajectory, most_ns: int) -> str:
+    spans = (
+        f"{one.topic} goes from {one.path.stamps_ns[0] / _NS:.3f} to"
+        f" {one.path.stamps_ns[-1] / _NS:.3f} s"
+        for one in (found, truth)
+    )
+    return (
+        f"no poses within {most_ns / _NS:g} s of each other: {', '.join(spans)};"
+        " --max-difference allows more"
+    )
+
+
+def _poses(path: Path) -> Floats:
+    return transforms.from_pose(path.positions_xyz, path.quats_xyzw)
+
+
+def _laid(found: Trajectory, T: Floats) -> Trajectory:
+    path: Any = found.path
+    positions_xyz, quats_xyzw = transforms.to_pose(T)
+    return replace(found, path=replace(path, positions_xyz=positions_xyz, quats_xyzw=quats_xyzw))

@@ -1,0 +1,110 @@
+"""What ``trajectory`` reads: topics of one recording, other files beside it, and the truth."""
+
+from __future__ import annotations
+
+import os
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.sinks.names import parse_target
+from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.trajectories import Trajectory, has_poses, read_trajectory
+from ros_visualise.sources.trajectory_files import is_trajectory_file, read_trajectory_file
+
+_TEXTS = (".txt", ".tum", ".kitti", ".csv")
+
+
+@dataclass
+class Inputs:
+    """What was read.
+
+    Attributes:
+        trajectories: at least one, in the order in which they were asked for.
+        truth: what they are compared with, if anything.
+        notes: what could not be read, a line each.
+    """
+
+    trajectories: list[Trajectory] = field(default_factory=list)
+    truth: Trajectory | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def all(self) -> list[Trajectory]:
+        """The truth, too, which is the last."""
+        return [*self.trajectories, *([self.truth] if self.truth else [])]
+
+
+def files_read(args: Namespace) -> list[Path]:
+    """All that is going to be read."""
+    named = [*args.beside, *([args.truth] if args.truth else [])]
+    return [Path(args.input), *(parse_target(name)[0] for name in named)]
+
+
+def read_inputs(args: Namespace) -> Inputs:
+    """Read all that the command line names.
+
+    Raises:
+        UsageError: there is no such file or topic, or it does not say which of several.
+        RosVisualiseError: one holds no poses.
+    """
+    inputs = Inputs()
+    with _opened(Path(args.input), inputs) as source:
+        inputs.truth = _truth(source, args.truth, inputs)
+        but = inputs.truth.topic if inputs.truth else None
+        topics = args.topic or [None]
+        inputs.trajectories += [_read(source, topic, but) for topic in topics]
+    for name in args.beside:
+        inputs.trajectories += _read_named(name, inputs)
+    return inputs
+
+
+def _truth(source: Path | Recording, name: str | None, inputs: Inputs) -> Trajectory | None:
+    """Of a topic of the recording or, where it has none of that name, of a file."""
+    if name is None:
+        return None
+    is_topic = not isinstance(source, Path) and has_poses(source, name)
+    if is_topic or not os.path.exists(parse_target(name)[0]):
+        return _read(source, name)
+    found = _read_named(name, inputs)
+    if len(found) > 1:
+        raise UsageError(f"--truth {name}: give one topic")
+    return found[0]
+
+
+def _read_named(name: str, inputs: Inputs) -> list[Trajectory]:
+    """All of FILE[@TOPIC[,TOPIC...]]; they are named after the file, too."""
+    path, topics = parse_target(name)
+    with _opened(path, inputs) as source:
+        found = [_read(source, topic) for topic in topics or (None,)]
+    if isinstance(source, Path):
+        return found
+    return [replace(one, topic=f"{path}@{one.topic}") for one in found]
+
+
+def _read(source: Path | Recording, topic: str | None, but: str | None = None) -> Trajectory:
+    if not isinstance(source, Path):
+        return read_trajectory(source, topic, but)
+    if topic is not None:
+        raise UsageError(f"{topic}: no such file, and {source} has no topics")
+    return read_trajectory_file(source)
+
+
+@contextmanager
+def _opened(path: Path, inputs: Inputs) -> Iterator[Path | Recording]:
+    """A recording, or a path of a text file with a trajectory."""
+    if is_trajectory_file(path):
+        yield path
+        return
+    if path.suffix.lower() in _TEXTS and os.path.isfile(path):
+        raise OpenError(
+            f"{path}: no trajectory; its lines have neither TUM's 8 numbers (time x y z qx qy qz"
+            " qw) nor KITTI's 12"
+        )
+    with closing(open_recording(path)) as recording:
+        yield recording
+        inputs.notes += [f"{path}: {note}" for note in recording.loss.notes]

@@ -1,0 +1,141 @@
+"""What ``trajectory`` tells: lines for people, an object for programs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from dataclasses import asdict
+from typing import Any
+
+from ros_visualise.commands.trajectory_comparison import Comparison
+from ros_visualise.commands.wording import counted
+from ros_visualise.geometry.trajectory_errors import DELTA_UNITS, PoseErrors, statistics
+from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.geometry.travel import Travel
+from ros_visualise.sources.trajectories import Trajectory
+
+_COLUMNS = ("rmse", "mean", "median", "std", "min", "max")
+
+
+def to_json(found: Trajectory, compared: Comparison | None, args: Namespace) -> dict[str, Any]:
+    """All of it, as the README tells."""
+    report = {
+        "path": str(args.input),
+        "topic": found.topic,
+        "frame": found.path.header.frame_id,
+        "start": int(found.path.stamps_ns[0]) / 1e9 if found.stamped else None,
+        **figures(found),
+        "left_out": found.left_out,
+        "unordered": found.unordered,
+        "repeated": found.repeated,
+        "without_attitude": found.without_attitude,
+    }
+    if compared is not None:
+        report["errors"] = _errors(compared, args)
+    return report
+
+
+def figures(found: Trajectory) -> dict[str, Any]:
+    """How many poses, how far, how long and how fast."""
+    travel = Travel()
+    for stamp_ns, position in zip(
+        found.path.stamps_ns.tolist(), found.path.positions_xyz.tolist(), strict=True
+    ):
+        travel.add(stamp_ns, position)
+    told = {"poses": len(found.path.stamps_ns), **asdict(travel.summary())}
+    return told if found.stamped else {**told, "duration_s": None}
+
+
+def summary(found: Trajectory) -> list[str]:
+    """What it is, and what was odd."""
+    told, frame = figures(found), found.path.header.frame_id
+    where = f" in the frame {frame}" if frame else ""
+    lines = [
+        f"{found.topic}: {counted(told['poses'], 'pose')}{where}",
+        f"length:     {told['length_m']:.3f} m",
+    ]
+    if found.stamped:
+        lines.append(f"duration:   {told['duration_s']:.3f} s")
+    if told["mean_mps"] is not None:
+        lines.append(f"mean speed: {told['mean_mps']:.3f} m/s")
+        lines.append(f"top speed:  {told['top_mps']:.3f} m/s over a second")
+    for why, count in found.left_out.items():
+        lines.append(f"left out:   {count} {why}")
+    if found.unordered:
+        lines.append(f"sorted:     {found.unordered} came after later ones")
+    if found.repeated:
+        lines.append(
+            f"stamps:     {found.repeated} are those of the pose before; programs that need each"
+            " once will refuse them"
+        )
+    if found.without_attitude:
+        lines.append(f"attitude:   {found.without_attitude} had none; written as that of the frame")
+    return lines
+
+
+def table(compared: Comparison, truth: Trajectory, args: Namespace) -> list[str]:
+    """The errors, as the package evo defines them."""
+    rows = [["", *_COLUMNS]]
+    for name, errors in _measures(compared, args).items():
+        numbers = statistics(errors)
+        rows.append([name, *(f"{numbers[column]:.6f}" for column in _COLUMNS)])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth, args)}"]
+    lines += [
+        "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
+    ]
+    if not compared.turns:
+        lines.append("(one of them has no attitudes: no rotation, and no RPE)")
+    elif compared.rpe is None:
+        lines.append(f"(no two poses are {_apart(args)} apart: no RPE)")
+    return lines
+
+
+def _how(compared: Comparison, truth: Trajectory, args: Namespace) -> str:
+    pairs = counted(len(compared.moments), "pose")
+    frames = compared.trajectory.path.header.frame_id, truth.path.header.frame_id
+    if args.align == "none":
+        differ = all(frames) and frames[0] != frames[1]
+        how = f"not aligned{f', though the frames are {frames[0]} and {frames[1]}' * differ}"
+    else:
+        scale = f", scale {compared.alignment.scale:.6f}" if args.align == "sim3" else ""
+        how = f"aligned by {args.align}{scale}"
+    apart = f" at most {compared.apart_s:.4f} s apart" if truth.stamped else ""
+    return f"{pairs}{apart}, {how}"
+
+
+def _apart(args: Namespace) -> str:
+    amount, unit = args.delta
+    name = DELTA_UNITS[unit]
+    return f"{amount:g} {name[:-1] if amount == 1 and unit == 'f' else name}"
+
+
+def _measures(compared: Comparison, args: Namespace) -> dict[str, Any]:
+    found = {"ATE (m)": compared.ate.translation_m}
+    if compared.turns:
+        found["ATE (deg)"] = compared.ate.rotation_deg
+    if compared.rpe is not None:
+        found[f"RPE (m) over {_apart(args)}"] = compared.rpe.translation_m
+        found[f"RPE (deg) over {_apart(args)}"] = compared.rpe.rotation_deg
+    return found
+
+
+def _errors(compared: Comparison, args: Namespace) -> dict[str, Any]:
+    alignment = compared.alignment
+    amount, unit = args.delta
+    return {
+        "poses": len(compared.moments),
+        "apart_s": compared.apart_s,
+        "align": args.align,
+        "scale": alignment.scale,
+        "T_truth_frame": from_parts(alignment.rotation, alignment.translation_xyz).tolist(),
+        "delta": f"{amount:g}{unit}",
+        "ate": _told(compared.ate, compared.turns),
+        "rpe": _told(compared.rpe, compared.turns),
+    }
+
+
+def _told(errors: PoseErrors | None, turns: bool) -> dict[str, Any] | None:
+    if errors is None:
+        return None
+    rotation = statistics(errors.rotation_deg) if turns else None
+    return {"translation_m": statistics(errors.translation_m), "rotation_deg": rotation}

@@ -1,0 +1,103 @@
+"""What can be asked of the command ``trajectory``."""
+
+from __future__ import annotations
+
+import re
+from argparse import ArgumentTypeError
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.options import add_memory_option, not_negative
+
+
+def add_trajectory(commands: Any) -> None:
+    """The command ``trajectory``."""
+    trajectory = commands.add_parser(
+        "trajectory", help="draw poses, compare them with the truth (ATE, RPE), write them for evo"
+    )
+    trajectory.set_defaults(module="trajectory")
+    trajectory.add_argument(
+        "input", metavar="SRC", help="a recording of any kind, or a text file, TUM's or KITTI's"
+    )
+    trajectory.add_argument(
+        "output",
+        metavar="OUT",
+        nargs="?",
+        type=Path,
+        help="write it to this text file, aligned if so asked; without it, it is drawn here",
+    )
+    trajectory.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        help="topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD;"
+        " repeatable",
+    )
+    trajectory.add_argument(
+        "--with",
+        dest="beside",
+        action="append",
+        default=[],
+        metavar="FILE[@TOPIC,...]",
+        help="another text file or recording; repeatable",
+    )
+    _add_comparing(trajectory.add_argument_group("comparing"))
+    _add_output(trajectory.add_argument_group("output"))
+    add_memory_option(trajectory)
+
+
+def _add_comparing(group: Any) -> None:
+    group.add_argument(
+        "--truth",
+        metavar="TOPIC|FILE[@TOPIC]",
+        help="where it truly was: tell ATE and RPE, as evo does",
+    )
+    group.add_argument(
+        "--align",
+        choices=("none", "origin", "se3", "sim3"),
+        default="none",
+        help="lay it over the truth: by the first poses (origin), by all positions (se3), with a"
+        " scale (sim3) (default: %(default)s)",
+    )
+    group.add_argument(
+        "--max-difference",
+        type=not_negative,
+        default=0.01,
+        metavar="S",
+        help="how far apart the stamps of poses may be that are compared (default: %(default)s)",
+    )
+    group.add_argument(
+        "--delta",
+        type=_delta,
+        default="1f",
+        metavar="N",
+        help="how far apart the poses of a pair are, for RPE: 1f (poses), 10m, 5deg, 1s"
+        " (default: %(default)s)",
+    )
+
+
+def _add_output(group: Any) -> None:
+    group.add_argument(
+        "--format",
+        choices=("tum", "kitti"),
+        default="tum",
+        help="format of OUT (default: %(default)s)",
+    )
+    group.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
+    group.add_argument(
+        "--plane",
+        choices=("auto", "xy", "xz", "yz", "all"),
+        default="auto",
+        help="what is drawn (default: the plane in which it moves, or all where it moves in none)",
+    )
+    group.add_argument("--overwrite", action="store_true", help="replace existing files")
+    group.add_argument("--json", action="store_true", help="print a report as one JSON object")
+
+
+def _delta(text: str) -> tuple[float, str]:
+    """How much of which of `geometry.trajectory_errors.DELTA_UNITS`."""
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)(f|m|deg|s)", text)
+    amount = float(found[1]) if found else 0.0
+    if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
+        raise ArgumentTypeError(f"{text!r}: give poses as 1f, or 10m, 5deg, 1s")
+    return amount, found[2]

@@ -1,0 +1,73 @@
+"""Text files of trajectories, as evo reads them; what is damaged is counted."""
+
+import numpy as np
+import pytest
+from evo.tools import file_interface
+
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.sources.trajectory_files import is_trajectory_file, read_trajectory_file
+
+KITTI = "1 0 0 4 0 1 0 5 0 0 1 6\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "way.txt"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_tum_as_evo_reads_it(recordings):
+    path = recordings / "trajectory" / "evo" / "freiburg1_xyz-groundtruth.txt"
+    found, evo = read_trajectory_file(path), file_interface.read_tum_trajectory_file(path)
+    assert (found.stamped, found.turns, found.left_out) == (True, True, {})
+    np.testing.assert_allclose(found.path.stamps_ns / 1e9, evo.timestamps, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(found.path.positions_xyz, evo.positions_xyz)
+    np.testing.assert_array_equal(
+        found.path.quats_xyzw[:, [3, 0, 1, 2]], evo.orientations_quat_wxyz
+    )
+
+
+def test_kitti_as_evo_reads_it(recordings):
+    path = recordings / "trajectory" / "evo" / "KITTI_00_gt.txt"
+    found, evo = read_trajectory_file(path), file_interface.read_kitti_poses_file(path)
+    assert (found.stamped, found.turns) == (False, True)
+    np.testing.assert_array_equal(found.path.positions_xyz, evo.positions_xyz)
+    same = np.abs((found.path.quats_xyzw[:, [3, 0, 1, 2]] * evo.orientations_quat_wxyz).sum(1))
+    np.testing.assert_allclose(same, 1, atol=1e-6)
+
+
+def test_stamps_are_exact(write):
+    path = write("\ufeff# t x y z\n\n1700000000.123456789 1 2 3 0 0 0 1\n-0.5 1 2 3 0 0 0 1\r\n")
+    found = read_trajectory_file(path)
+    assert found.path.stamps_ns.tolist() == [-500_000_000, 1700000000123456789]
+    assert found.unordered == 1
+
+
+WRONG = ["2 x y z 0 0 0 1", "3 0 0 0 0", "4 nan 0 0 0 0 0 1", "1e300 0 0 0 0 0 0 1"]
+
+
+@pytest.mark.parametrize("line", [*WRONG, "inf 0 0 0 0 0 0 1", "5 0 0 0 0 0 0 1 7"])
+def test_a_damaged_line_is_counted_and_said(write, caplog, line):
+    found = read_trajectory_file(write(f"1 0 0 0 0 0 0 1\n{line}\n9 0 0 0 0 0 0 1\n"))
+    assert found.path.stamps_ns.tolist() == [10**9, 9 * 10**9]
+    assert found.left_out == {"damaged": 1}
+    assert "line 2 is no pose" in caplog.text
+
+
+def test_a_matrix_that_is_no_rotation_is_damaged(write):
+    found = read_trajectory_file(write(KITTI + "2 0 0 4 0 1 0 5 0 0 1 6\n" + KITTI))
+    assert found.left_out == {"damaged": 1}
+    mirrored = "1 0 0 4 0 1 0 5 0 0 -1 6\n"
+    with pytest.raises(RosVisualiseError, match="no poses on"):
+        read_trajectory_file(write(mirrored))
+
+
+def test_other_texts_are_none(write):
+    for text in ("", "# nothing\n", "1 2 3\n", "a b c d e f g h\n", b"\x89MCAP0\r\n", b"\0" * 99):
+        assert not is_trajectory_file(write(text))
+    assert not is_trajectory_file(write("").parent / "none")
+    assert is_trajectory_file(write(KITTI))
