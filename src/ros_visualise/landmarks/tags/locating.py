@@ -32,7 +32,8 @@ def locate(
     """Detections of tags, then those of bundles, each with the poses that it may have.
 
     Where two poses fit the corners, they are two hypotheses of one class, the likelier first.
-    Tags of a bundle that do not stand alone too are part of its detection. Without a calibration
+    Tags of a bundle that do not stand alone too are part of its detection, whose number is that of
+    its first tag. Without a calibration
     there are no poses, and no bundles: each tag is there by itself.
 
     Args:
@@ -112,9 +113,9 @@ def _of_bundle(
     flat = corners.reshape(-1, 2)
     borders = TYPICAL if gray is None else borders_of(gray, corners)
     poses = rig_poses(flat, points, info, floor_px=floor_px, borders=borders)
-    score = max(map(_score, seen))
+    score, first = max(map(_score, seen)), next(iter(bundle.corners_xyz))
     box = Detection.of_corners(
-        corners.reshape(-1, 2), _hypotheses(bundle.name, score, -1, poses), bundle.name
+        corners.reshape(-1, 2), _hypotheses(bundle.name, score, first, poses), bundle.name
     )
     return [replace(box, corners_uv=np.zeros((0, 2)))]  # an outline it has not
 

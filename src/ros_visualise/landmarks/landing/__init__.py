@@ -1,0 +1,1 @@
+"""Where a landing target is from the robot, however it moves."""

@@ -1,0 +1,59 @@
+"""From the fixed frame to the robot's body, as autopilots want their landing target."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.landing.tracking import Estimate
+from ros_visualise.landmarks.localization.seen import cross
+
+
+class Axes(Enum):
+    """Axes of the body, and of the target: forward, and left and up or right and down."""
+
+    FLU = "FLU"
+    FRD = "FRD"
+
+
+class Relative(NamedTuple):
+    """Position (3,), quaternion (4,) and covariance (6, 6) of a target, in the body's axes.
+
+    The covariance is of x, y, z, and of rotations about the body's axes.
+    """
+
+    position_xyz: Floats
+    quat_xyzw: Floats
+    covariance: Floats
+
+
+_TURNED = {Axes.FLU: np.eye(3), Axes.FRD: np.diag((1.0, -1.0, -1.0))}
+
+
+def relative_to(
+    T_fixed_body: Floats, estimate: Estimate, attitude_sigma: float, axes: Axes
+) -> Relative:
+    """Where a target is from the body.
+
+    With FRD the target's own z axis points down as well, so that one right below, which heads as
+    the robot does, has no rotation: as MAVLink's LANDING_TARGET in MAV_FRAME_BODY_FRD.
+
+    Args:
+        T_fixed_body: (4, 4).
+        estimate: the target in the fixed frame.
+        attitude_sigma: standard deviation of the camera's attitude about each axis, radians. All
+            images share it, so the estimate does not have it.
+        axes: those of the answer.
+    """
+    turned = _TURNED[axes]
+    to_body = turned @ T_fixed_body[:3, :3].T
+    away = to_body @ (estimate.position_xyz - T_fixed_body[:3, 3])
+    both = np.kron(np.eye(2), to_body)
+    tilted = np.vstack([-cross(away), np.eye(3)])
+    covariance = both @ estimate.covariance[:6, :6] @ both.T
+    covariance = covariance + attitude_sigma**2 * tilted @ tilted.T
+    return Relative(away, rotations.from_matrix(to_body @ estimate.R @ turned), covariance)

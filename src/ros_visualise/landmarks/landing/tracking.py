@@ -1,0 +1,173 @@
+"""A landing target that is followed: a Kalman filter of its pose and its velocity.
+
+All is in a fixed frame, such as ``odom``. Errors are nine numbers, about its axes: of the position
+in metres, of the orientation as a rotation vector, of the velocity in m/s. It moves at a steady
+speed, disturbed by white noise of its acceleration; of its turns nothing is assumed.
+
+Source: Bar-Shalom, Li and Kirubarajan, Estimation with applications to tracking and navigation,
+2001, sections 6.2 (the noise) and 5.4 (the gate).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.seen import Equations, Ground, Sighting
+
+_GATE = {1: 10.8, 2: 13.8, 3: 16.3, 6: 22.5}  # chi-square: one in a thousand is beyond
+_VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, of what tells no orientation
+_TURNS = 0.1  # rad/sqrt(s)
+_VAGUE_M2 = 1e4
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How a target may move.
+
+    Attributes:
+        speed: standard deviation of its velocity before anything is known of it, m/s; 0: it stands.
+        acceleration: by how much its velocity changes in a second, m/s (standard deviation).
+        tilt: standard deviation of its slope, radians: of two readings of one picture, the more
+            level one is the likelier.
+    """
+
+    speed: float = 1.0
+    acceleration: float = 0.5
+    tilt: float = math.radians(10)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where the target is: ``position_xyz`` (3,), ``R`` (3, 3), ``velocity_xyz`` (3,)."""
+
+    position_xyz: Floats
+    R: Floats
+    velocity_xyz: Floats
+    covariance: Floats
+
+    def after(self, elapsed_s: float, motion: Motion) -> Estimate:
+        """The same, so much later, or before; it is less sure then."""
+        F, since_s = np.eye(9), abs(elapsed_s)
+        F[:3, 6:] = elapsed_s * np.eye(3)
+        noise = np.zeros((9, 9))
+        if motion.speed:
+            q = motion.acceleration**2
+            noise[:3, :3] = q * since_s**3 / 3 * np.eye(3)
+            noise[:3, 6:] = noise[6:, :3] = q * since_s * elapsed_s / 2 * np.eye(3)
+            noise[6:, 6:] = q * since_s * np.eye(3)
+            noise[3:6, 3:6] = _TURNS**2 * since_s * np.eye(3)
+        position = self.position_xyz + elapsed_s * self.velocity_xyz
+        covariance = F @ self.covariance @ F.T + noise
+        return Estimate(position, self.R, self.velocity_xyz, covariance)
+
+    def distance(self, equations: Equations) -> float:
+        """Squared, of a measurement from what is expected, by the covariance of both."""
+        residual = equations.residual
+        return float(residual @ np.linalg.solve(self._spread(equations), residual))
+
+    def corrected(self, equations: Equations) -> Estimate:
+        """What a measurement makes of it."""
+        H = _nine(equations.H)
+        gain = np.linalg.solve(self._spread(equations), H @ self.covariance).T
+        step = gain @ equations.residual
+        rest = np.eye(9) - gain @ H
+        covariance = rest @ self.covariance @ rest.T + gain @ equations.noise @ gain.T
+        turn = np.asarray(cv2.Rodrigues(step[3:6])[0], np.float64)
+        position, velocity = self.position_xyz + step[:3], self.velocity_xyz + step[6:]
+        return Estimate(position, turn @ self.R, velocity, covariance)
+
+    def _spread(self, equations: Equations) -> Floats:
+        H = _nine(equations.H)
+        spread: Floats = H @ self.covariance @ H.T + equations.noise
+        return spread
+
+
+class Tracker:
+    """Follows one target; several things of it that are seen join by their covariances.
+
+    Attributes:
+        estimate: at ``stamp_ns``; None until it is seen.
+        seen_ns: when it was seen last.
+        refused: sightings that contradicted the others.
+    """
+
+    def __init__(self) -> None:
+        self.estimate: Estimate | None = None
+        self.stamp_ns = self.seen_ns = 0
+        self.refused = 0
+
+    def at(self, stamp_ns: int, motion: Motion) -> Estimate | None:
+        """Where the target is expected at a time; None where it is not known."""
+        if self.estimate is None:
+            return None
+        return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
+
+    def observe(
+        self, stamp_ns: int, sightings: Iterable[Sighting], motion: Motion, ground: Ground | None
+    ) -> None:
+        """Take in one thing that was seen of the target, by all readings that its picture has.
+
+        Args:
+            stamp_ns: of the image.
+            sightings: the readings.
+            motion: of the target.
+            ground: where it stands, so that it can begin with a direction alone.
+        """
+        reading = max(sightings, key=lambda one: _likelihood(one, motion.tilt), default=None)
+        if reading is None:
+            return
+        now = self.at(stamp_ns, motion)
+        if now is None:
+            now = _begin(reading, motion, ground)
+            if now is None:
+                return
+        equations = reading.expect(now.position_xyz, now.R)
+        if now.distance(equations) > _GATE[len(equations.residual)]:
+            self.refused += 1
+            return
+        self.estimate = now.corrected(equations)
+        self.stamp_ns = self.seen_ns = stamp_ns
+
+    def forget(self) -> None:
+        """Begin anew with the next sighting."""
+        self.estimate = None
+
+
+def _begin(reading: Sighting, motion: Motion, ground: Ground | None) -> Estimate | None:
+    """Nothing is known yet, but about where it is and that its speed is a possible one."""
+    R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
+    position = reading.position_xyz if reading.has_range else None
+    if position is None and ground is not None:
+        position = ground.meet(reading)
+    if position is None:
+        return None
+    covariance = np.zeros((9, 9))
+    covariance[:3, :3] = _VAGUE_M2 * np.eye(3)
+    covariance[3:6, 3:6] = _VAGUE_TURN
+    if reading.R_fixed_landmark is not None:
+        covariance[3:6, 3:6] = math.pi**2 * np.eye(3)
+    covariance[6:, 6:] = motion.speed**2 * np.eye(3)
+    vague = Estimate(position, R, np.zeros(3), covariance)
+    if reading.has_range or ground is None:
+        return vague
+    return vague.corrected(ground.expect(position, R))
+
+
+def _likelihood(reading: Sighting, tilt: float) -> float:
+    """Its logarithm: of the score, and of the slope that the target has by this reading."""
+    score = math.log(max(reading.score, 1e-9))
+    if reading.R_fixed_landmark is None:
+        return score
+    slope = math.acos(float(np.clip(reading.R_fixed_landmark[2, 2], -1, 1)))
+    return score - slope**2 / (2 * tilt**2)
+
+
+def _nine(H: Floats) -> Floats:
+    """A measurement of the pose does not depend on the velocity."""
+    return np.hstack([H, np.zeros((len(H), 3))])

@@ -1,0 +1,211 @@
+"""The node that tells where the landing target is from the robot."""
+
+from __future__ import annotations
+
+import logging
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.data import (
+    Detections,
+    Floats,
+    Header,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+)
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.landmarks.landing.relative import Axes, relative_to
+from ros_visualise.landmarks.landing.tracking import Estimate, Motion, Tracker
+from ros_visualise.landmarks.localization.seen import Ground, sighting_of
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+
+log = logging.getLogger(__name__)
+
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class LandingTargetParams:
+    """Parameters of `LandingTarget`."""
+
+    target: str = param(
+        "pad",
+        "what to land on: classes of detections whose origin is in its middle, a bundle's name or a"
+        " tag's, as in: pad, helipad",
+    )
+    rate: float = param(
+        20.0, "how often to tell of it between images, by the odometry, per second", min=0, max=200
+    )
+    timeout: float = param(
+        1.0, "seconds after which a target that is not seen is lost", min=0.05, max=60
+    )
+    axes: Axes = param(Axes.FLU, "axes of the body: REP 103's, or those of MAVLink and PX4")
+    frame: str = param("base_link", "frame of the body; with FRD, _frd is added to its name")
+    fixed_frame: str = param("odom", "frame in which the target stands or moves evenly")
+    speed: float = param(
+        1.0,
+        "speed that the target may have (standard deviation), m/s; 0: it stands still",
+        min=0,
+        max=50,
+        slider=(0, 5),
+        group="motion",
+    )
+    acceleration: float = param(
+        0.5,
+        "how much its speed changes in a second (standard deviation), m/s",
+        min=0.001,
+        max=50,
+        slider=(0, 5),
+        group="motion",
+    )
+    attitude_sigma: float = param(
+        0.5,
+        "standard deviation of the camera's attitude, degrees",
+        min=0,
+        max=45,
+        slider=(0, 5),
+        group="sureness",
+    )
+    ground_height: float = param(
+        0.0,
+        "height of the target in the fixed frame, for a first sight without a range, metres",
+        min=-1e4,
+        max=1e4,
+        slider=(-10, 10),
+        group="sureness",
+    )
+    ground_sigma: float = param(
+        0.5,
+        "standard deviation of that height, metres",
+        min=0.01,
+        max=1e3,
+        slider=(0.01, 5),
+        group="sureness",
+    )
+
+
+@node(
+    "landing_target",
+    params=LandingTargetParams,
+    inputs={"detections": Detections, "objects": Detections, "odom": Odometry},
+    outputs={
+        "landing_target": PoseWithCovarianceStamped,
+        "landing_target_pose": PoseStamped,
+        "landing_target_odom": Odometry,
+    },
+    frames=True,
+)
+class LandingTarget:
+    """Tells where the landing target is from the robot, also between images, while it is known.
+
+    It says nothing while the target is not: a listener is to take its last word for `timeout` at
+    most. The odometry that it gives is the target's, with its velocity, in the fixed frame.
+    """
+
+    def __init__(self, params: LandingTargetParams) -> None:
+        self._tracker = Tracker()
+        self._told_ns = 0
+        self._answers = self._losses = 0
+
+    def reset(self) -> None:
+        """Begin anew: time jumped."""
+        self._tracker.forget()
+        self._told_ns = 0
+
+    def step(
+        self,
+        params: LandingTargetParams,
+        detections: Detections | None = None,
+        objects: Detections | None = None,
+        odom: Odometry | None = None,
+        *,
+        frames: FrameTree,
+    ) -> dict[str, Any] | None:
+        """Where the target is at the time of an image or of an odometry."""
+        found = objects if detections is None else detections
+        if found is not None:
+            self._observe(found, params, frames)
+            return self._tell(found.header.stamp_ns, params, frames)
+        if odom is None or not params.rate:
+            return None
+        stamp_ns = odom.header.stamp_ns
+        if stamp_ns - self._told_ns < 1e9 / params.rate:
+            return None
+        return self._tell(stamp_ns, params, frames)
+
+    def report(self) -> dict[str, Any]:
+        """How often it told of the target, refused a sighting, and lost it."""
+        refused = self._tracker.refused
+        return {"answers": self._answers, "refused": refused, "lost": self._losses}
+
+    def _observe(self, found: Detections, params: LandingTargetParams, frames: FrameTree) -> None:
+        names = {name.strip() for name in params.target.split(",")}
+        stamp_ns = found.header.stamp_ns
+        ours = [
+            [h for h in one.hypotheses if h.class_id in names]
+            for one in found.detections
+            if names & {h.class_id for h in one.hypotheses}
+        ]
+        if not ours:
+            return
+        self._drop_if_lost(stamp_ns, params)
+        T_fixed_camera = frames.lookup(params.fixed_frame, found.header.frame_id, stamp_ns)
+        ground = Ground(_UP, params.ground_height, params.ground_sigma)
+        for hypotheses in ours:
+            readings = [sighting_of(one, T_fixed_camera) for one in hypotheses]
+            known = [one for one in readings if one is not None]
+            self._tracker.observe(stamp_ns, known, _motion(params), ground)
+
+    def _tell(
+        self, stamp_ns: int, params: LandingTargetParams, frames: FrameTree
+    ) -> dict[str, Any] | None:
+        self._drop_if_lost(stamp_ns, params)
+        estimate = self._tracker.at(stamp_ns, _motion(params))
+        if estimate is None:
+            return None
+        T_fixed_body = frames.lookup(params.fixed_frame, params.frame, stamp_ns)
+        self._told_ns = stamp_ns
+        self._answers += 1
+        sigma = math.radians(params.attitude_sigma)
+        pose = relative_to(T_fixed_body, estimate, sigma, params.axes)
+        frame = params.frame + ("_frd" if params.axes is Axes.FRD else "")
+        header = Header(stamp_ns, frame)
+        return {
+            "landing_target": PoseWithCovarianceStamped(*pose, header),
+            "landing_target_pose": PoseStamped(*pose[:2], header),
+            "landing_target_odom": _odometry(estimate, Header(stamp_ns, params.fixed_frame)),
+        }
+
+    def _drop_if_lost(self, stamp_ns: int, params: LandingTargetParams) -> None:
+        tracker = self._tracker
+        if tracker.estimate is None or stamp_ns - tracker.seen_ns <= params.timeout * 1e9:
+            return
+        tracker.forget()
+        self._losses += 1
+        log.warning("landing_target: %s is lost: not seen for %g s", params.target, params.timeout)
+
+
+def _motion(p: LandingTargetParams) -> Motion:
+    return Motion(p.speed, p.acceleration)
+
+
+def _odometry(estimate: Estimate, header: Header) -> Odometry:
+    """The target's own odometry; its velocity is in its own axes, as that of all odometry."""
+    R = estimate.R
+    twist: Floats = np.zeros((6, 6))
+    twist[:3, :3] = R.T @ estimate.covariance[6:, 6:] @ R
+    return Odometry(
+        estimate.position_xyz,
+        rotations.from_matrix(R),
+        R.T @ estimate.velocity_xyz,
+        pose_covariance=estimate.covariance[:6, :6],
+        twist_covariance=twist,
+        child_frame_id="landing_target",
+        header=header,
+    )
