@@ -37,6 +37,7 @@ _COLORS = np.array(
 _AXES = np.repeat(np.hstack([np.eye(3), np.ones((3, 1))]), 2, axis=0).astype(np.float32)
 _UNKNOWN_M = 0.2  # drawn of what has no known size
 _PLATE_M = 0.01
+_LABEL_M = 0.15  # the least height of a name's letters
 _SHAPES = ("covariance", "box", "axes", "label")
 
 
@@ -115,7 +116,8 @@ def _markers(track: Track, quat: Floats) -> tuple[Marker, ...]:
     scale, axes = ellipsoid(track.covariance[:3, :3])
     color = np.append(_COLORS[zlib.crc32(track.class_id.encode()) % len(_COLORS)], 0.35)
     box = np.maximum(track.size_xyz, _PLATE_M) if track.sizes else np.full(3, _UNKNOWN_M / 4)
-    label = at + np.array([0, 0, extent / 2 + 0.15])
+    tall = max(extent / 3, _LABEL_M)
+    label = at + np.array([0, 0, extent / 2 + tall])
     lines = np.vstack([np.zeros((3, 3)), np.eye(3) * extent])[[0, 3, 1, 4, 2, 5]]
     drawn = [
         Marker(MarkerType.SPHERE, at, axes, scale, color, ns="covariance", id=number),
@@ -131,7 +133,7 @@ def _markers(track: Track, quat: Floats) -> tuple[Marker, ...]:
         Marker(
             MarkerType.TEXT_VIEW_FACING,
             label,
-            scale_xyz=np.full(3, 0.15),
+            scale_xyz=np.full(3, tall),
             text=track.name,
             ns="label",
             id=number,
