@@ -21,6 +21,7 @@ OUTPUTS = {
         "markers": "/landmark_markers",
         "tf_static": "/landmarks/tf_static",
     },
+    "pose_error": {"nees": "/nees", "error": "/position_error"},
 }
 """Node -> output -> topic.
 

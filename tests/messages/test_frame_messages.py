@@ -6,9 +6,10 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from through import HEADER, ROS1, assert_same, assert_survives, through_ros1, through_ros2
 
-from ros_visualise.data import Header, Text, Transforms, TransformStamped
+from ros_visualise.data import Header, Number, Text, Transforms, TransformStamped
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.numeric_fields import numeric_fields
 
 TRANSFORM = TransformStamped(
     "lidar", np.array([1.5, -2, np.nan]), np.array([0, 0, 0.6, 0.8]), HEADER
@@ -48,3 +49,9 @@ def test_the_type_of_transforms_is_that_of_ros(recordings):
 def test_texts_survive():
     for text in ("", "<robot>ä 漢</robot>", "x" * 100_000):
         assert_survives(Text(text))
+
+
+def test_numbers_survive_and_can_be_plotted():
+    for number in (0.0, -2.5, 1e300):
+        assert_survives(Number(number))
+    assert numeric_fields(through_ros1(Number(2.5))) == {"data": 2.5}

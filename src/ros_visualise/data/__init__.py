@@ -32,6 +32,7 @@ from ros_visualise.data.markers import MarkerAction as MarkerAction
 from ros_visualise.data.markers import MarkerArray as MarkerArray
 from ros_visualise.data.markers import MarkerType as MarkerType
 from ros_visualise.data.message import Message as Message
+from ros_visualise.data.numbers import Number as Number
 from ros_visualise.data.parameters import ParameterEvent as ParameterEvent
 from ros_visualise.data.paths import Path as Path
 from ros_visualise.data.paths import PoseArray as PoseArray
