@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
 from ros_visualise.data import Floats, Pixels
+from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Box, Color, Figure
 
 INK: Color = (40, 40, 40)
@@ -94,3 +97,40 @@ class Zoom:
         """Where the middle of a pixel is on the figure, (2,)."""
         from_center = np.array([x - self._center[0], y - self._center[1]]) + self._reach + 0.5
         return np.array(self._box[:2]) + from_center * self._side
+
+
+def draw_histogram(figure: Figure, box: Box, pixels: Pixels, color: Color = GRAY) -> Axes:
+    """How many pixels have each of 256 levels, as bars; returns the axes."""
+    counts = np.bincount(pixels.ravel(), minlength=256)
+    axes = Axes(figure, box, np.zeros(2), np.array([255.0, counts.max()]))
+    axes.draw("level", "pixels")
+    edges = np.repeat(np.arange(257) - 0.5, 2)
+    heights = np.concatenate([[0], np.repeat(counts, 2), [0]])
+    figure.area(axes.places(np.stack([edges, heights], axis=1)), color)
+    return axes
+
+
+def draw_level(axes: Axes, level: float, top: float, color: Color) -> None:
+    """A vertical line at a level."""
+    axes.curve(np.array([[level, 0.0], [level, top]]), color, 2)
+
+
+def titled(pictures: Sequence[tuple[str, Pixels]], columns: int, width: int = 640) -> Figure:
+    """Pictures of one size in a grid, each below its title."""
+    height, across = pictures[0][1].shape[:2]
+    cell = width / columns
+    shown = cell - 8
+    row = shown * height / across + 26
+    figure = Figure(width, round(row * -(-len(pictures) // columns)))
+    for number, (title, picture) in enumerate(pictures):
+        left, top = (number % columns) * cell + 4, (number // columns) * row
+        figure.text(left, top + 17, title, 13)
+        figure.picture((left, top + 22, shown, row - 26), picture)
+    return figure
+
+
+def pixel_of(shape: tuple[int, ...], x: int, y: int, otherwise: tuple[int, int]) -> tuple[int, int]:
+    """(x, y) of the pixel that a person chose, or another one if either is below zero."""
+    if x < 0 or y < 0:
+        return otherwise
+    return min(x, shape[1] - 1), min(y, shape[0] - 1)

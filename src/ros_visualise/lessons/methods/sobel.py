@@ -52,3 +52,16 @@ def direction(dx: Whole | Floats, dy: Whole | Floats) -> Floats:
     """Where it gets brighter, in degrees from 0 to 360: 0 right, 90 down."""
     angle: Floats = np.degrees(np.arctan2(dy, dx)) % 360
     return angle
+
+
+def magnitude(dx: Whole | Floats, dy: Whole | Floats) -> Floats:
+    """The length of the gradient."""
+    length: Floats = np.hypot(dx, dy)
+    return length
+
+
+def central_difference(values: Pixels) -> Floats:
+    """The derivative of (N,) by both neighbours of each; beyond the ends the values stay."""
+    wide = np.pad(values.astype(float), 1, mode="edge")
+    slope: Floats = (wide[2:] - wide[:-2]) / 2
+    return slope

@@ -19,6 +19,7 @@ from ros_visualise.lessons.drawing import (
     by_direction,
     frame,
     levels,
+    pixel_of,
 )
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods import canny
@@ -123,7 +124,8 @@ def suppression(image: Image, params: SuppressionParams) -> dict[str, Message]:
     found = work_of(image, Gradient)
     keeps = canny.is_maximum(found)
     size = _norm(found)
-    x, y = _chosen(size, params.x, params.y)
+    row, column = np.unravel_index(size.argmax(), size.shape)
+    x, y = pixel_of(size.shape, params.x, params.y, (int(column), int(row)))
     kind = int(canny.direction_class(found)[y, x])
     towards = NEIGHBOURS[kind]
     neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
@@ -245,14 +247,6 @@ def _norm(found: Gradient) -> Pixels:
     """The size of the gradient, float; in L2 the root of what is compared."""
     size: Pixels = np.sqrt(found.size) if found.is_l2 else found.size.astype(float)
     return size
-
-
-def _chosen(size: Pixels, x: int, y: int) -> tuple[int, int]:
-    """The pixel that a person chose, else that of the largest gradient."""
-    if x < 0 or y < 0:
-        row, column = np.unravel_index(size.argmax(), size.shape)
-        return int(column), int(row)
-    return min(x, size.shape[1] - 1), min(y, size.shape[0] - 1)
 
 
 def _at(size: Pixels, x: int, y: int) -> float:

@@ -1,0 +1,191 @@
+"""How a camera with one colour for each pixel gives pictures in colours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Message, Pixels
+from ros_visualise.lessons.drawing import YELLOW, Zoom, frame, levels, pixel_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods import mosaic as methods
+from ros_visualise.lessons.methods.quality import psnr
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Figure
+
+_REACH = 8
+_ZOOM, _OVERVIEW = 400, 240
+_GAIN = 4  # of errors, to be seen
+
+
+@dataclass(frozen=True)
+class PlaceParams:
+    """Where one looks."""
+
+    x: int = param(-1, "column of the pixel in the middle; -1: where most colours go wrong",
+                   min=-1, max=4096, slider=(-1, 640))  # fmt: skip
+    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+
+
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """The picture as it was, what the sensor makes of it, and where one looks."""
+
+    truth: Pixels
+    mosaic: Pixels
+    place: tuple[int, int]
+
+
+@node("mosaic", params=PlaceParams, inputs=TAKES, outputs=GIVES)
+def mosaic(image: Image, params: PlaceParams) -> dict[str, Message]:
+    """The mosaic: each pixel measures one colour."""
+    truth = _of_use(work_of(image, np.ndarray))
+    measured = methods.to_mosaic(truth)
+    error = cv2.blur(
+        _error(methods.demosaic(measured, "bilinear"), truth).astype(np.float32), (9, 9)
+    )
+    y, x = np.unravel_index(error[4:-4, 4:-4].argmax(), error[4:-4, 4:-4].shape)
+    place = pixel_of(truth.shape, params.x, params.y, (int(x) + 4, int(y) + 4))
+    work = _Measured(truth, measured, place)
+    text = """
+        Before each pixel of the sensor is a filter, red, green or blue. In the pattern of Bayer
+        (1976), here {pattern}, half of them are green, which the eye sees best:
+
+            R G R G
+            G B G B
+
+        So {numbers} numbers are measured of the {wanted} that a picture in colours has. The other
+        two of each pixel have to be guessed from its neighbours: that is demosaicing.
+        """
+    return show(
+        image,
+        _draw(work, methods.colored(measured), None),
+        text,
+        work,
+        pattern=methods.PATTERN.upper(),
+        numbers=measured.size,
+        wanted=truth.size,
+    )
+
+
+def _by(method: str, name: str, text: str) -> Any:
+    """The node that shows one method."""
+
+    def demosaiced(image: Image, params: object) -> dict[str, Message]:
+        work = work_of(image, _Measured)
+        found = methods.demosaic(work.mosaic, method)
+        error = _error(found, work.truth)
+        return show(
+            image,
+            _draw(work, found, error),
+            text + _FIGURES,
+            psnr=psnr(found, work.truth),
+            largest=error.max(),
+            false=100 * (_chroma_error(found, work.truth) > 20).mean(),
+            gain=_GAIN,
+        )
+
+    demosaiced.__doc__ = f"Demosaiced: {method}."
+    declare: Callable[[Any], Any] = node(name, inputs=TAKES, outputs=GIVES)
+    return declare(demosaiced)
+
+
+_FIGURES = """
+        Above are the picture, its error {gain} times as bright, and a part of it. Against the
+        truth: PSNR {psnr:.2f} dB, the largest error is {largest} levels, and {false:.2f} % of the
+        pixels have a false colour, by more than 20 levels.
+        """
+
+LESSON = Lesson(
+    "bayer",
+    "how a sensor of one colour for each pixel gives colours: three methods, and false colours",
+    """
+    Nearly every camera measures one colour at each pixel, and computes the others. Here your
+    picture of {width} x {height} pixels is the truth: it is measured as a sensor would, and put
+    together again by three methods.
+    """,
+    [
+        Step(mosaic),
+        Step(
+            _by(
+                "bilinear",
+                "bilinear",
+                """
+        The colours that lack are means of the nearest neighbours that measured them:
+
+            green at a red pixel = (N + E + S + W) / 4
+
+        Fast and soft. Across an edge it mixes both sides, for each colour at other places, so that
+        thin lines get false colours.
+        """,
+            ),
+            "mosaic",
+        ),
+        Step(
+            _by(
+                "VNG",
+                "vng",
+                """
+        Variable number of gradients (Chang, Cheung, Pang, 1999): in eight directions it measures
+        how much changes, and takes means only over those that change little.
+        """,
+            ),
+            "mosaic",
+        ),
+        Step(
+            _by(
+                "edge-aware",
+                "edge_aware",
+                """
+        Green is interpolated along the edge: left and right or above and below, whichever differ
+        less. Red and blue stay means of their neighbours, as above.
+        """,
+            ),
+            "mosaic",
+        ),
+    ],
+)
+
+
+def _of_use(picture: Pixels) -> Pixels:
+    """With an even number of rows and columns, which the pattern needs; at least 16 of each."""
+    height, width = (max(16, side) for side in picture.shape[:2])
+    wide = cv2.copyMakeBorder(
+        picture, 0, height - picture.shape[0], 0, width - picture.shape[1], cv2.BORDER_REFLECT
+    )
+    return np.ascontiguousarray(wide[: height // 2 * 2, : width // 2 * 2])
+
+
+def _error(found: Pixels, truth: Pixels) -> Pixels:
+    """The largest difference of the channels, (height, width)."""
+    error: Pixels = cv2.absdiff(found, truth).max(axis=2)
+    return error
+
+
+def _chroma_error(found: Pixels, truth: Pixels) -> Pixels:
+    """How much the channels are wrong relative to one another: a gray error has none."""
+    difference = found.astype(np.int64) - truth
+    error: Pixels = difference.max(axis=2) - difference.min(axis=2)
+    return error
+
+
+def _draw(work: _Measured, picture: Pixels, error: Pixels | None) -> Figure:
+    """The picture, its error, and the part around the place that is looked at."""
+    height, width = picture.shape[:2]
+    scale = min(_OVERVIEW / width, _ZOOM / 2 / height)
+    figure = Figure(_OVERVIEW + _ZOOM + 8, _ZOOM)
+    figure.picture((0, 0, width * scale, height * scale), picture)
+    reach = (_REACH + 0.5) * scale + 3
+    left, top = (work.place[0] + 0.5) * scale - reach, (work.place[1] + 0.5) * scale - reach
+    frame(figure, (left, top, 2 * reach, 2 * reach), YELLOW)
+    if error is not None:
+        box = (0, height * scale + 8, width * scale, height * scale)
+        figure.picture(box, levels(error, 255 / _GAIN))
+    zoom = Zoom(figure, (_OVERVIEW + 8, 0, _ZOOM, _ZOOM), work.place, _REACH)
+    zoom.draw(picture)
+    return figure

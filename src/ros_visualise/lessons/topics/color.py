@@ -1,0 +1,225 @@
+"""Colours as numbers: the cube of red, green and blue; hue, saturation and value; gray."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats, Header, Image, Message, Pixels, PointCloud
+from ros_visualise.lessons.drawing import GRAY, pixel_of, titled
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Figure
+from ros_visualise.vision.color import hsv_mask
+
+_SIDE = 2.0
+"""Length of the cube's edges in 3D, metres."""
+_POINT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("rgb", "f4")])
+_TURN, _TILT = np.radians(-35), np.radians(25)
+
+
+@dataclass(frozen=True)
+class CubeParams:
+    """How many pixels are drawn."""
+
+    points: int = param(20_000, "so many pixels are drawn at most", min=100, max=200_000,
+                        slider=(1000, 50_000))  # fmt: skip
+
+
+@node("cube", params=CubeParams, inputs=TAKES, outputs={**GIVES, "points": PointCloud})
+def cube(image: Image, params: CubeParams) -> dict[str, Message]:
+    """The RGB cube: each pixel is a point in space."""
+    bgr = work_of(image, np.ndarray)
+    every = -(-bgr.shape[0] * bgr.shape[1] // params.points)
+    chosen = bgr.reshape(-1, 3)[::every]
+    kinds = len(np.unique(bgr.reshape(-1, 3) @ np.array([1, 256, 65536])))
+    axes = np.linalg.eigvalsh(np.cov(bgr.reshape(-1, 3).T.astype(float)) + np.eye(3) * 1e-9)
+    text = """
+        Red, green and blue are three directions in space, so each pixel is a point in a cube:
+        black is at one corner, white at the opposite one, gray on the line between them. Turn it in
+        the 3D view.
+
+        This picture has {kinds} of the 16777216 colours. Along the direction in which they differ
+        most lies {share:.0f} % of their variance: the nearer to 100 %, the nearer they are to a
+        line, and the more a gray picture tells of them.
+        """
+    return show(image, _draw_cube(chosen), text, kinds=kinds, share=100 * axes[-1] / axes.sum()) | {
+        "points": _cloud(chosen, image.header)
+    }
+
+
+@dataclass(frozen=True)
+class HsvParams:
+    """At which pixel one looks."""
+
+    x: int = param(-1, "column of the pixel; -1: the most colourful", min=-1, max=4096,
+                   slider=(-1, 640))  # fmt: skip
+    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+
+
+@node("hsv", params=HsvParams, inputs=TAKES, outputs=GIVES)
+def hsv(image: Image, params: HsvParams) -> dict[str, Message]:
+    """HSV: which colour, how much of it, how bright."""
+    bgr = work_of(image, np.ndarray)
+    found = to_hsv(bgr)
+    row, column = np.unravel_index(found[..., 1].argmax(), bgr.shape[:2])
+    x, y = pixel_of(bgr.shape, params.x, params.y, (int(column), int(row)))
+    theirs = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV)
+    full = np.full(found.shape[:2], 255, np.uint8)
+    hue = cv2.cvtColor(cv2.merge([found[..., 0], full, full]), cv2.COLOR_HSV2BGR)
+    text = """
+        With V = max(R, G, B) and C = V − min(R, G, B):
+
+            S = 255 C / V
+            H = 30 (G − B) / C           if V = R
+                60 + 30 (B − R) / C      if V = G
+                120 + 30 (R − G) / C     if V = B
+
+        OpenCV's hue goes from 0 to 179, half the degrees, to fit 8 bits; red is at both ends. At
+        ({x}, {y}): R {red}, G {green}, B {blue} is H {h} ({degrees}°), S {s}, V {v}. cv2.cvtColor
+        differs in {differ} of {all} numbers.
+        """
+    blue, green, red = (int(one) for one in bgr[y, x])
+    h, s, v = (int(one) for one in found[y, x])
+    seen = titled(
+        [("picture", bgr), ("H: hue", hue), ("S: saturation", found[..., 1]),
+         ("V: value", found[..., 2])],
+        2,
+    )  # fmt: skip
+    return show(
+        image,
+        seen,
+        text,
+        **{"x": x, "y": y, "red": red, "green": green, "blue": blue, "h": h, "s": s, "v": v},
+        degrees=2 * h,
+        differ=int((found != theirs).sum()),
+        all=found.size,
+    )
+
+
+@dataclass(frozen=True)
+class RangeParams:
+    """Which colours stay."""
+
+    hue_low: int = param(35, "lowest hue; above the highest one, the range leads through red",
+                         min=0, max=179)  # fmt: skip
+    hue_high: int = param(85, "highest hue", min=0, max=179)
+    saturation: int = param(60, "least saturation", min=0, max=255)
+    value: int = param(40, "least value", min=0, max=255)
+
+
+@node("hue_range", params=RangeParams, inputs=TAKES, outputs=GIVES)
+def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
+    """A range of hues finds things by their colour."""
+    bgr = work_of(image, np.ndarray)
+    low = params.hue_low, params.saturation, params.value
+    mask = hsv_mask(bgr, "BGR", low, (params.hue_high, 255, 255))
+    text = """
+        Light and shadow change R, G and B together, and the hue hardly: so a thing is chosen by
+        its hue, from {low} to {high} here, that is {low_degrees}° to {high_degrees}°. Grays have no
+        hue, so the saturation has to be {saturation} at least. {share:.1f} % of the pixels are in
+        this range.
+        """
+    return show(
+        image,
+        cv2.bitwise_and(bgr, bgr, mask=mask),
+        text,
+        low=params.hue_low,
+        high=params.hue_high,
+        low_degrees=2 * params.hue_low,
+        high_degrees=2 * params.hue_high,
+        saturation=params.saturation,
+        share=100 * (mask > 0).mean(),
+    )
+
+
+@node("gray", inputs=TAKES, outputs=GIVES)
+def gray(image: Image, params: object) -> dict[str, Message]:
+    """Gray: a weighted sum of the three."""
+    bgr = work_of(image, np.ndarray)
+    weighted = to_gray(bgr)
+    mean = np.rint(bgr.mean(axis=2)).astype(np.uint8)
+    theirs = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    text = """
+        The eye sees green best and blue worst, and gray is to look as bright as the colour:
+
+            Y = {r} R + {g} G + {b} B
+
+        The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average here,
+        at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of {all} pixels.
+        """
+    apart = cv2.absdiff(weighted, mean)
+    blue, _, red = cv2.split(bgr)
+    seen = titled(
+        [("weighted", weighted), ("plain mean", mean), ("red alone", red), ("blue alone", blue)], 2
+    )
+    return show(
+        image,
+        seen,
+        text,
+        **{name.lower(): weight for name, weight in GRAY_WEIGHTS.items()},
+        difference=apart.mean(),
+        largest=apart.max(),
+        differ=int((weighted != theirs).sum()),
+        all=weighted.size,
+    )
+
+
+LESSON = Lesson(
+    "color",
+    "colours as numbers: your picture in the RGB cube in 3D, HSV with hues to 180, gray",
+    """
+    A colour is three numbers, but which three? Red, green and blue are what cameras measure and
+    screens emit; hue, saturation and value are nearer to how one speaks of colours. This picture
+    has {width} x {height} pixels.
+    """,
+    [Step(cube), Step(hsv, "picture"), Step(hue_range, "picture"), Step(gray, "picture")],
+)
+
+
+def _cloud(colors: Pixels, header: Header) -> PointCloud:
+    """Colours (N, 3) in BGR as points: x red, y green, z blue."""
+    points = np.zeros(len(colors), _POINT)
+    for axis, channel in zip("xyz", (2, 1, 0), strict=True):
+        points[axis] = colors[:, channel] * (_SIDE / 255)
+    packed = colors.astype(np.uint32) @ np.array([1, 1 << 8, 1 << 16], np.uint32)
+    points["rgb"] = packed.astype(np.uint32).view(np.float32)
+    return PointCloud(points, True, Header(header.stamp_ns, "rgb_cube"))
+
+
+def _draw_cube(colors: Pixels) -> Figure:
+    """The cube seen at a slant, the nearest points last."""
+    side = 480
+    figure = Figure(640, side)
+    picture = np.full((side, 640, 3), 255, np.uint8)
+    rgb = colors[:, ::-1].astype(float) / 255
+    places, depth = _project(rgb, side)
+    order = depth.argsort()[::-1]
+    column, row = np.rint(places[order]).astype(int).T
+    for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        picture[row + shift[1], column + shift[0]] = colors[order]
+    figure.picture((0, 0, 640, side), picture)
+    corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
+    shown, _ = _project(corners, side)
+    for one in range(8):
+        for other in range(one):
+            if np.abs(corners[one] - corners[other]).sum() == 1:
+                figure.line(shown[[one, other]], GRAY, 1)
+    for name, corner in (("black", 0), ("red", 4), ("green", 2), ("blue", 1), ("white", 7)):
+        figure.text(shown[corner, 0] + 6, shown[corner, 1] - 6, name, 13)
+    return figure
+
+
+def _project(rgb: Floats, side: int) -> tuple[Floats, Floats]:
+    """Where points of the cube are on the figure, (N, 2), and how far away."""
+    x, y, z = (rgb - 0.5).T
+    across = x * np.cos(_TURN) - y * np.sin(_TURN)
+    away = x * np.sin(_TURN) + y * np.cos(_TURN)
+    up = z * np.cos(_TILT) + away * np.sin(_TILT)
+    depth = away * np.cos(_TILT) - z * np.sin(_TILT)
+    scale = 0.56 * side
+    return np.stack([320 + across * scale, side / 2 - up * scale], axis=1), depth

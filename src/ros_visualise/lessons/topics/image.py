@@ -1,0 +1,230 @@
+"""What a picture is to a program: numbers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import ENCODINGS, Image, Message
+from ros_visualise.lessons.drawing import (
+    BLUE,
+    GREEN,
+    RED,
+    YELLOW,
+    Zoom,
+    draw_histogram,
+    frame,
+    pixel_of,
+    titled,
+)
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.quality import entropy, psnr, quantize
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+
+_REACH = 4
+_ZOOM, _OVERVIEW = 400, 240
+_ENCODED = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "bgr16", "bayer_rggb8")
+
+
+@dataclass(frozen=True)
+class PixelsParams:
+    """At which pixel one looks."""
+
+    x: int = param(-1, "column of the pixel; -1: the middle", min=-1, max=4096, slider=(-1, 640))
+    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+
+
+@node("pixels", params=PixelsParams, inputs=TAKES, outputs=GIVES)
+def pixels(image: Image, params: PixelsParams) -> dict[str, Message]:
+    """Pixels: places with numbers."""
+    bgr = work_of(image, np.ndarray)
+    gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    height, width = gray.shape
+    x, y = pixel_of(gray.shape, params.x, params.y, (width // 2, height // 2))
+    scale = min(_OVERVIEW / width, _ZOOM / height)
+    figure = Figure(_OVERVIEW + _ZOOM, _ZOOM)
+    figure.picture((0, 0, width * scale, height * scale), bgr)
+    reach = (_REACH + 0.5) * scale + 4
+    left, top = (x + 0.5) * scale - reach, (y + 0.5) * scale - reach
+    frame(figure, (left, top, 2 * reach, 2 * reach), YELLOW)
+    zoom = Zoom(figure, (_OVERVIEW, 0, _ZOOM, _ZOOM), (x, y), _REACH)
+    zoom.draw(bgr, gray)
+    zoom.mark(x, y, YELLOW)
+    text = """
+        A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row
+        0 are at the top left. Each pixel of this one has three numbers of 8 bits, how much blue,
+        green and red there is. At ({x}, {y}): blue {blue}, green {green}, red {red}; in gray
+        {gray}, which is written into the pixels.
+
+            {width} × {height} pixels × 3 channels × 1 byte = {size} bytes
+        """
+    blue, green, red = bgr[y, x]
+    return show(
+        image,
+        figure,
+        text,
+        width=width,
+        height=height,
+        count=gray.size,
+        x=x,
+        y=y,
+        blue=blue,
+        green=green,
+        red=red,
+        gray=gray[y, x],
+        size=bgr.nbytes,
+    )
+
+
+@node("channels", inputs=TAKES, outputs=GIVES)
+def channels(image: Image, params: object) -> dict[str, Message]:
+    """Channels: a picture for each colour."""
+    bgr = work_of(image, np.ndarray)
+    named = list(zip(("blue", "green", "red"), cv2.split(bgr), strict=True))
+    table = "\n".join(f"    {name:6} mean {one.mean():6.1f}   from {one.min():3} to {one.max():3}"
+                      for name, one in named)  # fmt: skip
+    text = f"""
+A colour picture is three gray ones, its channels: how much of each colour there is. OpenCV keeps
+them in the order blue, green, red; most other programs begin with red.
+
+{table}
+"""
+    return show(image, titled([("in colours", bgr), *named], 2), text)
+
+
+@dataclass(frozen=True)
+class LevelsParams:
+    """How many levels."""
+
+    bits: int = param(3, "k bits for a gray level", min=1, max=8)
+
+
+@node("gray_levels", params=LevelsParams, inputs=TAKES, outputs=GIVES)
+def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
+    """k bits give 2ᵏ gray levels."""
+    gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
+    fewer = quantize(gray, params.bits)
+    text = """
+        With k bits a pixel can have 2ᵏ levels:
+
+            2^{bits} = {count} levels,   {width} × {height} × {bits} / 8 = {size:.0f} bytes
+
+        Fewer levels save room and make steps where the gray changes slowly. Against 8 bits this
+        picture has a PSNR of {psnr:.1f} dB; each bit more gives about 6 dB. {used} of the {count}
+        levels are used.
+        """
+    quality = psnr(fewer, gray)
+    return show(
+        image,
+        fewer,
+        text,
+        bits=params.bits,
+        count=2**params.bits,
+        width=gray.shape[1],
+        height=gray.shape[0],
+        size=gray.size * params.bits / 8,
+        psnr=quality,
+        used=len(np.unique(fewer)),
+    )
+
+
+@node("histogram", inputs=TAKES, outputs=GIVES)
+def histogram(image: Image, params: object) -> dict[str, Message]:
+    """The histogram: how often each level is there."""
+    bgr = work_of(image, np.ndarray)
+    gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    figure = Figure(640, 420)
+    draw_histogram(figure, (70, 26, 550, 130), gray)
+    counts = [np.bincount(one.ravel(), minlength=256) for one in cv2.split(bgr)]
+    top = np.array([255.0, max(count.max() for count in counts)])
+    axes = Axes(figure, (70, 230, 550, 130), np.zeros(2), top)
+    axes.draw("level", "pixels, of each channel")
+    for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
+        axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)
+    text = """
+        Of the gray levels, above, the mean {mean:.1f} is the brightness, the standard deviation
+        {spread:.1f} the contrast. Below are those of the channels. If all levels were as frequent,
+        each pixel would tell 8 bits; here it is the entropy
+
+            H = −Σ p(v) log₂ p(v) = {entropy:.2f} bits
+        """
+    return show(image, figure, text, mean=gray.mean(), spread=gray.std(), entropy=entropy(gray))
+
+
+@dataclass(frozen=True)
+class ResolutionParams:
+    """How coarse."""
+
+    factor: int = param(8, "so many pixels to a side become one", min=1, max=64, slider=(1, 32))
+
+
+@node("resolution", params=ResolutionParams, inputs=TAKES, outputs=GIVES)
+def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
+    """Resolution: how many pixels there are for the same thing."""
+    bgr = work_of(image, np.ndarray)
+    height, width = bgr.shape[:2]
+    size = max(1, width // params.factor), max(1, height // params.factor)
+    small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
+    large = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
+    text = """
+        Where {factor} × {factor} pixels become one, their mean, {small_width} × {small_height} are
+        left of {width} × {height}: {share:.2f} % of the bytes. What is smaller than two pixels
+        cannot be told any more; enlarging brings nothing back.
+        """
+    return show(
+        image,
+        large,
+        text,
+        factor=params.factor,
+        small_width=size[0],
+        small_height=size[1],
+        width=width,
+        height=height,
+        share=100 * small.size / bgr.size,
+    )
+
+
+@node("encodings", inputs=TAKES, outputs=GIVES)
+def encodings(image: Image, params: object) -> dict[str, Message]:
+    """Encodings: what the bytes of a message mean."""
+    bgr = work_of(image, np.ndarray)
+    count = bgr.shape[0] * bgr.shape[1]
+    rows = []
+    for name in _ENCODED:
+        dtype, depth = ENCODINGS[name]
+        size = np.dtype(dtype).itemsize
+        rows.append(f"    {name:12} {depth} × {8 * size:2} bits {count * depth * size:12} bytes")
+    table = "\n".join(rows)
+    text = f"""
+A message sensor_msgs/Image is its bytes and the name of their encoding. Read by a wrong name, the
+same bytes are another picture: above, red and blue have changed places.
+
+{table}
+
+This picture comes as bgr8. Depth is 32FC1 in metres or 16UC1 in millimetres; mono16 has the same
+bytes as 16UC1 and is gray.
+"""
+    return show(image, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), text)
+
+
+LESSON = Lesson(
+    "image",
+    "what a picture is to a program: pixels, channels, bits and levels, encodings, resolution",
+    """
+    A camera measures light at many places and writes numbers. All that follows, edges, tags, maps,
+    is computed from these numbers. This picture has {width} x {height} pixels.
+    """,
+    [
+        Step(pixels),
+        Step(channels, "picture"),
+        Step(gray_levels, "picture"),
+        Step(histogram, "picture"),
+        Step(resolution, "picture"),
+        Step(encodings, "picture"),
+    ],
+)

@@ -1,0 +1,217 @@
+"""Noise, and what smoothing does against it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Message, Pixels
+from ros_visualise.lessons.drawing import INK, RED
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.quality import FULL, mean_square, psnr
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+from ros_visualise.vision.smoothing import bilateral, median, sigma_of
+
+
+class Noise(Enum):
+    """Models of noise."""
+
+    GAUSSIAN = "gaussian"
+    SALT_AND_PEPPER = "salt_and_pepper"
+    POISSON = "poisson"
+
+
+@dataclass(frozen=True)
+class NoiseParams:
+    """What is added to the picture."""
+
+    model: Noise = param(Noise.GAUSSIAN, "gaussian: of electronics; salt_and_pepper: of broken"
+                         " pixels; poisson: of light itself")  # fmt: skip
+    strength: float = param(20.0, "standard deviation in levels; of salt_and_pepper: per cent of"
+                            " pixels; of poisson: of white", min=0, max=100)  # fmt: skip
+    seed: int = param(0, "of the random numbers", min=0, max=1000, slider=(0, 20))
+
+
+@dataclass(frozen=True, eq=False)
+class _Noisy:
+    """The picture in gray as it was, and with noise."""
+
+    clean: Pixels
+    noisy: Pixels
+
+
+@node("noisy", params=NoiseParams, inputs=TAKES, outputs=GIVES)
+def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
+    """The picture with noise."""
+    clean = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
+    added = add_noise(clean, params.model, params.strength, params.seed)
+    text = """
+        {model}
+
+        How far a picture is from the truth says the peak signal to noise ratio:
+
+            PSNR = 10 log₁₀(255² / mean square of the differences)
+
+        Here the mean square is {square:.1f}, its root {root:.1f} levels, the PSNR {psnr:.2f} dB.
+        30 dB are good, below 20 dB one sees little else than the noise.
+        """
+    work = _Noisy(clean, added)
+    error = mean_square(added, clean)
+    model = _MODELS[params.model].format(strength=params.strength)
+    return show(
+        image,
+        added,
+        text,
+        work,
+        model=model,
+        square=error,
+        root=math.sqrt(error),
+        psnr=psnr(added, clean),
+    )
+
+
+@dataclass(frozen=True)
+class GaussParams:
+    """How much is smoothed."""
+
+    sigma: float = param(1.2, "standard deviation, pixels", min=0.3, max=20, slider=(0.3, 5))
+
+
+@node("gauss", params=GaussParams, inputs=TAKES, outputs=GIVES)
+def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
+    """A Gaussian: the weighted mean of the neighbours."""
+    work = work_of(image, _Noisy)
+    smoothed = cv2.GaussianBlur(work.noisy, (0, 0), params.sigma)
+    text = """
+        Noise that is as often too bright as too dark goes away in a mean. The neighbours are
+        weighted by a Gaussian:
+
+            w(d) = exp(−d² / 2σ²),   σ = {sigma:g}
+
+        Of noise with a standard deviation of 1 that leaves about 1 / (2σ√π) = {left:.2f}. Edges
+        become as soft as the noise. {result}
+        """
+    left = 1 / (2 * params.sigma * math.sqrt(math.pi))
+    return show(image, _beside(work, smoothed), text, sigma=params.sigma, left=left,
+                result=_result(work, smoothed))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class MedianParams:
+    """How large the window is."""
+
+    size: int = param(3, "width of the window, pixels; even counts as the next odd", min=3, max=31,
+                      slider=(3, 15))  # fmt: skip
+
+
+@node("median", params=MedianParams, inputs=TAKES, outputs=GIVES)
+def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
+    """A median: the middle one of the neighbours."""
+    work = work_of(image, _Noisy)
+    size = params.size | 1
+    smoothed = median(work.noisy, size)
+    text = """
+        The {count} levels of each {size} × {size} window are put in order, and the middle one is
+        taken. One that is far off, as of a broken pixel, has no say at all, and a straight edge
+        stays where it is; corners and thin lines go. {result}
+        """
+    return show(image, _beside(work, smoothed), text, count=size**2, size=size,
+                result=_result(work, smoothed))  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BilateralParams:
+    """What is near, in place and in level."""
+
+    size: int = param(7, "width of the window, pixels; even counts as the next odd", min=3, max=31,
+                      slider=(3, 15))  # fmt: skip
+    sigma_color: float = param(50.0, "levels that still mix", min=1, max=255, slider=(1, 150))
+
+
+@node("bilateral", params=BilateralParams, inputs=TAKES, outputs=GIVES)
+def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
+    """A bilateral filter: the mean of those that are alike."""
+    work = work_of(image, _Noisy)
+    size = params.size | 1
+    smoothed = bilateral(work.noisy, size, params.sigma_color, sigma_of(size))
+    text = """
+        Neighbours count by how near they are, and by how alike (Tomasi and Manduchi, 1998):
+
+            w = exp(−d² / 2σ²) · exp(−(difference of levels)² / 2σ_c²),   σ_c = {sigma:g}
+
+        Beyond an edge nothing is alike, so edges stay; salt and pepper stay too. {result}
+        """
+    return show(image, _beside(work, smoothed), text, sigma=params.sigma_color,
+                result=_result(work, smoothed))  # fmt: skip
+
+
+LESSON = Lesson(
+    "noise",
+    "models of noise, and smoothing by Gauss, median and bilateral filters, compared by PSNR",
+    """
+    Every measurement has noise. Your picture of {width} x {height} pixels is taken for the truth,
+    in gray; noise is added, so that one can say how much of it each filter takes away.
+    """,
+    [Step(noisy), Step(gauss), Step(by_median, "noisy"), Step(by_bilateral, "noisy")],
+)
+
+_MODELS = {
+    Noise.GAUSSIAN: "To each pixel a random number is added, with a standard deviation of"
+    " {strength:g} levels: the noise of the electronics.",
+    Noise.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white: broken, or lost on"
+    " the way.",
+    Noise.POISSON: "Light comes in photons, and how many come is random: as bright as the number"
+    " is, as large is its variance. White has a standard deviation of {strength:g} levels.",
+}
+
+
+def add_noise(gray: Pixels, model: Noise, strength: float, seed: int) -> Pixels:
+    """A picture with noise, 8 bits.
+
+    Args:
+        gray: 8 bits.
+        model: of the noise.
+        strength: standard deviation in levels (of white, for Poisson), or per cent of the pixels.
+        seed: of the random numbers.
+    """
+    random = np.random.default_rng(seed)
+    if model is Noise.SALT_AND_PEPPER:
+        chance = random.random(gray.shape)
+        broken: Pixels = np.where(random.random(gray.shape) < 0.5, np.uint8(0), np.uint8(FULL))
+        return np.where(chance < strength / 100, broken, gray)
+    if model is Noise.POISSON and strength > 0:
+        photons = (FULL / strength) ** 2 / FULL  # for a level
+        found = random.poisson(gray * photons) / photons
+    else:
+        found = gray + random.normal(0, strength, gray.shape)
+    added: Pixels = np.rint(found).clip(0, FULL).astype(np.uint8)
+    return added
+
+
+def _result(work: _Noisy, smoothed: Pixels) -> str:
+    before, after = psnr(work.noisy, work.clean), psnr(smoothed, work.clean)
+    return f"PSNR: {before:.2f} dB before, {after:.2f} dB after: {after - before:+.2f} dB."
+
+
+def _beside(work: _Noisy, smoothed: Pixels) -> Figure:
+    """The smoothed picture, and a row of it before and after."""
+    width = 640
+    shown = (width - 70) * smoothed.shape[0] / smoothed.shape[1]
+    figure = Figure(width, round(shown + 190))
+    figure.picture((60, 0, width - 70, shown), smoothed)
+    row = smoothed.shape[0] // 2
+    axes = Axes(figure, (60, shown + 30, width - 70, 110), np.zeros(2),
+                np.array([smoothed.shape[1] - 1.0, FULL]))  # fmt: skip
+    axes.draw("x (pixels)", f"level along row {row}: noisy, truth and smoothed")
+    x = np.arange(smoothed.shape[1])
+    curves = ((work.noisy, (205, 205, 205)), (work.clean, INK), (smoothed, RED))
+    for values, color in curves:
+        axes.curve(np.stack([x, values[row]], axis=1).astype(float), color, 1.3)
+    return figure

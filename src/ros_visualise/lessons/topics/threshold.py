@@ -1,0 +1,183 @@
+"""Thresholds: the five types on the tone curve, Otsu's on the histogram, one for each window."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Image, Message, Pixels
+from ros_visualise.lessons.drawing import BLUE, GREEN, RED, draw_histogram, draw_level
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.thresholds import LEVELS, between_classes, otsu, tone_curves
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+from ros_visualise.vision.threshold import adaptive
+
+_WIDTH = 640
+
+
+@node("histogram", inputs=TAKES, outputs=GIVES)
+def histogram(image: Image, params: object) -> dict[str, Message]:
+    """How often each gray level is there."""
+    gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
+    counts = np.bincount(gray.ravel(), minlength=256)
+    figure = Figure(_WIDTH, 360)
+    draw_histogram(figure, (70, 30, _WIDTH - 90, 270), gray)
+    text = """
+        A threshold compares gray levels, so one looks at how often each is there: the histogram.
+        This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the most
+        frequent is {mode}, of {count} pixels. Where there are two hills, a threshold in the valley
+        between them parts what is dark from what is bright.
+        """
+    return show(
+        image,
+        figure,
+        text,
+        gray,
+        least=gray.min(),
+        most=gray.max(),
+        mean=gray.mean(),
+        mode=counts.argmax(),
+        count=counts.max(),
+    )
+
+
+@dataclass(frozen=True)
+class TypesParams:
+    """The threshold."""
+
+    level: int = param(128, "the threshold T", min=0, max=255)
+
+
+@node("types", params=TypesParams, inputs=TAKES, outputs=GIVES)
+def types(image: Image, params: TypesParams) -> dict[str, Message]:
+    """Five types of threshold, each with its tone curve."""
+    gray = work_of(image, np.ndarray)
+    text = """
+        What becomes of a level v, by OpenCV's five types, with T = {level}:
+
+            binary             255 if v > T, else 0
+            binary inverted    0 if v > T, else 255
+            truncate           T if v > T, else v
+            to zero            v if v > T, else 0
+            to zero inverted   0 if v > T, else v
+
+        A level that equals T counts as below. {above:.1f} % of the pixels are above.
+        """
+    seen = _draw_types(gray, params.level)
+    return show(image, seen, text, level=params.level, above=100 * (gray > params.level).mean())
+
+
+@node("otsu", inputs=TAKES, outputs=GIVES)
+def by_otsu(image: Image, params: object) -> dict[str, Message]:
+    """Otsu's threshold: the one that parts the levels best."""
+    gray = work_of(image, np.ndarray)
+    counts = np.bincount(gray.ravel(), minlength=256)
+    level = otsu(counts)
+    theirs, _ = cv2.threshold(gray, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
+    is_above = gray > level
+    text = """
+        Otsu (1979) takes the threshold for which the two classes differ most, by the variance
+        between them, green below the histogram:
+
+            σ²(t) = ω₀ ω₁ (μ₀ − μ₁)²
+
+        Here t = {level} (cv2.threshold: {theirs:.0f}): {share:.1f} % of the pixels are below, with
+        a mean of {below:.1f}; those above have {above:.1f}; σ² = {variance:.0f}, of a variance of
+        {whole:.0f} in all.
+        """
+    return show(
+        image,
+        _draw_otsu(gray, level),
+        text,
+        level=level,
+        theirs=theirs,
+        share=100 * (1 - is_above.mean()),
+        below=gray[~is_above].mean(),
+        above=gray[is_above].mean() if is_above.any() else gray.mean(),
+        variance=between_classes(counts).max(),
+        whole=gray.var(),
+    )
+
+
+@dataclass(frozen=True)
+class AdaptiveParams:
+    """The window that a pixel is compared with."""
+
+    size: int = param(31, "width of the window, pixels; even counts as the next odd",
+                      min=3, max=255, slider=(3, 101))  # fmt: skip
+    offset: int = param(5, "the threshold is the window's mean less this", min=-255, max=255,
+                        slider=(-20, 40))  # fmt: skip
+
+
+@node("adaptive", params=AdaptiveParams, inputs=TAKES, outputs=GIVES)
+def by_window(image: Image, params: AdaptiveParams) -> dict[str, Message]:
+    """A threshold of its own for each pixel."""
+    gray = work_of(image, np.ndarray)
+    size = params.size | 1
+    seen = adaptive(gray, False, size, params.offset)
+    text = """
+        Where the light is uneven, no single threshold fits. Each pixel is compared with the mean
+        of the {size} x {size} pixels around it:
+
+            255 if v > mean − {offset}, else 0
+
+        That leaves {share:.1f} % of the pixels white.
+        """
+    share = 100 * (seen > 0).mean()
+    return show(image, seen, text, size=size, offset=params.offset, share=share)
+
+
+LESSON = Lesson(
+    "threshold",
+    "what a threshold does to a picture: five types, Otsu's choice, and one for each window",
+    """
+    A threshold decides by the gray level alone: bright or dark, thing or background. That is the
+    oldest way to find things in a picture.
+    This picture has {width} x {height} pixels.
+    """,
+    [Step(histogram), Step(types), Step(by_otsu, "histogram"), Step(by_window, "histogram")],
+)
+
+
+def _draw_types(gray: Pixels, level: int) -> Figure:
+    """Two in a row, each with its curve beside it; the picture itself comes first."""
+    curves = {"gray": LEVELS.astype(np.uint8)} | tone_curves(level)
+    cell = _WIDTH / 2
+    side = 110
+    shown = cell - side - 16
+    row = max(shown * gray.shape[0] / gray.shape[1], side) + 40
+    figure = Figure(_WIDTH, round(3 * row))
+    for number, (name, curve) in enumerate(curves.items()):
+        left, top = (number % 2) * cell + 4, (number // 2) * row
+        figure.text(left, top + 17, name, 13)
+        height = shown * gray.shape[0] / gray.shape[1]
+        figure.picture((left, top + 24, shown, height), cv2.LUT(gray, curve))
+        box = (left + shown + 6, top + 24, side - 4, side - 4)
+        axes = Axes(figure, box, np.zeros(2), np.full(2, 255.0))
+        corners = np.array([[0, 0], [255, 0], [255, 255], [0, 255], [0, 0]], float)
+        axes.curve(corners, (200, 200, 200), 1)
+        axes.curve(np.stack([LEVELS, curve], axis=1).astype(float), BLUE, 2)
+    return figure
+
+
+def _draw_otsu(gray: Pixels, level: int) -> Figure:
+    """The picture parted, its histogram with the threshold, and the measure of each threshold."""
+    counts = np.bincount(gray.ravel(), minlength=256)
+    across = _WIDTH - 90
+    shown = across * gray.shape[0] / gray.shape[1]
+    figure = Figure(_WIDTH, round(shown + 420))
+    figure.picture((70, 0, across, shown), np.where(gray > level, np.uint8(255), np.uint8(0)))
+    axes = draw_histogram(figure, (70, shown + 26, across, 150), gray)
+    draw_level(axes, level, counts.max(), RED)
+    measure = between_classes(counts)
+    box = (70, shown + 236, across, 130)
+    below = Axes(figure, box, np.zeros(2), np.array([255.0, measure.max()]))
+    below.draw("threshold t", "variance between the classes")
+    below.curve(np.stack([LEVELS, measure], axis=1), GREEN)
+    draw_level(below, level, measure.max(), RED)
+    return figure
