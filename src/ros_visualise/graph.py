@@ -35,7 +35,8 @@ class TopicSpec:
 class Member:
     """A node or a source in a graph: its name there, its type, what it starts with, its topics.
 
-    ``inputs`` and ``outputs`` map the names in its declaration to topics.
+    ``inputs`` and ``outputs`` map the names in its declaration to topics. ``aside``: others show
+    what it does, so that a page need not begin with a window for it.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Member:
     params: Any
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
+    aside: bool = False
 
     @property
     def topics(self) -> dict[str, TopicSpec]:

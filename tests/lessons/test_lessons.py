@@ -39,9 +39,9 @@ def test_lessons_are_listed_with_a_sentence_each(capsys):
 
 
 @pytest.mark.parametrize("topic", TOPICS)
-def test_a_lesson_is_written_with_the_numbers_of_its_run(topic, tmp_path, capfd):
+def test_a_lesson_is_written_with_its_figures(topic, picture, tmp_path, capfd):
     folder = tmp_path / "out"
-    assert main(["explain", topic, "--export", str(folder)]) == 0
+    assert main(["explain", topic, str(picture), "--export", str(folder)]) == 0
     page = folder / "index.html"
     html = page.read_text(encoding="utf-8")
     steps = [step.declared.name for step in find_lesson(topic).steps]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ros_visualise.graph import Graph, Node, SourceNode, place
@@ -32,7 +33,7 @@ def lesson_pipeline(
     topics = {image_of(name): f"/{name}" for name in names}
     topics |= {text_of(name): f"/{name}/text" for name in names}
     handout = place(declared, topics, {"text": f"/{declared.name}/text"})
-    return Graph(source, (*nodes, handout)).with_frames()
+    return Graph(replace(source, aside=True), (*nodes, handout)).with_frames()
 
 
 def _placed(declared: NodeType, topic: str) -> Node:

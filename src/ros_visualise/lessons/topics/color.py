@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import cv2
 import numpy as np
 
-from ros_visualise.data import Floats, Header, Image, Message, Pixels, PointCloud
+from ros_visualise.data import (
+    Floats,
+    Header,
+    Image,
+    Marker,
+    MarkerArray,
+    MarkerType,
+    Message,
+    Pixels,
+    PointCloud,
+)
 from ros_visualise.lessons.drawing import GRAY, pixel_of, titled
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
@@ -19,7 +30,14 @@ from ros_visualise.vision.color import hsv_mask
 _SIDE = 2.0
 """Length of the cube's edges in 3D, metres."""
 _POINT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("rgb", "f4")])
+_EDGES = [[one, one ^ bit] for one in range(8) for bit in (1, 2, 4) if not one & bit]
+"""Pairs of the cube's corners, numbered by the bits of x, y and z."""
 _TURN, _TILT = np.radians(-35), np.radians(25)
+
+
+_GIVES = {**GIVES, "points": PointCloud, "axes": MarkerArray}
+_CORNERS = {"black": (0, 0, 0), "red": (1, 0, 0), "green": (0, 1, 0), "blue": (0, 0, 1),
+            "white": (1, 1, 1)}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -30,7 +48,7 @@ class CubeParams:
                         slider=(1000, 50_000))  # fmt: skip
 
 
-@node("cube", params=CubeParams, inputs=TAKES, outputs={**GIVES, "points": PointCloud})
+@node("cube", params=CubeParams, inputs=TAKES, outputs=_GIVES)
 def cube(image: Image, params: CubeParams) -> dict[str, Message]:
     """The RGB cube: each pixel is a point in space."""
     bgr = work_of(image, np.ndarray)
@@ -150,7 +168,8 @@ def gray(image: Image, params: object) -> dict[str, Message]:
             Y = {r} R + {g} G + {b} B
 
         The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average here,
-        at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of {all} pixels.
+        at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of {all}
+        pixels.
         """
     apart = cv2.absdiff(weighted, mean)
     blue, _, red = cv2.split(bgr)
@@ -188,7 +207,32 @@ def _cloud(colors: Pixels, header: Header) -> PointCloud:
         points[axis] = colors[:, channel] * (_SIDE / 255)
     packed = colors.astype(np.uint32) @ np.array([1, 1 << 8, 1 << 16], np.uint32)
     points["rgb"] = packed.astype(np.uint32).view(np.float32)
-    return PointCloud(points, True, Header(header.stamp_ns, "rgb_cube"))
+    return PointCloud(points, True, header)
+
+
+def _axes(header: Header) -> MarkerArray:
+    """The edges of the cube, and the names of its corners."""
+    corners = np.array(list(product((0.0, _SIDE), repeat=3)))
+    edges = [corners[pair, :] for pair in _EDGES]
+    lines = Marker(
+        MarkerType.LINE_LIST,
+        scale_xyz=np.full(3, 0.01),
+        color_rgba=np.array([0.6, 0.6, 0.6, 1], np.float32),
+        points_xyz=np.concatenate(edges),
+        header=header,
+    )
+    names = [
+        Marker(
+            MarkerType.TEXT_VIEW_FACING,
+            position_xyz=np.array(place) * _SIDE * 1.06,
+            scale_xyz=np.full(3, 0.12),
+            text=name,
+            id=number,
+            header=header,
+        )
+        for number, (name, place) in enumerate(_CORNERS.items(), 1)
+    ]
+    return MarkerArray((lines, *names))
 
 
 def _draw_cube(colors: Pixels) -> Figure:
@@ -203,14 +247,12 @@ def _draw_cube(colors: Pixels) -> Figure:
     for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
         picture[row + shift[1], column + shift[0]] = colors[order]
     figure.picture((0, 0, 640, side), picture)
-    corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
-    shown, _ = _project(corners, side)
-    for one in range(8):
-        for other in range(one):
-            if np.abs(corners[one] - corners[other]).sum() == 1:
-                figure.line(shown[[one, other]], GRAY, 1)
-    for name, corner in (("black", 0), ("red", 4), ("green", 2), ("blue", 1), ("white", 7)):
-        figure.text(shown[corner, 0] + 6, shown[corner, 1] - 6, name, 13)
+    shown, _ = _project(np.array(list(product((0.0, 1.0), repeat=3))), side)
+    for pair in _EDGES:
+        figure.line(shown[pair, :], GRAY, 1)
+    for name, place in _CORNERS.items():
+        x, y = _project(np.array([place], float), side)[0][0]
+        figure.text(x + 6, y - 6, name, 13)
     return figure
 
 

@@ -72,7 +72,8 @@ def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> Non
 class Choice:
     """A switch for each window, in a folder.
 
-    Those added are on; beside a scene, where there is less room, those with images are, if any.
+    Those added are on but where they are put aside; beside a scene, where there is less room, those
+    with images or texts are, if any.
     """
 
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
@@ -92,12 +93,12 @@ class Choice:
         names = [window.name for window in windows]
         for name in self._switches.keys() - set(names):
             self._switches.pop(name).remove()
-        pictures = any(window.picture is not None for window in windows)
+        anything = any(window.shows_anything for window in windows)
         with self._folder:
             for window in windows:
                 if window.name not in self._switches:
-                    is_on = window.picture is not None or not (scene and pictures)
-                    switch = self._gui.add_checkbox(window.name, is_on)
+                    is_on = window.shows_anything or not (scene and anything)
+                    switch = self._gui.add_checkbox(window.name, is_on and not window.aside)
                     switch.on_update(self._worker.listener("windows", lambda _: self.show()))
                     self._switches[window.name] = switch
 

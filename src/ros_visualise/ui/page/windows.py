@@ -37,6 +37,7 @@ class Window:
         act: Callable[[str, str], None],
     ) -> None:
         self.name = node.name
+        self.aside = node.aside
         self.picture: Picture | None = None
         self._clouds = _clouds_of(runtime)
         self._looks = _looks_of(node), _overlays_of(runtime, node)
@@ -56,6 +57,11 @@ class Window:
             self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             self._add_actions(node, act)
+
+    @property
+    def shows_anything(self) -> bool:
+        """Whether it has an image or a text."""
+        return self.picture is not None or bool(self._notes)
 
     @property
     def visible(self) -> bool:
