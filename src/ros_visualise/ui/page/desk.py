@@ -90,7 +90,9 @@ class Desk:
             self._transport = Transport(gui, playback, live, self._worker)
         self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._driver)
         self._space_folder = gui.add_folder("3D")
-        self._space = Space(gui, self._space_folder, self._scene, self._worker)
+        self._space = Space(
+            self._server, self._space_folder, self._runtime, self._scene, self._worker
+        )
         self._frames_folder = gui.add_folder("frames", expand_by_default=False)
         with self._frames_folder:
             self._frames = gui.add_html("")
@@ -160,7 +162,7 @@ class Desk:
         """Draw the graph as it is now; with images only, the scene stays out of the way."""
         topics = topics_of(self._graph)
         self._drawing.follow(self._graph)
-        self._space.follow(topics)
+        self._space.follow(topics, self._graph.inputs)
         self._has_scene = bool(topics)
         self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
         self._space_folder.visible = self._frames_folder.visible = self._has_scene

@@ -1,8 +1,8 @@
-"""The three kinds of messages that a browser may send, and their forms."""
+"""The kinds of messages that a browser may send, and their forms."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -33,6 +33,16 @@ class Camera(_Message, tag="ViewerCameraMessage"):
     up_direction: tuple[_Length, _Length, _Length]
 
 
+class Click(_Message, tag="ScenePointerMessage"):
+    """Somebody clicked into the scene."""
+
+    event_type: Literal["click"]
+    ray_origin: tuple[_Length, _Length, _Length]
+    ray_direction: tuple[_Length, _Length, _Length]
+    screen_pos: Annotated[list[tuple[_Length, _Length]], msgspec.Meta(max_length=2)]
+    modifier: Literal[None, "cmd/ctrl", "shift", "cmd/ctrl+shift"]
+
+
 class Command(_Message, tag="CommandTriggerMessage"):
     """A key was pressed, or a command was chosen."""
 
@@ -50,10 +60,10 @@ class Update(_Message, tag="GuiUpdateMessage"):
     updates: _Updates
 
 
-_DECODER = msgspec.msgpack.Decoder(Camera | Command | Update)
+_DECODER = msgspec.msgpack.Decoder(Camera | Click | Command | Update)
 
 
-def understand(data: str | bytes) -> Camera | Command | Update | None:
+def understand(data: str | bytes) -> Camera | Click | Command | Update | None:
     """The message in these bytes; None if our page sends no such message."""
     try:
         return _DECODER.decode(data) if isinstance(data, bytes) else None

@@ -11,34 +11,56 @@ from typing import Any
 
 import viser
 
+from ros_visualise.data import Detections3D, Marker, MarkerArray, OccupancyGrid, PointCloud
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.page.pointing import Pointing
 from ros_visualise.ui.page.worker import Listener, Worker
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image
 from ros_visualise.ui.scene.scene import Scene
 
 _AUTO = "auto"
+_SIZED = "m, for a robot of 1 m"
+_MANY_COLORS = "linear-gradient(90deg, #30f, #2cf, #4f4, #fc2, #d20)"
+_COLORED = (PointCloud, Marker, MarkerArray, Detections3D, OccupancyGrid)
+
+_Element = viser.GuiInputHandle[Any] | viser.GuiHtmlHandle
 
 
 class Space:
     """The elements that drive a scene, in a folder."""
 
     def __init__(
-        self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, scene: Scene, worker: Worker
+        self,
+        server: viser.ViserServer,
+        folder: viser.GuiFolderHandle,
+        runtime: Runtime,
+        scene: Scene,
+        worker: Worker,
     ) -> None:
-        self._gui, self._scene, self._worker = gui, scene, worker
-        self._switches: dict[str, list[viser.GuiInputHandle[Any]]] = {}
+        gui = self._gui = server.gui
+        self._scene, self._worker = scene, worker
+        self._switches: dict[str, list[_Element]] = {}
         with folder:
             self._frame = gui.add_dropdown(
                 "fixed frame", (_AUTO,), hint="the frame that stays where it is"
             )
             self._frame.on_update(self._listener("fixed", self._set_fixed))
             self._add_view()
+            self._pointing = Pointing(server, runtime, scene, worker)
             self._note = gui.add_html("", visible=False)
-            self._topics = gui.add_folder("topics drawn", expand_by_default=False)
+            self._topics = gui.add_folder("legend")
             with gui.add_folder("looks", expand_by_default=False):
                 self._add_looks()
 
-    def follow(self, topics: Mapping[str, type]) -> None:
-        """These are the topics from now on, and the classes of their messages."""
+    def follow(self, topics: Mapping[str, type], inputs: Mapping[str, type]) -> None:
+        """These are the topics from now on, and the classes of their messages.
+
+        Args:
+            topics: what is shown.
+            inputs: what comes from outside the graph.
+        """
+        self._pointing.follow(inputs)
         drawn = {
             topic: kind
             for topic, kind in topics.items()
@@ -56,6 +78,7 @@ class Space:
     def refresh(self) -> None:
         """Show which frames there are, what is drawn in which, and what cannot be drawn."""
         scene = self._scene
+        self._pointing.refresh()
         self._frame.options = (_AUTO, *scene.frames.names)
         has_transforms = bool(scene.frames.tree.frames())
         lines = note(scene.frames.fixed, scene.topic_frames, scene.problems, has_transforms)
@@ -71,13 +94,16 @@ class Space:
     def _add_looks(self) -> None:
         gui, look = self._gui, self._scene.look
         elements: dict[str, viser.GuiInputHandle[Any]] = {
+            "axes": gui.add_checkbox("axes of frames", look.axes, hint="x red, y green, z blue"),
             "names": gui.add_checkbox(
                 "names of frames",
                 look.names,
                 hint="one label for those that are closer than their axes are long",
             ),
-            "axes_size": gui.add_slider("axes size", 0.1, 5.0, 0.1, look.axes_size, hint="m"),
-            "point_size": gui.add_slider("point size", 0.01, 0.5, 0.01, look.point_size, hint="m"),
+            "axes_size": gui.add_slider("axes size", 0.1, 5.0, 0.1, look.axes_size, hint=_SIZED),
+            "point_size": gui.add_slider(
+                "point size", 0.01, 0.5, 0.01, look.point_size, hint=_SIZED
+            ),
             "max_points": gui.add_slider(
                 "points at most", 5000, 500_000, 5000, look.max_points, hint="of one cloud"
             ),
@@ -88,17 +114,19 @@ class Space:
         for name, element in elements.items():
             element.on_update(self._listener(name, partial(self._set_look, name)))
 
-    def _add_switches(self, topic: str, kind: type) -> list[viser.GuiInputHandle[Any]]:
-        switch = self._gui.add_checkbox(topic, True, hint=kind.__name__)
+    def _add_switches(self, topic: str, kind: type) -> list[_Element]:
+        swatch = self._gui.add_html(_swatch(kind, self._scene.color(topic)))
+        is_on = self._scene.is_visible(topic)
+        switch = self._gui.add_checkbox(topic, is_on, hint=kind.__name__)
         switch.on_update(self._listener(topic, partial(self._scene.set_visible, topic)))
         colorings = DRAWINGS[kind].colorings
         if colorings is None:
-            return [switch]
+            return [swatch, switch]
         choices = [coloring.value for coloring in colorings]
         color = self._gui.add_dropdown("colour by", choices, hint=topic)
         choose = partial(self._set_coloring, topic, colorings)
         color.on_update(self._listener(("color", topic), choose))
-        return [switch, color]
+        return [swatch, switch, color]
 
     def _listener(self, key: object, action: Callable[[Any], object]) -> Listener:
         return self._worker.listener(("3D", key), action)
@@ -114,6 +142,13 @@ class Space:
 
     def _set_coloring(self, topic: str, colorings: type[Enum], name: str) -> None:
         self._scene.set_coloring(topic, colorings(name))
+
+
+def _swatch(kind: type, color: Color) -> str:
+    """The colour of a topic, beside the switch that comes next: HTML."""
+    red, green, blue = color
+    paint = _MANY_COLORS if kind in _COLORED else f"rgb({red} {green} {blue})"
+    return f'<div class="rv-swatch"><i style="background: {paint}"></i></div>'
 
 
 def note(

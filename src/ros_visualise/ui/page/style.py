@@ -32,6 +32,10 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-text p {{ margin: .4em 0; }}
 .rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; white-space: pre-wrap; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
+.rv-swatch {{ position: relative; height: 0; }}
+.rv-swatch i {{ position: absolute; right: 1em; top: .55em; width: 2.6em; height: .45em;
+  border-radius: .2em; }}
+.rv-place {{ opacity: 1; font-variant-numeric: tabular-nums; }}
 table.rv-topics {{ width: calc(100% - 1.9em); margin: 0 1.1em .6em .8em; border-collapse: collapse;
   font-size: .75rem; font-variant-numeric: tabular-nums; }}
 table.rv-topics th {{ font-weight: 500; opacity: .65; }}

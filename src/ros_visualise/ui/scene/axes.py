@@ -40,7 +40,7 @@ class Axes:
         if self._drawn is not None and _are_same(places, self._drawn[0]) and look == self._drawn[1]:
             return
         self._drawn = places, look
-        self._draw_axes(places, look)
+        self._draw_axes(places if look.axes else {}, look)
         self._draw_labels(clusters(places, _LENGTH * look.axes_size) if look.names else {}, look)
 
     def _draw_labels(self, groups: Mapping[str, _Group], look: Look) -> None:

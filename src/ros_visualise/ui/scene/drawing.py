@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, ClassVar
 
@@ -15,19 +15,28 @@ from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.frames import Frames
 
+_LEAST_FOR_POINTS = 0.5
+"""Points of the surroundings are no finer than for a robot of so many metres."""
+
 
 @dataclass(frozen=True)
 class Look:
     """How things are drawn: what a person can choose for all of them at once.
 
-    ``point_size`` and ``axes_size`` are in metres; ``max_points`` are those of one cloud.
+    ``point_size`` and ``axes_size`` are for a robot of 1 m; ``max_points`` are those of one cloud.
     """
 
     point_size: float = 0.06
     max_points: int = 120_000
     axes_size: float = 1.0
+    axes: bool = True
     names: bool = False
     covariances: bool = False
+
+    def for_robot(self, size_m: float) -> Look:
+        """In metres, for a robot of this size."""
+        points = self.point_size * max(size_m, _LEAST_FOR_POINTS)
+        return replace(self, axes_size=self.axes_size * size_m, point_size=points)
 
 
 class Drawing:
@@ -88,6 +97,10 @@ class Drawing:
     def extent(self) -> npt.NDArray[np.floating]:
         """Some points (N, 3) of it, in its own frame, that tell how large it is."""
         return np.zeros((1, 3))
+
+    def points(self) -> npt.NDArray[np.floating]:
+        """Points (N, 3) of it that a person can click, in its own frame."""
+        return self.extent()
 
     @property
     def visible(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
 
 import numpy as np
@@ -20,13 +21,15 @@ class Frames:
     """The frames that are known, by transforms or by messages, and the one that stays put.
 
     ``chosen`` is the fixed frame that a person asked for, or None: then it is the outermost one
-    that REP 105 names, the root of the tree, or the frame of the first message.
+    that REP 105 names, the root of the tree, or the frame of the first message. ``awaited`` is the
+    one before time jumped, and holds until it is known again; empty: none.
     """
 
     def __init__(self) -> None:
         self.tree = FrameTree()
         self.links = Links()
         self.chosen: str | None = None
+        self.awaited = ""
         self._seen: list[str] = []
         self._odd: set[str] = set()  # what was said of transforms
 
@@ -62,6 +65,7 @@ class Frames:
 
     def forget(self) -> None:
         """Time jumped: of transforms that move, none is known any more."""
+        self.awaited = self.fixed
         self.tree.reset()
         self.links.forget()
 
@@ -76,6 +80,8 @@ class Frames:
         in_tree = self.tree.frames()
         if self.chosen is not None and self.chosen in {*in_tree, *self._seen}:
             return self.chosen
+        if self.awaited and self.awaited not in in_tree:
+            return self.awaited
         for known in (in_tree, self._seen):
             for name in _REP_105:
                 if name in known:
@@ -89,6 +95,29 @@ class Frames:
         """The frame of the robot's body, if there is one by the names of REP 105 and 120."""
         known = self.tree.frames()
         return next((name for name in _ROBOTS if name in known), None)
+
+    @property
+    def mover(self) -> str | None:
+        """Of the frames that move in their parents, that which most others hang below."""
+        moving = [link.child for link in self.links.all() if not link.static]
+        return max(moving, key=lambda name: len(self._below(name)), default=None)
+
+    def reach_m(self, places: Mapping[str, Floats]) -> float:
+        """How far from the robot's body the farthest of its parts is, metres; 0: not known.
+
+        Args:
+            places: frame -> T_fixed_frame.
+        """
+        robot = self.robot
+        if robot is None or robot not in places:
+            return 0.0
+        parts = [places[name] for name in self._below(robot) if name in places]
+        away = [np.linalg.norm(T[:3, 3] - places[robot][:3, 3]) for T in parts]
+        return float(max(away, default=0.0))
+
+    def _below(self, frame: str) -> list[str]:
+        """All frames that hang below one."""
+        return [name for name in self.tree.frames() if frame in self._above(name)]
 
     def locate(self, frame: str, stamp_ns: int, patient: bool = False) -> Floats:
         """T_fixed_frame, 4x4, at a time; no name is the fixed frame itself.
@@ -128,11 +157,16 @@ class Frames:
         return max(tops, key=lambda top: (tops[top], top))
 
     def _top(self, frame: str) -> str:
-        passed = {frame}
-        while (above := self.tree.parent(frame)) is not None and above not in passed:
-            frame = above
-            passed.add(frame)
-        return frame
+        return [frame, *self._above(frame)][-1]
+
+    def _above(self, frame: str) -> list[str]:
+        """Its parent, the parent of that, and so on; of frames that go round, each once."""
+        above: list[str] = []
+        parent = self.tree.parent(frame)
+        while parent is not None and parent not in (frame, *above):
+            above.append(parent)
+            parent = self.tree.parent(parent)
+        return above
 
 
 def _name(frame: str) -> str:

@@ -33,6 +33,9 @@ class _Dots(Drawing):
     def extent(self) -> npt.NDArray[np.floating]:
         return self._points[:: max(len(self._points) // _EXTENT_POINTS, 1)]
 
+    def points(self) -> npt.NDArray[np.floating]:
+        return self._points
+
     def reset(self) -> None:
         self._show(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint8))
 

@@ -9,15 +9,20 @@ from collections.abc import Callable, Mapping
 from enum import Enum
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import viser
 
 from ros_visualise.data import CameraInfo, Floats, Image, Text, Transforms
 from ros_visualise.data.frames import is_static
 from ros_visualise.errors import NoTransform
+from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.axes import Axes
 from ros_visualise.ui.scene.drawing import Look
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import DRAWINGS
+from ros_visualise.ui.scene.picking import Ray, pick
+from ros_visualise.ui.scene.pins import Pins
 from ros_visualise.ui.scene.robots import Robot
 from ros_visualise.ui.scene.topics import Entry, Topics
 from ros_visualise.ui.scene.view import View
@@ -25,6 +30,9 @@ from ros_visualise.ui.scene.view import View
 log = logging.getLogger(__name__)
 
 _PATIENCE_S = 0.2
+_AWAITED_S = 2.0  # after a time jump, for the frame in which all was drawn
+_LENGTHS = 1.5  # of axes, in distances of the robot's farthest part
+_SMALLEST_M, _LARGEST_M = 0.1, 3.0  # of a robot by which things are sized
 
 
 class Scene:
@@ -49,6 +57,7 @@ class Scene:
         self._server, self._clock = server, clock
         self._topics = Topics(server.scene)
         self._look = Look()
+        self._size_m, self._known = 1.0, 0  # of the robot, and of how many frames
         self.is_live = False
         self._newest = 0, 0.0  # stamp of what is shown, and when it came
         self._fixed = ""
@@ -56,7 +65,9 @@ class Scene:
         self.view = View(server, clock)
         self._axes = Axes(server.scene)
         self._model = Robot(server.scene)
+        self._pins = Pins(server.scene)
         self._places: dict[str, Floats] = {}
+        self._forgot_s = 0.0
         self._said: set[str] = set()  # topics of which it was said what is wrong
 
     @property
@@ -112,12 +123,15 @@ class Scene:
         with self._lock:
             self._newest = 0, 0.0
             self.frames.forget()
+            self._forgot_s = self._clock()
             for _, entry in self._topics:
                 entry.forget()
 
     def refresh(self) -> None:
         """Draw what has come, where it belongs."""
         with self._lock, self._server.atomic():
+            if self._clock() - self._forgot_s > _AWAITED_S:
+                self.frames.awaited = ""
             if self.frames.fixed != self._fixed:
                 self._fixed = self.frames.fixed
                 self.view.restart()
@@ -125,9 +139,47 @@ class Scene:
             for topic, entry in self._topics:
                 self._update(topic, entry)
             self._places = self.frames.places()
-            self._axes.draw(self._places, self._look)
+            self._measure()
+            self._axes.draw(self._places, self._sized)
             self._model.place(self._places)
-            self.view.update(self._robot(), self._topics.extent)
+            self.view.update(self._robot(), self._extent)
+
+    def pick(self, ray: Ray) -> Floats | None:
+        """The place (3,) in the fixed frame that is meant by a click; None: only sky.
+
+        Args:
+            ray: as a browser tells it, which does not know how far the world was moved.
+        """
+        with self._lock:
+            here = Ray(ray.origin - self.view.offset, ray.direction)
+            return pick(here, self._topics.points())
+
+    def pin(self, places_xyz: list[Floats], text: str) -> None:
+        """Mark these places in the fixed frame, with a text, and no others."""
+        with self._lock:
+            self._pins.show(places_xyz, text, self._size_m)
+
+    @property
+    def robot_xyz(self) -> Floats | None:
+        """Where the robot is in the fixed frame, (3,) metres; None: not known."""
+        with self._lock:
+            T_fixed_robot = self._robot()
+            return None if T_fixed_robot is None else T_fixed_robot[:3, 3]
+
+    @property
+    def newest_ns(self) -> int:
+        """The stamp of what is shown."""
+        return self._newest[0]
+
+    def color(self, topic: str) -> Color:
+        """That of a topic in the scene, where it has one of its own."""
+        with self._lock:
+            return self._topics.color(topic)
+
+    def is_visible(self, topic: str) -> bool:
+        """Whether a topic is drawn unless something else shows the same."""
+        with self._lock:
+            return self._topics[topic].visible
 
     def set_visible(self, topic: str, visible: bool) -> None:
         """Show or hide a topic."""
@@ -181,6 +233,27 @@ class Scene:
         if entry.wanted:
             entry.waiting, entry.until_s = message, self._clock() + _PATIENCE_S
 
+    @property
+    def _sized(self) -> Look:
+        return self._look.for_robot(self._size_m)
+
+    def _measure(self) -> None:
+        """Size axes and points by the robot, as far as it is known."""
+        if len(self._places) == self._known:
+            return
+        self._known = len(self._places)
+        reach_m = self.frames.reach_m(self._places)
+        size_m = min(max(_LENGTHS * reach_m, _SMALLEST_M), _LARGEST_M) if reach_m else 1.0
+        if size_m != self._size_m:
+            self._size_m = size_m
+            self._redraw()
+
+    def _extent(self) -> npt.NDArray[np.floating]:
+        """Points (N, 3) that tell how large all is: of what is drawn, else of the frames."""
+        drawn = self._topics.extent()
+        frames = [T[:3, 3] for T in self._places.values()]
+        return drawn if len(drawn) or not frames else np.array(frames)
+
     def _redraw(self) -> None:
         for _, entry in self._topics:
             entry.again()
@@ -226,11 +299,14 @@ class Scene:
             return
         drawing.place(T)
         drawing.settle(message, self.frames)
-        entry.draw(drawing, self._look)
+        entry.draw(drawing, self._sized)
         if entry.problem:
             self._say(topic, entry.problem)
 
     def _robot(self) -> Floats | None:
-        """T_fixed_robot: by its frame, else by the first odometry."""
+        """T_fixed_robot: by its frame, else by the first odometry, else by the frame that moves."""
         name = self.frames.robot
-        return self._places[name] if name in self._places else self._topics.robot()
+        if name in self._places:
+            return self._places[name]
+        told = self._topics.robot()
+        return self._places.get(self.frames.mover or "") if told is None else told

@@ -19,10 +19,11 @@ from ros_visualise.data import (
     Odometry,
     PoseStamped,
     PoseWithCovarianceStamped,
+    Transforms,
 )
 from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import PALETTE
+from ros_visualise.ui.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
@@ -126,16 +127,20 @@ class Topics:
         self._entries = {
             name: there[name]
             if name in there and there[name].kind is kind
-            else Entry(kind, wanted=not is_beside_image(name, kinds))
+            else Entry(kind, not is_beside_image(name, kinds), not is_aside(kind, kinds))
             for name, kind in drawn.items()
         }
+
+    def color(self, topic: str) -> Color:
+        """That of what stands for a topic, where that has one of its own."""
+        return PALETTE[list(self._entries).index(topic) % len(PALETTE)]
 
     def drawing(self, topic: str) -> Drawing:
         """What stands for a topic; it is made when it is first needed."""
         entry = self._entries[topic]
         if entry.drawing is None:
-            color = PALETTE[list(self._entries).index(topic) % len(PALETTE)]
-            entry.drawing = DRAWINGS[entry.kind](self._scene, node_name("topics", topic), color)
+            name = node_name("topics", topic)
+            entry.drawing = DRAWINGS[entry.kind](self._scene, name, self.color(topic))
             entry.again()
         return entry.drawing
 
@@ -168,9 +173,23 @@ class Topics:
 
     def extent(self) -> npt.NDArray[np.floating]:
         """Points (N, 3) in the fixed frame that tell how large all that is drawn is."""
-        parts = [
-            transforms.apply(entry.drawing.T_fixed_frame, entry.drawing.extent())
+        parts = [transforms.apply(one.T_fixed_frame, one.extent()) for one in self._shown()]
+        return np.concatenate([np.zeros((0, 3)), *parts])
+
+    def points(self) -> npt.NDArray[np.floating]:
+        """Points (N, 3) in the fixed frame that a person can click."""
+        parts = [transforms.apply(one.T_fixed_frame, one.points()) for one in self._shown()]
+        return np.concatenate([np.zeros((0, 3)), *parts])
+
+    def _shown(self) -> list[Drawing]:
+        return [
+            entry.drawing
             for _, entry in self
             if entry.drawing is not None and entry.shown is not None and entry.drawing.visible
         ]
-        return np.concatenate([np.zeros((0, 3)), *parts])
+
+
+def is_aside(kind: type, kinds: Mapping[str, type]) -> bool:
+    """Whether a topic is not drawn at first: fixes jump, and others tell better where it is."""
+    better = (Odometry, PoseStamped, PoseWithCovarianceStamped, Transforms)
+    return kind is NavSatFix and any(other in better for other in kinds.values())

@@ -51,6 +51,11 @@ class View:
         )
 
     @property
+    def offset(self) -> Floats:
+        """Where the fixed frame is in the coordinates of the cameras: (3,) metres."""
+        return self._offset
+
+    @property
     def shown(self) -> bool:
         """Whether there is a scene to look at; without one there is no grid."""
         return self._grid.visible
@@ -76,13 +81,13 @@ class View:
             T_fixed_robot = None
         self._robot, self._extent = T_fixed_robot, extent
         robot = None if T_fixed_robot is None else T_fixed_robot[:3, 3]
-        if self.follows and robot is not None:
+        if not self.follows:
+            self._held = None
+        elif robot is not None:  # after a time jump it is somewhere else, and stays in view
             if self._held is not None:
                 self._offset = self._offset + self._held - robot
                 self._world.position = self._offset
             self._held = robot
-        else:
-            self._held = None
         if not self._settled:
             self._settle()
 
