@@ -59,7 +59,14 @@ def test_messages_come_in_order_of_time_at_their_rates(robot: str):
         last = stamp_ns
         stamps.setdefault(name, []).append(stamp_ns)
     counts = {name: len(found) for name, found in stamps.items()}
-    expected = {"robot_description": 1, "tf_static": 1, "tf": 100, "odom": 100, "truth": 100}
+    expected = {
+        "robot_description": 1,
+        "tf_static": 1,
+        "scenery": 1,
+        "tf": 100,
+        "odom": 100,
+        "truth": 100,
+    }
     expected |= {"imu": 200, "fix": 10}
     more = {"points": 20} if robot == "husky" else {"mag": 100, "pressure": 50}
     assert counts == expected | more

@@ -32,7 +32,7 @@ def take_last(messages):
 @pytest.mark.parametrize("robot", ["husky", "quadrotor"])
 def test_stamps_begin_at_zero_where_it_goes_as_fast_as_it_can(robot):
     messages = take(make(robot, Playback(rate=0)), 300)
-    assert [name for name, _ in messages[:2]] == ["robot_description", "tf_static"]
+    assert [name for name, _ in messages[:3]] == ["robot_description", "tf_static", "scenery"]
     stamps = [message.header.stamp_ns for _, message in messages]
     assert stamps == sorted(stamps)
     assert stamps[0] == 0
@@ -46,7 +46,7 @@ def test_started_later_it_lasts_as_long_as_asked():
     stamps = [message.header.stamp_ns for _, message in messages]
     assert (stamps[0], stamps[-1]) == (2 * S, pytest.approx(3 * S, abs=S / 50))
     names = [name for name, _ in messages]
-    assert names[:2] == ["robot_description", "tf_static"]
+    assert names[:3] == ["robot_description", "tf_static", "scenery"]
     assert names.count("truth") == 50
 
 
@@ -109,8 +109,8 @@ def test_a_seek_goes_there_and_back():
         if message.header.stamp_ns > S:
             break
     playback.seek(0.0)
-    names = [next(messages)[0] for _ in range(2)]
-    assert names == ["robot_description", "tf_static"]
+    names = [next(messages)[0] for _ in range(3)]
+    assert names == ["robot_description", "tf_static", "scenery"]
     playback.close()
 
 
@@ -164,8 +164,17 @@ def test_sought_while_paused_the_image_of_that_time_is_shown():
 def test_steps_go_from_message_to_message_where_there_are_no_images():
     playback = Playback(rate=0, hold=True)
     messages = make("husky", playback).messages()
-    start = [next(messages)[0] for _ in range(7)]
-    assert start == ["robot_description", "tf_static", "tf", "odom", "truth", "imu", "fix"]
+    start = [next(messages)[0] for _ in range(8)]
+    assert start == [
+        "robot_description",
+        "tf_static",
+        "scenery",
+        "tf",
+        "odom",
+        "truth",
+        "imu",
+        "fix",
+    ]
     playback.pause()
     playback.step()
     name, message = next(messages)

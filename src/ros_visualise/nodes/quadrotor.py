@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from ros_visualise.data import FluidPressure, MagneticField, Odometry
 from ros_visualise.nodes import action, source
 from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
-from ros_visualise.simulation.source import INPUTS, LATCHED, OUTPUTS, SimulatedRobot
+from ros_visualise.simulation.simulator import LATCHED
+from ros_visualise.simulation.source import INPUTS, OUTPUTS, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 

@@ -6,7 +6,15 @@ from dataclasses import replace
 from typing import Any
 from xml.etree import ElementTree as Xml
 
-from ros_visualise.data import Header, Image, Odometry, Text, Transforms, TransformStamped
+from ros_visualise.data import (
+    Header,
+    Image,
+    MarkerArray,
+    Odometry,
+    Text,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.simulation.frames import MAP
 
 
@@ -15,7 +23,7 @@ def prefixed(message: Any, prefix: str) -> Any:
 
     The ``map`` is that of all of them, and has no prefix.
     """
-    if not prefix:
+    if not prefix or isinstance(message, MarkerArray):  # which stand in the map
         return message
     if isinstance(message, Text):
         return Text(_prefixed_urdf(message.text, prefix))

@@ -20,6 +20,7 @@ from ros_visualise.simulation.model import compile_model, standing_height
 from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
+from ros_visualise.simulation.scenery import scenery
 from ros_visualise.simulation.schedule import Output, Schedule
 from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
@@ -29,6 +30,9 @@ from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
+
+LATCHED = ("robot_description", "tf_static", "scenery")
+"""Outputs that are there once, from the start."""
 
 _SETTLING_S = 1.0  # before the start, so that the first measurements are of a robot at rest
 
@@ -79,8 +83,9 @@ class Simulation:
             self._robot, self._model, self._data, self.settings, mount, seed, self.pad
         )
         self._schedule = Schedule(self._suite.streams, wants)
-        self._fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
-        self._description = describe(self._model, self._fixed)
+        fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
+        description = describe(self._model, fixed)
+        self._latched = description, fixed, scenery(self._model, self.world.assets)
         self._mission = self._find(mission)
         if self._mission is not None:
             self._robot.start(self._mission)
@@ -108,17 +113,16 @@ class Simulation:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of all outputs with these settings."""
-        return ("robot_description", "tf_static", *self._suite.outputs)
+        return (*LATCHED, *self._suite.outputs)
 
     def run(self) -> Generator[Output, None, None]:
         """The messages as (stamp_ns, name, message), without end; call it from one thread.
 
-        ``robot_description`` and ``tf_static`` come first, once. Called again after it was closed,
-        it goes on from that time.
+        Those that are `LATCHED` come first. Called again after it was closed, it goes on from that
+        time.
         """
-        if not self._steps:
-            yield Output(0, "robot_description", self._description)
-            yield Output(0, "tf_static", self._fixed)
+        for name, message in zip(LATCHED, self._latched, strict=True):
+            yield Output(0, name, message)
         step, model, data = load_mujoco().mj_step, self._model, self._data
         control, schedule, orders = self._robot.control, self._schedule, self._orders
         moves = self._moves

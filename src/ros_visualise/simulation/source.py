@@ -11,6 +11,7 @@ from ros_visualise.data import (
     Header,
     Image,
     Imu,
+    MarkerArray,
     NavSatFix,
     Odometry,
     PointCloud,
@@ -24,7 +25,7 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.simulation.prefix import prefixed
 from ros_visualise.simulation.schedule import Output
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
-from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.simulator import LATCHED, Simulation
 from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
@@ -40,10 +41,9 @@ OUTPUTS = {
     "tf": Transforms,
     "tf_static": Transforms,
     "robot_description": Text,
+    "scenery": MarkerArray,
 }
 """What every robot has."""
-LATCHED = ("tf_static", "robot_description")
-
 _NO_MISSION = "none"
 _FRAME = "image"  # what a person steps through
 
@@ -210,6 +210,8 @@ def restamped(message: Any, shift_ns: int) -> Any:
     """A message with its stamps shifted."""
     if isinstance(message, Transforms):
         return Transforms(tuple(restamped(one, shift_ns) for one in message.transforms))
+    if isinstance(message, MarkerArray):  # which hold at all times
+        return message
     header = Header(message.header.stamp_ns + shift_ns, message.header.frame_id)
     if isinstance(message, Image) and message.camera_info is not None:
         return replace(
