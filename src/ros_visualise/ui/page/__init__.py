@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 import socket
 import threading
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.look import Answer, Looker
 from ros_visualise.ui.page.desk import Desk
 from ros_visualise.ui.page.door import open_door
 from ros_visualise.ui.page.server import close_server, open_server, url
@@ -50,7 +51,8 @@ class Page:
         door = open_door(host, origins)
         self.url = url(host, port, door.token)
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
-        self._server = open_server(host, port, title, door, flag)
+        self._server = open_server(host, port, title, door, flag, self._answer)
+        self._looker: Looker | None = None
         self._desk: Desk | None = None
         self._ended = threading.Event()
 
@@ -61,9 +63,13 @@ class Page:
 
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
-        self._desk = Desk(self._server, runtime, self._record_dir)
+        self._looker = Looker(runtime)
+        self._desk = Desk(self._server, runtime, self._record_dir, self._looker)
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
+
+    def _answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
+        return None if self._looker is None else self._looker.answer(query, headers)
 
     def spin(self, timeout_s: float) -> None:
         """Wait: nothing has to be done on the main thread."""
@@ -76,4 +82,6 @@ class Page:
         self._ended.set()
         if self._desk is not None:
             self._desk.close()
+        if self._looker is not None:
+            self._looker.close()
         close_server(self._server)

@@ -11,6 +11,7 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
+from ros_visualise.ui.look import Looker, link
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
@@ -41,8 +42,11 @@ class Desk:
     When the graph changes, windows of unchanged nodes stay as they are.
     """
 
-    def __init__(self, server: viser.ViserServer, runtime: Runtime, record_dir: Path) -> None:
+    def __init__(
+        self, server: viser.ViserServer, runtime: Runtime, record_dir: Path, looker: Looker
+    ) -> None:
         self._server, self._runtime, self._record_dir = server, runtime, record_dir
+        self._looker = looker
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -98,6 +102,7 @@ class Desk:
             self._frames = gui.add_html("")
         with gui.add_folder("topics"):
             self._table = gui.add_html("")
+            gui.add_html(_LINKS)
         self._windows_folder = gui.add_folder("windows")
         with self._windows_folder:
             self._size = self._add_size(gui)
@@ -193,6 +198,7 @@ class Desk:
         if self._runtime.graph is not self._graph:
             self._follow()
         self._notice.refresh()
+        self._looker.refresh()
         self._recorder.refresh()
         if not self._is_watched():
             self._field_plot.rest()
@@ -227,6 +233,15 @@ class Desk:
     def _in_haste(self) -> bool:
         playback = self._runtime.playback
         return playback is not None and playback.state.rate == 0
+
+
+_LINKS = (
+    '<div class="rv-note rv-links">look closely: '
+    + ", ".join(
+        f'<a href="{link(page)}" target="_blank">{page}</a>' for page in ("messages", "log")
+    )
+    + "</div>"
+)
 
 
 def _kinds_of(graph: Graph) -> dict[str, type]:

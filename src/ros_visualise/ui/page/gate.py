@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
 from threading import Lock
@@ -19,8 +19,10 @@ import viser
 import websockets.asyncio.server
 from viser._messages import GuiUpdateMessage
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from ros_visualise.ui.look import Answer
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.elements import refusal
 from ros_visualise.ui.page.inbound import MAX_BYTES, Update, understand
@@ -29,6 +31,7 @@ from ros_visualise.ui.page.scripts import complete
 log = logging.getLogger(__name__)
 
 _Admit = Callable[[ServerConnection, Request], Any]
+Answers = Callable[[str, Mapping[str, str]], Answer | None]
 _MOST_SAID = 5
 """So many requests that are refused are logged, and so many messages of each browser."""
 _LONGEST_PATH = 250  # of a name that file systems take
@@ -42,14 +45,16 @@ class Gate:
     Args:
         door: decides which requests are answered.
         title: of the page.
+        answer: gives the answers that are not viser's: called with what an address has after the
+            ``?`` and with the headers, on a thread of its own. None: that is viser's to answer.
 
     Attributes:
         gui: the elements of the page; None until there are any.
         is_used: whether a server has its connections from here.
     """
 
-    def __init__(self, door: Door, title: str) -> None:
-        self.door, self.title = door, title
+    def __init__(self, door: Door, title: str, answer: Answers) -> None:
+        self.door, self.title, self._answers = door, title, answer
         self.gui: viser.GuiApi | None = None
         self.is_used = False
         self._refused: set[str] = set()
@@ -106,6 +111,21 @@ class Gate:
             message = GuiUpdateMessage(uuid, {"value": element.value})
             self.gui._websock_interface.queue_message(message)
 
+    async def ask(self, request: Request) -> Response | None:
+        """The answer to an allowed request, where it is ours to answer."""
+        path, _, query = request.path.partition("?")
+        if path not in ("", "/") or not query or "Upgrade" in request.headers:
+            return None
+        found = await asyncio.to_thread(self._answers, query, request.headers)
+        if found is None:
+            return None
+        headers = Headers(
+            {"Content-Type": found.type, "Cache-Control": "no-store", **found.headers}
+        )
+        headers["Content-Length"] = str(len(found.body))
+        status = HTTPStatus(found.status)
+        return Response(status.value, status.phrase, headers, found.body)
+
     def _connect(self, *args: Any, **settings: Any) -> _Connection:
         return _Connection(self, *args, **settings)
 
@@ -143,13 +163,16 @@ class _Connection(ServerConnection):
     ) -> None:
         """Answer the request, if it may come in."""
 
-        def admit(connection: ServerConnection, request: Request) -> Any:
+        async def admit(connection: ServerConnection, request: Request) -> Any:
             reason = self._gate.refuse(request)
             if len(request.path.partition("?")[0]) > _LONGEST_PATH:
                 return connection.respond(HTTPStatus.REQUEST_URI_TOO_LONG, "no such page\n")
             if reason:
                 return connection.respond(HTTPStatus.FORBIDDEN, f"ros-visualise: {reason}\n")
             request.path = self._gate.door.inside(request.path)
+            own = await self._gate.ask(request)
+            if own is not None:
+                return own
             answer = process_request(connection, request) if process_request else None
             return answer and complete(answer, self._gate.title)
 

@@ -13,6 +13,7 @@ from ros_visualise.data import Image, Pixels
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.feed import Feed
+from ros_visualise.ui.look import link
 from ros_visualise.ui.page.overlay import Overlay
 from ros_visualise.ui.preview import rgb_preview
 from ros_visualise.ui.rounds import Rounds
@@ -94,8 +95,17 @@ class Picture:
         size = "no image yet" if image is None else f"{image.width} × {image.height}"
         encoding = "" if image is None else image.encoding
         return (
-            f'<div class="rv-caption rv-rows-{self._rows}">'
+            f'<div class="rv-caption rv-rows-{self._rows}">{self._link()}'
             f"{escape(self.topic)}<span>{size} {escape(encoding)}</span></div>"
+        )
+
+    def _link(self) -> str:
+        """A link that lies over the picture above: a click opens the image whole."""
+        image = self._image
+        shape = "16 / 9" if image is None else f"{image.width} / {image.height}"
+        return (
+            f'<a class="rv-whole" href="{escape(link("image", topic=self.topic))}" target="_blank" '
+            f'title="look closely" style="aspect-ratio: {shape}"></a>'
         )
 
 

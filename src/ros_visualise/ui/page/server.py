@@ -12,20 +12,26 @@ import viser
 
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page.door import Door
-from ros_visualise.ui.page.gate import Gate
+from ros_visualise.ui.page.gate import Answers, Gate
 from ros_visualise.ui.page.wakeups import mend_wakeups
 
 _CLOSE_S = 0.8
 
 
 def open_server(
-    host: str, port: int, title: str, door: Door, flag: str = "--{} {}"
+    host: str,
+    port: int,
+    title: str,
+    door: Door,
+    flag: str = "--{} {}",
+    answer: Answers = lambda *_: None,
 ) -> viser.ViserServer:
     """Bind a server to this address and no other; it checks every request.
 
     Args:
         title: what the browser's tab is called.
         flag: how a person gives another port: its name and its value go in.
+        answer: gives the answers that are not viser's.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -33,7 +39,7 @@ def open_server(
     _check_address(host, port, flag)
     _silence()
     mend_wakeups()
-    gate = Gate(door, title)
+    gate = Gate(door, title, answer)
     with gate.guard():
         server = viser.ViserServer(host, port, label=title, verbose=False)
     gate.gui = server.gui

@@ -79,6 +79,9 @@ class Space:
         """Show which frames there are, what is drawn in which, and what cannot be drawn."""
         scene = self._scene
         self._pointing.refresh()
+        for topic, elements in self._switches.items():
+            for element in elements:
+                element.visible = not scene.is_covered(topic)
         self._frame.options = (_AUTO, *scene.frames.names)
         has_transforms = bool(scene.frames.tree.frames())
         lines = note(scene.frames.fixed, scene.topic_frames, scene.problems, has_transforms)

@@ -13,7 +13,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 /* Scroll bars lie over what they scroll: thin ones beside it. */
 .mantine-ScrollArea-root {{ --scrollarea-scrollbar-size: 8px !important; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
-[data-dock-region] img[src^="blob:"] {{
+[data-dock-region] :is(img[src^="blob:"], .rv-whole) {{
   max-height: max(100px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Scrolled down to the other parameters, it stays in view at half its size. */
 @supports (animation-timeline: scroll()) {{
@@ -25,6 +25,11 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 }}
 .rv-caption {{ display: flex; justify-content: space-between; gap: 1em; padding: 0 .8em .5em;
   font-size: .75rem; opacity: .65; }}
+/* The link to the whole image is as large as the image, and lies over it. */
+.rv-caption {{ position: relative; }}
+.rv-whole {{ position: absolute; z-index: 2; bottom: calc(100% + .45em); left: 0; width: 100%;
+  cursor: zoom-in; }}
+.rv-links {{ opacity: 1; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}

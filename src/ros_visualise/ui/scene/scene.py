@@ -176,6 +176,11 @@ class Scene:
         with self._lock:
             return self._topics.color(topic)
 
+    def is_covered(self, topic: str) -> bool:
+        """Whether another topic shows what the same camera sees."""
+        with self._lock:
+            return self._topics.is_covered(topic)
+
     def is_visible(self, topic: str) -> bool:
         """Whether a topic is drawn unless something else shows the same."""
         with self._lock:

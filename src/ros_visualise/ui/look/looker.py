@@ -1,0 +1,142 @@
+"""Answers what the pages for looking closely ask for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from urllib.parse import quote
+
+from ros_visualise.data import DiagnosticArray
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.images import Images
+from ros_visualise.ui.look.logs import Lines
+from ros_visualise.ui.look.taps import Taps
+from ros_visualise.ui.look.trees import tree_of
+
+log = logging.getLogger(__name__)
+
+_FOLDER = Path(__file__).parent / "pages"
+_PAGES = {"image": "image.html", "messages": "messages.html", "log": "log.html"}
+_HEADER = "X-Ros-Visualise"
+"""What our own pages send with each question. No other site can: browsers would ask us first."""
+_WAIT_S = 0.5
+
+
+class Looker:
+    """Answers questions about a running graph, from any thread."""
+
+    def __init__(self, runtime: Runtime) -> None:
+        self._runtime = runtime
+        self._images = Images(runtime)
+        self._messages = Taps(runtime, 1)
+        self._lines = Lines()
+        logging.getLogger("ros_visualise").addHandler(self._lines)
+        self._answers: Mapping[str, Callable[[Question], Answer]] = {
+            "topics": self._topics,
+            "pixels": self._images.pixels,
+            "message": self._message,
+            "log": self._log,
+            "play": self._play,
+        }
+
+    def answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
+        """The answer to a request; None where it is not for us.
+
+        Args:
+            query: what its address has after the ``?``.
+            headers: what came with it.
+        """
+        try:
+            return self._answer(Question(query), headers)
+        except Refusal as refusal:
+            return as_json({"error": str(refusal)}, refusal.status)
+        except (RosVisualiseError, ValueError) as error:  # such as an image that is damaged
+            return as_json({"error": str(error)}, 422)
+
+    def refresh(self) -> None:
+        """Let go of topics that nobody asked for lately."""
+        self._images.rest()
+        self._messages.rest()
+
+    def close(self) -> None:
+        """Let go of all."""
+        logging.getLogger("ros_visualise").removeHandler(self._lines)
+        self._images.rest(all_of_them=True)
+        self._messages.rest(all_of_them=True)
+
+    def _answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
+        if "look" in question:
+            return _page(question.text("look"))
+        if "ask" not in question:
+            return None
+        asked = question.text("ask")
+        if asked == "png":  # which a person saves: a link, without headers of ours
+            return self._images.png(question)
+        if headers.get(_HEADER) != "1":
+            raise Refusal("only pages of this server may ask", 403)
+        if asked not in self._answers:
+            raise Refusal("nobody knows what is asked for", 404)
+        return self._answers[asked](question)
+
+    def _topics(self, _: Question) -> Answer:
+        topics = self._runtime.graph.topics
+        diagnostics = [name for name, one in topics.items() if one.type is DiagnosticArray]
+        playback = self._runtime.playback
+        return as_json(
+            {
+                "images": self._images.topics,
+                "topics": {name: one.ros.name for name, one in topics.items()},
+                "diagnostics": diagnostics,
+                "plays": playback is not None,
+            }
+        )
+
+    def _message(self, question: Question) -> Answer:
+        topic = question.text("topic")
+        if topic not in self._runtime.graph.topics:
+            raise Refusal("there is no such topic", 404)
+        found = self._messages.newest(topic, _WAIT_S)
+        if found is None:
+            raise Refusal("no message yet", 404)
+        return as_json({"stamp": str(found.header.stamp_ns), "message": tree_of(found)})
+
+    def _log(self, question: Question) -> Answer:
+        return as_json({"lines": self._lines.after(question.whole("after") or 0)})
+
+    def _play(self, question: Question) -> Answer:
+        playback = self._runtime.playback
+        if playback is None:
+            raise Refusal("this cannot be paused or sought from here", 409)
+        if "seek" in question:
+            playback.seek(question.seconds("seek"))
+        elif "step" in question:
+            playback.step(-1 if question.text("step") == "back" else 1)
+        elif "toggle" in question:
+            playback.toggle()
+        state = playback.state
+        return as_json({"position": state.position_s, "playing": state.playing})
+
+
+def link(page: str, **values: str) -> str:
+    """The address of a page, as seen from every other page of this server."""
+    more = "".join(f"&{name}={quote(value)}" for name, value in values.items())
+    return f"?look={page}{more}"
+
+
+def _page(name: str) -> Answer:
+    if name not in _PAGES:
+        raise Refusal(f"there is no such page; there is {', '.join(_PAGES)}", 404)
+    return Answer(_read(_PAGES[name]), "text/html; charset=utf-8")
+
+
+@cache
+def _read(name: str) -> bytes:
+    """A page with its style and scripts inside, so that it is one answer."""
+    page = (_FOLDER / name).read_text("utf-8")
+    for part in sorted(_FOLDER.glob("*.css")) + sorted(_FOLDER.glob("*.js")):
+        page = page.replace(f"/* {part.name} */", part.read_text("utf-8"))
+    return page.encode()

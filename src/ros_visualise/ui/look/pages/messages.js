@@ -1,0 +1,65 @@
+// Any topic's newest message as a tree; what was opened stays open as values change.
+const $ = (id) => document.getElementById(id);
+const opened = new Set();
+let held = false;
+const LEVELS = ["ok", "warn", "bad", "bad"];
+
+function branch(name, value, path, depth) {
+  if (value === null || typeof value !== "object") {
+    const line = element("div", "", "leaf number");
+    line.append(element("span", name, "name"), element("span", String(value)));
+    return line;
+  }
+  const list = Array.isArray(value) ? value : value.first;
+  const plain = list && list.every((one) => typeof one !== "object");
+  if (plain) {
+    const more = Array.isArray(value) ? "" : `, ... of ${value.length}`;
+    return branch(name, `[${list.join(", ")}${more}]`, path, depth);
+  }
+  const entries = list ? list.map((one, i) => [`[${i}]`, one]) : Object.entries(value);
+  const box = element("details");
+  const folded = depth > 1 && entries.length > 12;
+  box.open = opened.has(path) || (!folded && !opened.has(`-${path}`));
+  const count = list ? ` ${value.length} of them` : "";
+  const head = element("summary", name, "name");
+  head.append(element("span", count, "dim"));
+  if (typeof value.level === "number" && "message" in value) {  // of a diagnostic status
+    head.append(element("span", ` ${value.name}: ${value.message}`, LEVELS[value.level] || ""));
+  }
+  box.append(head);
+  box.ontoggle = () => { opened.delete(path); opened.delete(`-${path}`); opened.add(box.open ? path : `-${path}`); };
+  if (box.open) entries.forEach(([key, one]) => box.append(branch(key, one, `${path}.${key}`, depth + 1)));
+  else box.addEventListener("toggle", () => update().catch(() => {}), { once: true });
+  return box;
+}
+async function update() {
+  const topic = $("topic").value;
+  const { message } = await (await ask("message", { topic })).json();
+  if (topic !== $("topic").value || held) return;
+  $("said").textContent = "";
+  const entries = Object.entries(message);
+  $("tree").replaceChildren(...entries.map(([key, one]) => branch(key, one, `${topic} ${key}`, 1)));
+}
+async function start() {
+  addPages();
+  const { topics, diagnostics } = await (await ask("topics")).json();
+  for (const topic of Object.keys(topics)) $("topic").add(new Option(topic));
+  const wanted = asked("topic") || diagnostics[0];
+  if (wanted in topics) $("topic").value = wanted;
+  const choose = () => {
+    remember({ topic: $("topic").value });
+    $("type").textContent = topics[$("topic").value];
+    $("tree").replaceChildren();
+  };
+  $("topic").onchange = choose;
+  $("hold").onclick = () => $("hold").classList.toggle("on", held = !held);
+  choose();
+  for (;;) {
+    const selecting = String(getSelection());
+    if (!held && !document.hidden && !selecting) {
+      await update().catch((error) => { $("said").textContent = error.message; });
+    }
+    await pause(250);
+  }
+}
+start().catch((error) => { $("said").textContent = error.message; });

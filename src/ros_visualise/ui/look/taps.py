@@ -1,0 +1,92 @@
+"""Topics that browsers ask for by question and answer: subscribed to while they ask."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from ros_visualise.runtime.base import Runtime, Subscription
+
+_IDLE_S = 5.0
+_STEP_S = 0.02
+_KEPT_BYTES = 192 << 20
+"""Of the messages of one topic that are kept, the newest one apart."""
+
+
+class Tap:
+    """The last messages of one topic; it may be called from any thread."""
+
+    def __init__(self, subscription: Subscription, depth: int, now_s: float) -> None:
+        self._subscription = subscription
+        self._kept: deque[Any] = deque(maxlen=depth)
+        self._lock = threading.Lock()
+        self.used_s = now_s
+
+    def messages(self) -> list[Any]:
+        """Those that are there, the newest last."""
+        with self._lock:
+            while (message := self._subscription.take(0)) is not None:
+                self._kept.append(message)
+            while len(self._kept) > 1 and sum(map(_size, self._kept)) > _KEPT_BYTES:
+                self._kept.popleft()
+            return list(self._kept)
+
+    def close(self) -> None:
+        """Ask for no more."""
+        self._subscription.close()
+
+
+class Taps:
+    """The topics that were asked for lately.
+
+    Args:
+        runtime: what runs.
+        depth: how many messages of each are kept.
+        clock: seconds.
+    """
+
+    def __init__(
+        self, runtime: Runtime, depth: int, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._runtime, self._depth, self._clock = runtime, depth, clock
+        self._taps: dict[str, Tap] = {}
+        self._lock = threading.Lock()
+
+    def newest(self, topic: str, wait_s: float = 0.0) -> Any:
+        """The newest message; None if none comes in time."""
+        return self._find(topic, lambda message: True, wait_s)
+
+    def at(self, topic: str, stamp_ns: int, wait_s: float = 0.0) -> Any:
+        """The message of this stamp; None if it is not there any more, or does not come in time."""
+        return self._find(topic, lambda message: message.header.stamp_ns == stamp_ns, wait_s)
+
+    def rest(self, all_of_them: bool = False) -> None:
+        """Let go of those that nobody asked for lately."""
+        with self._lock:
+            for topic, tap in list(self._taps.items()):
+                if all_of_them or self._clock() - tap.used_s > _IDLE_S:
+                    self._taps.pop(topic).close()
+
+    def _find(self, topic: str, fits: Callable[[Any], bool], wait_s: float) -> Any:
+        end_s = self._clock() + wait_s
+        while True:
+            messages = self._tap(topic).messages()
+            found = next((one for one in reversed(messages) if fits(one)), None)
+            if found is not None or self._clock() >= end_s:
+                return found
+            time.sleep(_STEP_S)
+
+    def _tap(self, topic: str) -> Tap:
+        with self._lock:
+            if topic not in self._taps:
+                subscription = self._runtime.subscribe(topic, self._depth)
+                self._taps[topic] = Tap(subscription, self._depth, self._clock())
+            self._taps[topic].used_s = self._clock()
+            return self._taps[topic]
+
+
+def _size(message: Any) -> int:
+    return int(getattr(getattr(message, "data", None), "nbytes", 0))

@@ -1,0 +1,196 @@
+"""What the pages for looking closely are answered, and what is refused."""
+
+import http.client
+import json
+import logging
+import re
+from contextlib import closing
+
+import cv2
+import numpy as np
+import pytest
+from scene_messages import odometry
+from scene_runtime import Told
+
+from ros_visualise.data import (
+    DiagnosticArray,
+    DiagnosticStatus,
+    Header,
+    Image,
+    Odometry,
+    PointCloud,
+)
+from ros_visualise.data.diagnostics import Level
+from ros_visualise.ui.look import Looker, link
+from ros_visualise.ui.look.taps import Taps
+
+OURS = {"X-Ros-Visualise": "1"}
+DEPTH = np.array([[0.5, np.nan, 2.25], [0, 7, 1e-3]], np.float32)
+DEEP = np.arange(12, dtype=np.uint16).reshape(2, 2, 3) * 5000
+
+
+@pytest.fixture
+def told():
+    return Told(
+        deep=Image, depth=Image, odom=Odometry, diagnostics=DiagnosticArray, points=PointCloud
+    )
+
+
+@pytest.fixture
+def looker(told):
+    looker = Looker(told)
+    yield looker
+    looker.close()
+
+
+def ask(looker, query):
+    return looker.answer(query, OURS)
+
+
+def said(answer):
+    return json.loads(answer.body)
+
+
+@pytest.mark.parametrize(
+    ("topic", "pixels", "encoding"), [("deep", DEEP, "rgb16"), ("depth", DEPTH, "32FC1")]
+)
+def test_pixels_come_as_they_are(told, looker, topic, pixels, encoding):
+    told.say(**{topic: Image(pixels, encoding, Header(2**62 + 1, "camera"))})
+    answer = ask(looker, f"ask=pixels&topic=/{topic}")
+    facts = json.loads(answer.headers["X-Image"])
+    assert (facts["encoding"], facts["width"], facts["height"]) == (encoding, *pixels.shape[1::-1])
+    assert facts["stamp"] == str(2**62 + 1)
+    found = np.frombuffer(answer.body, facts["dtype"]).reshape(pixels.shape)
+    np.testing.assert_array_equal(found, pixels)
+    again = ask(looker, f"ask=pixels&topic=/{topic}&after={2**62 + 1}")
+    assert (again.status, again.body) == (204, b"")
+
+
+def test_16_bits_are_saved_as_they_are(told, looker):
+    told.say(deep=Image(DEEP, "rgb16", Header(7)))
+    answer = looker.answer("ask=png&topic=/deep", {})
+    read = cv2.imdecode(np.frombuffer(answer.body, np.uint8), cv2.IMREAD_UNCHANGED)
+    np.testing.assert_array_equal(read[..., ::-1], DEEP)
+    assert 'filename="deep_7.png"' in answer.headers["Content-Disposition"]
+
+
+def test_of_two_topics_the_images_of_one_stamp_are_found(told, looker):
+    def image(value):
+        return Image(np.full((2, 2), value, np.uint8), "mono8", Header(value))
+
+    assert ask(looker, "ask=pixels&topic=/deep").status == 404  # from now on they are kept
+    for value in (1, 2, 3):
+        told.say(deep=image(value))
+    assert ask(looker, "ask=pixels&topic=/deep&stamp=2").body == bytes([2] * 4)
+    assert ask(looker, "ask=pixels&topic=/deep").body == bytes([3] * 4)
+    assert "of that stamp" in said(ask(looker, "ask=pixels&topic=/deep&stamp=9"))["error"]
+
+
+@pytest.mark.parametrize(
+    ("query", "status"),
+    [
+        ("ask=pixels&topic=/odom", 404),
+        ("ask=pixels&topic=/no/such", 404),
+        ("ask=pixels&topic=/deep&stamp=x", 400),
+        ("ask=pixels&topic=/deep&stamp=99999999999999999999", 400),
+        ("ask=message&topic=/no/such", 404),
+        ("ask=nothing", 404),
+        ("look=../../etc/passwd", 404),
+        ("ask=play&toggle=1", 409),
+        ("ask=pixels&topic=%ff", 400),
+        ("ask=" + "x" * 9000, 414),
+    ],
+)
+def test_what_is_not_there_is_told(looker, query, status):
+    answer = ask(looker, query)
+    assert answer.status == status
+    assert said(answer)["error"]
+
+
+def test_other_sites_cannot_ask(looker):
+    assert looker.answer("ask=topics", {}).status == 403
+    assert looker.answer("ask=topics", OURS).status == 200
+    assert looker.answer("session=1", {}) is None
+
+
+def test_a_message_is_a_tree_by_its_ros_names(told, looker):
+    told.say(odom=odometry([1, 2, 3]))
+    found = said(ask(looker, "ask=message&topic=/odom"))["message"]
+    assert found["pose"]["pose"]["position"] == {"x": 1.0, "y": 2.0, "z": 3.0}
+    assert found["header"]["frame_id"] == "odom"
+    status = DiagnosticStatus("motor", Level.WARN, "hot", {"C": "81"})
+    told.say(diagnostics=DiagnosticArray((status,), Header(1)))
+    found = said(ask(looker, "ask=message&topic=/diagnostics"))["message"]
+    assert found["status"][0]["values"] == [{"key": "C", "value": "81"}]
+
+
+def test_a_long_array_is_cut_and_says_its_length(told, looker):
+    told.say(deep=Image(np.full((99, 99), 7, np.uint8), "mono8"))
+    found = said(ask(looker, "ask=message&topic=/deep"))["message"]["data"]
+    assert found == {"first": [7] * 50, "length": 9801}
+
+
+def test_numbers_that_are_none_are_words(told, looker):
+    told.say(odom=odometry([np.nan, np.inf, 0]))
+    found = said(ask(looker, "ask=message&topic=/odom"))["message"]["pose"]["pose"]["position"]
+    assert found == {"x": "nan", "y": "inf", "z": 0.0}
+
+
+def test_the_log_is_told_from_a_line_on(looker):
+    log = logging.getLogger("ros_visualise.test")
+    for number in range(3):
+        log.warning("line %d", number)
+    lines = said(ask(looker, "ask=log"))["lines"]
+    assert [line["text"] for line in lines] == ["line 0", "line 1", "line 2"]
+    after = said(ask(looker, f"ask=log&after={lines[1]['number']}"))["lines"]
+    assert [line["text"] for line in after] == ["line 2"]
+
+
+def test_topics_are_asked_for_only_while_somebody_looks(told):
+    clock = [0.0]
+    taps = Taps(told, 1, lambda: clock[0])
+    taps.newest("/odom")
+    assert told.asked["/odom"] == 1
+    clock[0] = 4.0
+    taps.rest()
+    assert told.asked["/odom"] == 1
+    clock[0] = 6.0
+    taps.rest()
+    assert told.asked["/odom"] == 0
+
+
+def get(port, path, **headers):
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20)) as asked:
+        asked.request("GET", path, headers=headers)
+        answer = asked.getresponse()
+        return answer.status, answer.headers, answer.read()
+
+
+def test_the_door_is_before_these_pages_too(page, port):
+    status, headers, body = get(port, "/" + link("image", topic="/edges"))
+    assert status == 200
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert b"class Stage" in body
+    assert not re.search(rb"/\* [a-z]+\.(js|css) \*/", body)  # all parts are inside
+    evil = {"Host": f"127.0.0.1:{port}", "Origin": "http://evil.example"}
+    assert get(port, "/?ask=topics", **OURS, **evil)[0] == 403
+    assert get(port, "/other?ask=topics", **OURS)[0] == 404
+
+
+def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
+    tab = browse()
+    with tab.context.expect_page() as opened:
+        tab.locator("a.rv-whole[href*='image_raw']").click()
+    whole = opened.value
+    whole.locator("#facts", has_text="640").wait_for(timeout=30_000)
+    whole.select_option("#other", "/processed_image")
+    canvas = whole.locator("#view")
+    box = canvas.bounding_box()
+    canvas.hover(position={"x": box["width"] / 2, "y": box["height"] / 2})
+    whole.locator("#value", has_text="/processed_image").wait_for(timeout=30_000)
+    text = whole.locator("#value").inner_text()
+    x, y = map(int, re.search(r"x (\d+), y (\d+)", text).groups())
+    subscription = runtime.subscribe("/image_raw")
+    values = subscription.take(10).pixels[y, x].tolist()
+    subscription.close()
+    assert [int(v) for v in re.findall(r"[RGB] (\d+)", text)] == values
