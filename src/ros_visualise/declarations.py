@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from ros_visualise.data import Message, Transforms
@@ -76,7 +77,8 @@ class SourceType:
     outputs for which their class does not say it, as of a recording. ``velocity_axes`` are those of
     `VELOCITY_AXES` along which it follows a Twist: only a robot has any. ``seamless`` where its end
     leads back to its start, so that it is looped while somebody looks on. ``extend`` is the name of
-    a parameter that brings more of them, and what gives the parameters with these.
+    a parameter that brings more of them, and what gives the parameters with these. ``recording`` is
+    the file or folder that it plays, which can be opened once more; its outputs are the topics.
     """
 
     name: str
@@ -94,6 +96,7 @@ class SourceType:
     velocity_axes: tuple[str, ...] = ()
     seamless: bool = False
     extend: tuple[str, Callable[[Any], Any]] | None = None
+    recording: Path | None = None
 
 
 class Source(Protocol):

@@ -115,6 +115,7 @@ def player(
         outputs={name: type.data_class for name, type in types.items()},
         latched=frozenset(name for name, type in types.items() if type.qos.transient_local),
         ros=types,
+        recording=recording.path,
     )
 
 

@@ -5,5 +5,6 @@ Their addresses have no path, only a question, so that they hold behind a token 
 """
 
 from ros_visualise.ui.look.answers import Answer as Answer
+from ros_visualise.ui.look.looker import PAGES as PAGES
 from ros_visualise.ui.look.looker import Looker as Looker
 from ros_visualise.ui.look.looker import link as link

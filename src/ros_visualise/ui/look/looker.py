@@ -12,6 +12,7 @@ from ros_visualise.data import DiagnosticArray
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
 from ros_visualise.ui.look.logs import Lines
 from ros_visualise.ui.look.taps import Taps
@@ -20,7 +21,7 @@ from ros_visualise.ui.look.trees import tree_of
 log = logging.getLogger(__name__)
 
 _FOLDER = Path(__file__).parent / "pages"
-_PAGES = {"image": "image.html", "messages": "messages.html", "log": "log.html"}
+PAGES = ("image", "plots", "messages", "log")
 _HEADER = "X-Ros-Visualise"
 """What our own pages send with each question. No other site can: browsers would ask us first."""
 _WAIT_S = 0.5
@@ -33,12 +34,15 @@ class Looker:
         self._runtime = runtime
         self._images = Images(runtime)
         self._messages = Taps(runtime, 1)
+        self._curves = Curves(runtime)
         self._lines = Lines()
         logging.getLogger("ros_visualise").addHandler(self._lines)
         self._answers: Mapping[str, Callable[[Question], Answer]] = {
             "topics": self._topics,
             "pixels": self._images.pixels,
             "message": self._message,
+            "fields": self._curves.fields,
+            "curves": self._curves.curves,
             "log": self._log,
             "play": self._play,
         }
@@ -61,12 +65,14 @@ class Looker:
         """Let go of topics that nobody asked for lately."""
         self._images.rest()
         self._messages.rest()
+        self._curves.rest()
 
     def close(self) -> None:
         """Let go of all."""
         logging.getLogger("ros_visualise").removeHandler(self._lines)
         self._images.rest(all_of_them=True)
         self._messages.rest(all_of_them=True)
+        self._curves.close()
 
     def _answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
         if "look" in question:
@@ -90,6 +96,7 @@ class Looker:
             {
                 "images": self._images.topics,
                 "topics": {name: one.ros.name for name, one in topics.items()},
+                "plotted": self._curves.topics,
                 "diagnostics": diagnostics,
                 "plays": playback is not None,
             }
@@ -128,9 +135,9 @@ def link(page: str, **values: str) -> str:
 
 
 def _page(name: str) -> Answer:
-    if name not in _PAGES:
-        raise Refusal(f"there is no such page; there is {', '.join(_PAGES)}", 404)
-    return Answer(_read(_PAGES[name]), "text/html; charset=utf-8")
+    if name not in PAGES:
+        raise Refusal(f"there is no such page; there is {', '.join(PAGES)}", 404)
+    return Answer(_read(f"{name}.html"), "text/html; charset=utf-8")
 
 
 @cache

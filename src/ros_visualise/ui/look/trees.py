@@ -1,4 +1,4 @@
-"""Any message as values that JSON has: a tree of its fields."""
+"""Any message as values that JSON has: a tree of its fields, or its numbers by name."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from ros_visualise.data.fields import field_names
 from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.messages.recorded import Recorded
 
 _FIRST = 50  # elements of an array that are shown
@@ -20,8 +21,17 @@ _TYPES = Definitions("cdr").types
 
 def tree_of(message: Any) -> Any:
     """The fields of a message by their ROS names; of long arrays the first ones and the length."""
+    return _Writer().write(_ros(message))
+
+
+def fields_of(message: Any) -> dict[str, float]:
+    """The numbers of a message by their paths in its ROS type."""
+    return numeric_fields(_ros(message))
+
+
+def _ros(message: Any) -> Any:
     is_ros = isinstance(message, Recorded)
-    return _Writer().write(message.message if is_ros else to_message(message, _TYPES))
+    return message.message if is_ros else to_message(message, _TYPES)
 
 
 class _Writer:

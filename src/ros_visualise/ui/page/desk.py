@@ -11,7 +11,7 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.ui.look import Looker, link
+from ros_visualise.ui.look import PAGES, Looker, link
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
@@ -237,9 +237,7 @@ class Desk:
 
 _LINKS = (
     '<div class="rv-note rv-links">look closely: '
-    + ", ".join(
-        f'<a href="{link(page)}" target="_blank">{page}</a>' for page in ("messages", "log")
-    )
+    + ", ".join(f'<a href="{link(page)}" target="_blank">{page}</a>' for page in PAGES[1:])
     + "</div>"
 )
 

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
 import viser
 
 from ros_visualise.data import Message
-from ros_visualise.messages import to_message
-from ros_visualise.messages.definitions import Definitions
-from ros_visualise.messages.numeric_fields import numeric_fields
-from ros_visualise.messages.recorded import Recorded
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
+from ros_visualise.ui.look.trees import fields_of
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.plots import add_plot
 
@@ -145,14 +141,3 @@ class FieldPlot:
         if self._history.paths:
             with self._place:
                 self._plot = add_plot(self._gui, self._followed, self._history.paths)
-
-
-def fields_of(message: Any) -> dict[str, float]:
-    """The numbers of a message by their paths in its ROS type."""
-    is_ros = isinstance(message, Recorded)
-    return numeric_fields(message.message if is_ros else to_message(message, _types()))
-
-
-@cache
-def _types() -> Mapping[str, Any]:
-    return Definitions("cdr").types

@@ -1,0 +1,112 @@
+"""Numbers over time: of a recording at once, of others as they come."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from scene_messages import odometry
+from scene_runtime import Told
+
+from ros_visualise.data import Image, Odometry
+from ros_visualise.pipelines import recording_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.look import Looker
+from ros_visualise.ui.look.curve import Curve, thin
+
+OURS = {"X-Ros-Visualise": "1"}
+BLOCK = """{n}
+00:00:{a:02d},000 --> 00:00:{b:02d},000
+HOME(149.0251,-20.2532) 2017.08.05 14:11:51
+GPS({x:.4f},-20.2533,16) BAROMETER:1.9
+
+"""
+WHOLE = "ask=curves&from=0&to=1e9"
+
+
+def ask(looker, query):
+    return json.loads(looker.answer(query, OURS).body)
+
+
+@pytest.fixture
+def looker(tmp_path):
+    """That of a paused recording of 40 fixes, one a second."""
+    file = tmp_path / "flight.SRT"
+    blocks = (BLOCK.format(n=n + 1, a=n, b=n + 1, x=149 + n / 1000) for n in range(40))
+    file.write_text("".join(blocks))
+    playback = Playback(hold=True)
+    playback.pause()
+    runtime = LocalRuntime(recording_pipeline(open_recording(file)), playback)
+    runtime.start()
+    looker = Looker(runtime)
+    yield looker
+    looker.close()
+    runtime.stop()
+
+
+def test_a_paused_recording_is_there_from_its_start_to_its_end(looker):
+    end_s = time.monotonic() + 30
+    while True:
+        (curve,) = ask(looker, f"{WHOLE}&field=/gps/fix:longitude")["curves"]
+        if curve["share"] == 1:
+            break
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    assert curve["times"] == list(range(40))
+    assert np.allclose(curve["values"], 149 + np.arange(40) / 1000)
+    (part,) = ask(looker, "ask=curves&from=10&to=12&field=/gps/fix:longitude")["curves"]
+    assert part["times"] == [9, 10, 11, 12, 13]  # and one of either side
+    assert "longitude" in ask(looker, "ask=fields&topic=/gps/fix")["fields"]
+
+
+def test_a_click_goes_there(looker):
+    assert ask(looker, "ask=play&seek=17")["playing"] is False
+    end_s = time.monotonic() + 30
+    while ask(looker, WHOLE)["position"] != 17:
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+    assert looker.answer("ask=play&seek=nan", OURS).status == 400
+    assert looker.answer("ask=play&seek=5", {}).status == 403
+
+
+def test_what_is_live_grows():
+    told = Told(odom=Odometry, image=Image)
+    looker = Looker(told)
+    try:
+        query = f"{WHOLE}&field=/odom:pose.pose.position.x"
+        assert ask(looker, query)["curves"][0]["times"] == []
+        for second in (5, 6, 8):
+            told.say(odom=odometry([second, 0, 0], second))
+        (curve,) = ask(looker, query)["curves"]
+        assert curve["share"] is None
+        assert curve["times"] == [0, 1, 3]
+        assert curve["values"] == [5, 6, 8]
+        assert looker.answer(f"{WHOLE}&field=/image:width", OURS).status == 404
+        assert looker.answer(f"{WHOLE}&field=odom", OURS).status == 400
+    finally:
+        looker.close()
+    assert told.asked["/odom"] == 0
+
+
+def test_after_a_jump_back_the_later_part_goes():
+    curve = Curve(None)
+    for time_s in (0, 1, 2, 3, 1.5):
+        curve.add(time_s, 10 * time_s)
+    times_s, values = curve.between(0, 9, 100)
+    assert times_s.tolist() == [0, 1, 1.5]
+    assert values.tolist() == [0, 10, 15]
+
+
+def test_thinned_curves_keep_each_peak():
+    times_s = np.arange(100_000.0)
+    values = np.sin(times_s / 500)
+    values[[777, 54_321]] = [9, -7]
+    values[1234] = np.nan
+    kept_s, kept = thin(times_s, values, 400)
+    assert len(kept) <= 400
+    assert (kept.max(), kept.min()) == (9, -7)
+    assert kept_s[kept.argmax()] == 777
+    assert np.isfinite(kept).all()
+    assert (np.diff(kept_s) > 0).all()
