@@ -82,7 +82,9 @@ class Picture:
         self._boxes.rest()
 
     def _show(self, image: Image, previews: dict[int, Pixels]) -> None:
-        self._caption.content = self._describe()
+        caption = self._describe()
+        if caption != self._caption.content:  # a link that is made anew would miss a click
+            self._caption.content = caption
         if not image.pixels.size:
             return
         if id(image) not in previews:
