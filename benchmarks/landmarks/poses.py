@@ -10,16 +10,18 @@ import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import cv2
 import numpy as np
+import photographed_tags
 import pyapriltags
+import rendered_tags
 from rendered_tags import FOCAL, INFO, SIZE_M, Picture, pictures
 
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import (
     PoseEstimate,
-    borders_of,
     merged,
     square_poses,
     squares_poses,
@@ -40,12 +42,12 @@ def found_corners(picture: Picture) -> np.ndarray | None:
     return tags[0].corners_uv + picture.origin_uv if tags else None
 
 
-def ours(picture: Picture) -> tuple[PoseEstimate, ...]:
+def ours(picture: Picture, made: ModuleType = rendered_tags) -> tuple[PoseEstimate, ...]:
     tags = FINDER.find(picture.gray)
     if not tags:
         return ()
-    borders = borders_of(picture.gray, tags[0].corners_uv[None])
-    return square_poses(tags[0].corners_uv + picture.origin_uv, SIZE_M, INFO, borders=borders)
+    uv, noise = tags[0].corners_uv + picture.origin_uv, tags[0].covariance_px2
+    return square_poses(uv, made.SIZE_M, made.INFO, noise_px2=noise)
 
 
 def best(picture: Picture) -> Pose | None:
@@ -109,12 +111,13 @@ def range_table(count: int) -> None:
             )
 
 
-def nees_table(count: int) -> None:
+def nees_table(count: int, seed: int, made: ModuleType) -> None:
+    print(f"\n{made.__name__}, seed {seed}\n")
     print("| side px | tilt | poses | two | mean | inside 95% | merged | inside 95% |")
     every: list[tuple[float, float]] = []
     for side in (16, 20, 26, 32, 40, 64, 100):
         for tilt in (0, 15, 30, 45, 60):
-            found = [(ours(one), one) for one in pictures(side, tilt, count, seed=2)]
+            found = [(ours(one, made), one) for one in made.pictures(side, tilt, count, seed)]
             here = [(_nees(several, one), len(several)) for several, one in found if several]
             if len(here) < count / 4:
                 continue
@@ -122,7 +125,9 @@ def nees_table(count: int) -> None:
             every += [one for one, _ in here]
             two = np.mean([number == 2 for _, number in here])
             cells = [f"{v.mean():.2f} | {np.mean(v < INSIDE):.2f}" for v in values.T]
-            print(f"| {side} | {tilt} | {len(here)} | {two:.2f} | {' | '.join(cells)} |")
+            print(
+                f"| {side} | {tilt} | {len(here)} | {two:.2f} | {' | '.join(cells)} |", flush=True
+            )
     cells = [f"{v.mean():.2f} | {np.mean(v < INSIDE):.3f}" for v in np.array(every).T]
     print(f"| all | | {len(every)} | | {' | '.join(cells)} |")
 
@@ -155,9 +160,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tagslam", type=Path, help="TagSLAM's folder example_13")
     parser.add_argument("--count", type=int, default=100, help="pictures of each kind")
+    parser.add_argument("--seed", type=int, default=2, help="of the pictures for covariances")
+    parser.add_argument("--covariances", action="store_true", help="nothing else")
     asked = parser.parse_args()
+    for made in (rendered_tags, photographed_tags):
+        nees_table(asked.count, asked.seed, made)
+    if asked.covariances:
+        return
     range_table(asked.count)
-    nees_table(asked.count)
     time_table(max(50, asked.count))
     if asked.tagslam:
         from tagslam_boards import pitch_table

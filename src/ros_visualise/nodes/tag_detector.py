@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ros_visualise.data import Deferred, Detection, Detections, Image, Pixels
+from ros_visualise.data import Deferred, Detection, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
@@ -114,7 +114,7 @@ class TagDetector:
         order = color.order_of(image.encoding)
         gray = to_8_bit(color.to_gray(pixels, order))
         tags = self._search.find(self._finder, gray, params.search_every)
-        found = self._locate(tags, image, gray, params)
+        found = self._locate(tags, image, params)
         shown = Deferred((*gray.shape, 3), np.uint8, lambda: draw_detections(pixels, order, found))
         return {
             "detections": Detections(found, image.header, image.camera_info),
@@ -131,7 +131,7 @@ class TagDetector:
         self._search.reset()
 
     def _locate(
-        self, tags: tuple[Tag, ...], image: Image, gray: Pixels, params: TagParams
+        self, tags: tuple[Tag, ...], image: Image, params: TagParams
     ) -> tuple[Detection, ...]:
         """With poses, or once a word that tells why there are none."""
         info = image.camera_info
@@ -140,5 +140,5 @@ class TagDetector:
             self._remarks.say(f"no poses of images of {size} with a calibration for {of_info}")
             info = None
         return locate_or_remark(
-            tags, self._known, params.size, info, params.corner_floor, gray, self._remarks
+            tags, self._known, params.size, info, params.corner_floor, self._remarks
         )

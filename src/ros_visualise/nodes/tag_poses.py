@@ -61,7 +61,7 @@ class TagPoses:
         if info is None and tags:
             self._remarks.say("no poses: no calibration of the camera comes with the tags")
         found = locate_or_remark(
-            tags, self._known, params.size, info, params.corner_floor, None, self._remarks
+            tags, self._known, params.size, info, params.corner_floor, self._remarks
         )
         return replace(corners, detections=found + rest)
 

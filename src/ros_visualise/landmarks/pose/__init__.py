@@ -1,6 +1,5 @@
 """From corners in an image, and the camera's calibration, to poses with a covariance."""
 
-from ros_visualise.landmarks.pose.borders import TYPICAL, Borders, borders_of
 from ros_visualise.landmarks.pose.corner_noise import corner_sigma
 from ros_visualise.landmarks.pose.estimating import (
     PoseEstimate,
@@ -11,10 +10,7 @@ from ros_visualise.landmarks.pose.estimating import (
 )
 
 __all__ = [
-    "TYPICAL",
-    "Borders",
     "PoseEstimate",
-    "borders_of",
     "corner_sigma",
     "merged",
     "rig_poses",

@@ -12,7 +12,7 @@ from ros_visualise.landmarks.pose.refinement import Fit, linearise, moved
 _RIDGE = 1e-13  # of a scaled information, so that nothing is known of what it does not hold
 
 
-def covariances(fit: Fit, points: Floats, rays: Rays, sigma_px: Floats) -> Floats:
+def covariances(fit: Fit, points: Floats, rays: Rays, whiten: Floats) -> Floats:
     """(B, 6, 6) of refined poses; arguments as `refinement.refine` has them.
 
     To first order a covariance is the inverse of the information. How much is known of the tilt
@@ -29,7 +29,7 @@ def covariances(fit: Fit, points: Floats, rays: Rays, sigma_px: Floats) -> Float
         deviation = central[:, :, 3:] @ axes[:, :, worst, None] / _root(variances[:, worst])
         for side in (-np.sqrt(2), np.sqrt(2)):
             R, t = moved(fit.R, fit.t, side * deviation[..., 0])
-            _, jacobian = linearise(R, t, points, rays, sigma_px)
+            _, jacobian = linearise(R, t, points, rays, whiten)
             there = _inverse(np.swapaxes(jacobian, -1, -2) @ jacobian)
             around.append(np.where(np.isfinite(there), there, central))
     mean: Floats = np.mean(around, axis=0)

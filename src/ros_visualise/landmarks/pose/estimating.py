@@ -10,11 +10,10 @@ import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.landmarks.pose.borders import TYPICAL, Borders
-from ros_visualise.landmarks.pose.corner_noise import corner_sigma, with_extra
+from ros_visualise.landmarks.pose.corner_noise import corner_noise, whitening, with_extra
 from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
-from ros_visualise.landmarks.pose.refinement import Fit, refine
+from ros_visualise.landmarks.pose.refinement import Fit, linearise, refine
 from ros_visualise.landmarks.pose.starting import starts
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
@@ -50,7 +49,7 @@ def square_poses(
     info: CameraInfo,
     sigma_px: float | None = None,
     floor_px: float = 0.0,
-    borders: Borders = TYPICAL,
+    noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a square tag may have: best first, one, two, or none if there is none.
 
@@ -61,10 +60,10 @@ def square_poses(
             top-left pixel: the tag's lower left, lower right, upper right and upper left corner.
         size_m: side of the square. The tag's frame is x right, y up, z towards the viewer.
         info: the camera's calibration.
-        sigma_px: standard deviation of each coordinate of a corner; by default it is that of the
-            tag's size, `corner_sigma`, and what the residuals tell, `with_extra`.
+        sigma_px: standard deviation of each coordinate of a corner; by default `corner_noise`
+            tells, and what the residuals tell, `with_extra`.
         floor_px: what the camera adds at least where ``sigma_px`` is not given.
-        borders: what the tag's border looks like in the image, `borders_of`.
+        noise_px2: (8, 8) covariance of the corners as the finder tells it, `Tag.covariance_px2`.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -74,7 +73,8 @@ def square_poses(
     if corners.shape != (4, 2):
         raise ValueError(f"corners of a square are (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
-    return squares_poses(corners[None], [size_m], info, sigmas, floor_px, borders)[0]
+    noise = None if noise_px2 is None else np.asarray(noise_px2)[None]
+    return squares_poses(corners[None], [size_m], info, sigmas, floor_px, noise)[0]
 
 
 def squares_poses(
@@ -83,7 +83,7 @@ def squares_poses(
     info: CameraInfo,
     sigmas_px: npt.ArrayLike | None = None,
     floor_px: float = 0.0,
-    borders: Borders = TYPICAL,
+    noise_px2: npt.ArrayLike | None = None,
 ) -> list[tuple[PoseEstimate, ...]]:
     """As `square_poses`, of T tags in one image at once: corners (T, 4, 2), sizes and sigmas (T,).
 
@@ -94,10 +94,11 @@ def squares_poses(
     if not (sizes > 0).all():
         raise ValueError("a tag's size is above zero metres")
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
-    given = sigmas_px is not None
-    sigmas = np.asarray(sigmas_px, np.float64) if given else corner_sigma(seen, floor_px, borders)
     points = _SQUARE * sizes[:, None, None]
-    return _estimate(points, seen, info, np.repeat(sigmas[:, None], 4, axis=1), given)
+    if sigmas_px is None:
+        return _estimate(points, seen, info, corner_noise(seen, floor_px, noise_px2), False)
+    variances = np.asarray(sigmas_px, np.float64)[:, None, None] ** 2
+    return _estimate(points, seen, info, variances * np.eye(8), True)
 
 
 def rig_poses(
@@ -106,7 +107,7 @@ def rig_poses(
     info: CameraInfo,
     sigma_px: npt.ArrayLike | None = None,
     floor_px: float = 0.0,
-    borders: Borders = TYPICAL,
+    noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a rigid body of several tags may have, as `square_poses` has them.
 
@@ -116,7 +117,7 @@ def rig_poses(
         info: the camera's calibration.
         sigma_px: for all points or (N,); by default as of a square, the points being
             the corners of tags, four to each.
-        floor_px, borders: as of squares, of each tag.
+        floor_px, noise_px2: as of squares, of each tag.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -127,9 +128,11 @@ def rig_poses(
         raise ValueError(f"a body has 4 points or more: {corners.shape} and {points.shape}")
     given = sigma_px is not None
     if sigma_px is None:
-        sigma_px = np.repeat(corner_sigma(corners.reshape(-1, 4, 2), floor_px, borders), 4)
-    sigmas = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
-    return _estimate(points[None], corners[None], info, sigmas[None].copy(), given)[0]
+        noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), floor_px, noise_px2))
+    else:
+        deviations = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
+        noise = np.diag(np.repeat(deviations**2, 2))
+    return _estimate(points[None], corners[None], info, noise[None], given)[0]
 
 
 def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
@@ -159,10 +162,16 @@ def _is_seen(corners: Floats) -> npt.NDArray[np.bool_]:
     return np.asarray(finite.all(axis=(1, 2)) & (areas > _SMALLEST_PX2).all(axis=1))
 
 
+def _of_body(noise_px2: Floats) -> Floats:
+    """(8T, 8T) of all corners of a body, by those of its tags (T, 8, 8)."""
+    blocks = np.einsum("ab,bij->aibj", np.eye(len(noise_px2)), noise_px2)
+    return np.asarray(blocks.reshape(8 * len(noise_px2), -1))
+
+
 def _estimate(
-    points: Floats, corners: Floats, info: CameraInfo, sigmas: Floats, given: bool
+    points: Floats, corners: Floats, info: CameraInfo, noise: Floats, given: bool
 ) -> list[tuple[PoseEstimate, ...]]:
-    """Of each body (B, N, ...), which all have N points; deviations may be given or by size."""
+    """Of each body (B, N, ...), all of N points; covariances may be given, or what was found."""
     rays = rays_of(corners, info)
     begun = starts(points, rays.directions)
     found: list[tuple[PoseEstimate, ...]] = [()] * len(points)
@@ -172,21 +181,25 @@ def _estimate(
     bodies = list(begun)
     twice = np.repeat(bodies, 2)
     seen = points[twice], Rays(rays[0][twice], rays[1][twice])
-    fit = refine(R, t, *seen, sigmas[twice])
+    whiten = whitening(noise[twice])
+    fit = refine(R, t, *seen, whiten)
     if not given:
-        sigmas[bodies] = with_extra(sigmas[bodies], fit.chi2.reshape(-1, 2).min(axis=1))
-        fit = refine(fit.R, fit.t, *seen, sigmas[twice])
-    spreads = covariances(fit, *seen, sigmas[twice])
+        raised = with_extra(noise[bodies], fit.chi2.reshape(-1, 2).min(axis=1))
+        whiten = np.repeat(whitening(raised), 2, axis=0)
+        fit = refine(fit.R, fit.t, *seen, whiten)
+    spreads = covariances(fit, *seen, whiten)
+    off, _ = linearise(fit.R, fit.t, *seen, np.broadcast_to(np.eye(whiten.shape[1]), whiten.shape))
+    rms = np.sqrt((off * off).sum(axis=1) / points.shape[1])
     for number, body in enumerate(bodies):
         both = slice(2 * number, 2 * number + 2)
         two = Fit(*(part[both] for part in fit))
         spread_px = np.sqrt(corners[body].var(axis=0).sum())
-        several = _solutions(two, spreads[both], sigmas[body])
+        several = _solutions(two, spreads[both], rms[both])
         found[body] = tuple(one for one in several if one.rms_px < _NO_FIT * spread_px)
     return found
 
 
-def _solutions(fit: Fit, spreads: Floats, sigmas: Floats) -> tuple[PoseEstimate, ...]:
+def _solutions(fit: Fit, spreads: Floats, rms_px: Floats) -> tuple[PoseEstimate, ...]:
     chi2 = np.where(np.isfinite(spreads).all(axis=(1, 2)), fit.chi2, np.inf)
     better, worse = np.argsort(chi2)
     if not np.isfinite(chi2[better]):
@@ -197,13 +210,12 @@ def _solutions(fit: Fit, spreads: Floats, sigmas: Floats) -> tuple[PoseEstimate,
         kept.append(worse)
     # Laplace's approximation of how much of the likelihood is about each
     weights = np.exp((chi2[better] - chi2[kept]) / 2) * np.sqrt(np.linalg.det(spreads[kept]))
-    to_px = np.sqrt(np.mean(sigmas**2) / len(sigmas))
     return tuple(
         PoseEstimate(
             fit.t[one],
             rotations.from_matrix(fit.R[one]),
             spreads[one],
-            float(np.sqrt(chi2[one]) * to_px),
+            float(rms_px[one]),
             float(weight / weights.sum()),
         )
         for one, weight in zip(kept, weights, strict=True)

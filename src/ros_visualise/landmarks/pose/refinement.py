@@ -30,31 +30,31 @@ class Fit(NamedTuple):
     t: Floats
     """(B, 3) metres"""
     chi2: Floats
-    """(B,) sum of the squares of the residuals by their deviations; infinite behind the camera."""
+    """(B,) sum of the squares of the whitened residuals; infinite behind the camera."""
     information: Floats
     """(B, 6, 6) the inverse of the covariance to first order."""
 
 
-def refine(R: Floats, t: Floats, points: Floats, rays: Rays, sigma_px: Floats) -> Fit:
+def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> Fit:
     """Refine poses, each from its own start.
 
     Args:
         R, t: (B, 3, 3) and (B, 3), where to start.
         points: (B, N, 3) metres in the body's frame.
         rays: of the pixels they were seen at, (B, N, ...).
-        sigma_px: (B, N) standard deviations of each coordinate.
+        whiten: (B, 2N, 2N) what gives their errors variance 1, see `corner_noise.whitening`.
 
     Source: J. Nocedal, S. Wright, Numerical Optimization, 2006, chapter 10; the damping by
     D. Marquardt, 1963.
     """
     damping = np.full(len(t), _DAMPING)
-    residuals, jacobian = linearise(R, t, points, rays, sigma_px)
+    residuals, jacobian = linearise(R, t, points, rays, whiten)
     chi2 = _sum_of_squares(residuals)
     for _ in range(_ROUNDS):
         information, slope = _normal_equations(residuals, jacobian)
         step = _damped_step(information, slope, damping)
         new_R, new_t = moved(R, t, step)
-        new_residuals, new_jacobian = linearise(new_R, new_t, points, rays, sigma_px)
+        new_residuals, new_jacobian = linearise(new_R, new_t, points, rays, whiten)
         new_chi2 = _sum_of_squares(new_residuals)
         better = new_chi2 <= chi2
         R, t = np.where(better[:, None, None], new_R, R), np.where(better[:, None], new_t, t)
@@ -72,9 +72,9 @@ def refine(R: Floats, t: Floats, points: Floats, rays: Rays, sigma_px: Floats) -
 
 
 def linearise(
-    R: Floats, t: Floats, points: Floats, rays: Rays, sigma_px: Floats
+    R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats
 ) -> tuple[Floats, Floats]:
-    """Residuals (B, 2N) by their deviations, infinite behind the camera; derivatives (B, 2N, 6)."""
+    """Whitened residuals (B, 2N), infinite behind the camera, and derivatives (B, 2N, 6)."""
     turned = points @ np.swapaxes(R, -1, -2)
     seen = turned + t[:, None]
     depth = (rays.directions * seen).sum(axis=-1)
@@ -82,12 +82,12 @@ def linearise(
     scale = np.where(in_front, depth, 1.0)
     residuals = (rays.to_pixels @ seen[..., None])[..., 0] / scale[..., None]
     by_point = rays.to_pixels - residuals[..., None] * rays.directions[..., None, :]
-    by_point = by_point / (scale * sigma_px)[..., None, None]
-    residuals = np.where(in_front[..., None], residuals / sigma_px[..., None], np.inf)
+    by_point = by_point / scale[..., None, None]
     by_rotation = np.cross(turned[..., None, :], by_point)  # a . (w x b) = w . (b x a)
     several = len(t)
     jacobian = np.concatenate([by_point, by_rotation], axis=-1).reshape(several, -1, 6)
-    return residuals.reshape(several, -1), jacobian
+    whitened = (whiten @ residuals.reshape(several, -1, 1))[..., 0]
+    return np.where(in_front.all(axis=1)[:, None], whitened, np.inf), whiten @ jacobian
 
 
 def moved(R: Floats, t: Floats, step: Floats) -> tuple[Floats, Floats]:

@@ -11,8 +11,9 @@ import numpy as np
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.apriltag import AprilTag3
 from ros_visualise.landmarks.tags.families import Family
+from ros_visualise.landmarks.tags.fitting import fit_tags
+from ros_visualise.landmarks.tags.patterns import draw_cells
 from ros_visualise.landmarks.tags.reading import clearness
-from ros_visualise.landmarks.tags.sides import fit_corners
 
 Region = tuple[int, int, int, int]
 """Left, top, right and bottom of a part of an image, in pixels; right and bottom are outside."""
@@ -29,7 +30,8 @@ class Tag:
     ``corners_uv`` (4, 2) are those of its square in pixels, origin at the centre of the top-left
     pixel: lower left, lower right, upper right and upper left, as the tag is printed.
     ``hamming`` counts the cells that were wrong, ``margin`` is the mean difference of cells from
-    the gray between black and white, in levels.
+    the gray between black and white, in levels. ``covariance_px2`` (8, 8) is that of u and v of the
+    first corner, of the second, and so on; None where nobody knows it.
     """
 
     family: str
@@ -37,6 +39,7 @@ class Tag:
     corners_uv: Floats
     hamming: int
     margin: float
+    covariance_px2: Floats | None = None
 
     @property
     def name(self) -> str:
@@ -68,7 +71,7 @@ class TagFinder:
             families: as `parse_families` gives them.
             quad_decimate: squares are looked for in an image so many times smaller.
             quad_sigma: that image is blurred before, or below 0 sharpened; pixels.
-            refine: fit the squares' sides to the image, as AprilTag does, then by `fit_corners`.
+            refine: fit the squares' sides to the image, as AprilTag does, then by `fit_tags`.
             min_margin: for all families; each has one of its own, and the larger holds.
         """
         self._families = {one.name: one for one in families}
@@ -113,9 +116,18 @@ class TagFinder:
         return self._refined(gray, believed) if self._refine else believed
 
     def _refined(self, gray: Pixels, tags: Sequence[Tag]) -> list[Tag]:
-        corners = np.array([tag.corners_uv for tag in tags]).reshape(-1, 4, 2)
-        fitted = fit_corners(gray, corners, [self._library.cells[tag.family] for tag in tags])
-        return [replace(tag, corners_uv=uv) for tag, uv in zip(tags, fitted, strict=True)]
+        refined = []
+        for name, family in self._families.items():
+            of_family = [tag for tag in tags if tag.family == name]
+            if not of_family:
+                continue
+            drawn = [draw_cells(family, tag.id) for tag in of_family]
+            corners = np.array([tag.corners_uv for tag in of_family])
+            found = fit_tags(gray, corners, [cells for cells, _ in drawn], drawn[0][1])
+            for tag, uv, spread in zip(of_family, *found, strict=True):
+                known = spread if np.isfinite(spread).all() else None
+                refined.append(replace(tag, corners_uv=uv, covariance_px2=known))
+        return refined
 
     def _is_believed(self, tag: Tag, gray: Pixels) -> bool:
         family = self._families[tag.family]

@@ -7,15 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Detection, Hypothesis, Pixels
+from ros_visualise.data import CameraInfo, Detection, Floats, Hypothesis
 from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
-from ros_visualise.landmarks.pose import (
-    TYPICAL,
-    PoseEstimate,
-    borders_of,
-    rig_poses,
-    squares_poses,
-)
+from ros_visualise.landmarks.pose import PoseEstimate, rig_poses, squares_poses
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags.finder import Tag
 from ros_visualise.landmarks.tags.known import Bundle, KnownTags
@@ -27,7 +21,6 @@ def locate(
     size_m: float,
     info: CameraInfo | None,
     floor_px: float = 0.0,
-    gray: Pixels | None = None,
 ) -> tuple[Detection, ...]:
     """Detections of tags, then those of bundles, each with the poses that it may have.
 
@@ -41,18 +34,17 @@ def locate(
         known: their sizes, and bundles.
         size_m: the side of all others; 0 where nobody knows, so that they have no poses.
         info: the camera's calibration.
-        floor_px: see `corner_sigma`.
-        gray: (height, width) uint8, the image: how sharp it is tells how exact corners are.
+        floor_px: see `corner_noise`.
     """
     bundles = known.bundles if info else ()
     members = {id for bundle in bundles for id in bundle.corners_xyz}
     alone = [tag for tag in tags if tag.id not in members or tag.id in known.sizes]
     sizes = [known.sizes.get(tag.id, size_m) for tag in alone]
-    poses = _poses(alone, sizes, info, gray, floor_px)
+    poses = _poses(alone, sizes, info, floor_px)
     found = [_of_tag(tag, known, one) for tag, one in zip(alone, poses, strict=True)]
     if info:
         for bundle in bundles:
-            found += _of_bundle(tags, bundle, info, gray, floor_px)
+            found += _of_bundle(tags, bundle, info, floor_px)
     return tuple(found)
 
 
@@ -62,14 +54,13 @@ def locate_or_remark(
     size_m: float,
     info: CameraInfo | None,
     floor_px: float,
-    gray: Pixels | None,
     remarks: Remarks,
 ) -> tuple[Detection, ...]:
     """As `locate`; where a calibration or a size serves for no pose, that is remarked."""
     if info and not size_m and any(tag.id not in known.every for tag in tags):
         remarks.say("tags of unknown size have no poses: set size, or a file of tags")
     try:
-        return locate(tags, known, size_m, info, floor_px, gray)
+        return locate(tags, known, size_m, info, floor_px)
     except (UncalibratedCamera, UnsupportedImage) as error:
         remarks.say(f"no poses: {error}")
         return locate(tags, known, size_m, None)
@@ -79,7 +70,6 @@ def _poses(
     tags: Sequence[Tag],
     sizes: Sequence[float],
     info: CameraInfo | None,
-    gray: Pixels | None,
     floor_px: float,
 ) -> list[tuple[PoseEstimate, ...]]:
     found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
@@ -87,11 +77,17 @@ def _poses(
     if info and sized:
         corners = np.array([tags[number].corners_uv for number in sized])
         of_known = [sizes[number] for number in sized]
-        borders = TYPICAL if gray is None else borders_of(gray, corners)
-        estimates = squares_poses(corners, of_known, info, floor_px=floor_px, borders=borders)
+        noise = _noise([tags[number] for number in sized])
+        estimates = squares_poses(corners, of_known, info, None, floor_px, noise)
         for number, one in zip(sized, estimates, strict=True):
             found[number] = one
     return found
+
+
+def _noise(tags: Sequence[Tag]) -> Floats:
+    """(T, 8, 8) covariances of their corners; NaN where nobody knows."""
+    unknown = np.full((8, 8), np.nan)
+    return np.array([unknown if tag.covariance_px2 is None else tag.covariance_px2 for tag in tags])
 
 
 def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detection:
@@ -102,7 +98,7 @@ def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detect
 
 
 def _of_bundle(
-    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, gray: Pixels | None, floor_px: float
+    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, floor_px: float
 ) -> list[Detection]:
     """One detection, of all of its tags that are seen; none where none is."""
     seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
@@ -111,12 +107,9 @@ def _of_bundle(
     corners = np.array([tag.corners_uv for tag in seen])
     points = np.concatenate([bundle.corners_xyz[tag.id] for tag in seen])
     flat = corners.reshape(-1, 2)
-    borders = TYPICAL if gray is None else borders_of(gray, corners)
-    poses = rig_poses(flat, points, info, floor_px=floor_px, borders=borders)
+    poses = rig_poses(flat, points, info, None, floor_px, _noise(seen))
     score, first = max(map(_score, seen)), next(iter(bundle.corners_xyz))
-    box = Detection.of_corners(
-        corners.reshape(-1, 2), _hypotheses(bundle.name, score, first, poses), bundle.name
-    )
+    box = Detection.of_corners(flat, _hypotheses(bundle.name, score, first, poses), bundle.name)
     return [replace(box, corners_uv=np.zeros((0, 2)))]  # an outline it has not
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,13 @@ from ros_visualise.landmarks.tags.apriltag import Cells, dictionary_cells
 from ros_visualise.landmarks.tags.families import Family
 
 
+@lru_cache(maxsize=1024)
 def draw_cells(family: Family, id: int) -> tuple[Cells, int]:
     """The cells of a tag, and how many of them lie between its outer edge and its square.
 
     Returns:
-        (N, N) uint8, 1 is white, upright; and the width of the rim that is no part of the square
-        by which its size is measured: white, and with codes in it in the newer families.
+        (N, N) uint8, 1 is white, upright; it is not to be changed. And the width of the rim that is
+        no part of the square by which its size is measured: white, in newer families with codes.
 
     Raises:
         ParameterError: the family has no tag of that number.

@@ -1,0 +1,93 @@
+"""How a tag looks in an image: its cells, drawn with a blur, and how that changes with its place.
+
+A blurred cell is a product of two blurred stripes, but for the corners of cells that are seen
+askew; there the first term of what is left out is added, as a blur spreads like heat.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+
+
+class Appearance(NamedTuple):
+    """Of T tags at N places in the image each."""
+
+    white: Floats
+    """(T, N) share of white, 0 to 1."""
+    slope: Floats
+    """(T, N, 2) its derivatives by u and v, per pixel."""
+    by_blur: Floats
+    """(T, N, 3) its derivatives by the blur's variances: uu, uv, vv."""
+    xy: Floats
+    """(T, N, 2) the places in cells, from the lower left of what is printed."""
+
+
+def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats) -> Appearance:
+    """Draw tags.
+
+    Args:
+        H: (T, 3, 3) homographies from the image to cells.
+        places_uv: (T, N, 2) pixels.
+        blur_px2: (T, 3) the variances uu, uv and vv of a Gaussian blur, in square pixels.
+        patterns: (T, C, C) by x, then by y upwards; 1 is white. The outermost cells go on for ever.
+    """
+    u, v = np.moveaxis(places_uv, 2, 0)
+    h = np.moveaxis(H, 0, 2)[..., None]
+    depth = h[2, 0] * u + h[2, 1] * v + h[2, 2]
+    x = (h[0, 0] * u + h[0, 1] * v + h[0, 2]) / depth
+    y = (h[1, 0] * u + h[1, 1] * v + h[1, 2]) / depth
+    x_u, x_v = (h[0, 0] - x * h[2, 0]) / depth, (h[0, 1] - x * h[2, 1]) / depth
+    y_u, y_v = (h[1, 0] - y * h[2, 0]) / depth, (h[1, 1] - y * h[2, 1]) / depth
+    uu, uv, vv = blur_px2.T[..., None]
+    xx = x_u * x_u * uu + 2 * x_u * x_v * uv + x_v * x_v * vv
+    yy = y_u * y_u * uu + 2 * y_u * y_v * uv + y_v * y_v * vv
+    xy = x_u * y_u * uu + (x_u * y_v + x_v * y_u) * uv + x_v * y_v * vv
+    across, by_x, by_xx = _stripes(x, np.sqrt(xx), patterns.shape[1])
+    up, by_y, by_yy = _stripes(y, np.sqrt(yy), patterns.shape[1])
+    rows, rows_x = across @ patterns, by_x @ patterns
+    m_x, m_y, m_xy = _dot(rows_x, up), _dot(rows, by_y), _dot(rows_x, by_y)
+    m_xx, m_yy = _dot(by_xx @ patterns, up), _dot(rows, by_yy)
+    m_uu = x_u * x_u * m_xx + 2 * x_u * y_u * m_xy + y_u * y_u * m_yy
+    m_uv = x_u * x_v * m_xx + (x_u * y_v + x_v * y_u) * m_xy + y_u * y_v * m_yy
+    m_vv = x_v * x_v * m_xx + 2 * x_v * y_v * m_xy + y_v * y_v * m_yy
+    return Appearance(
+        _dot(rows, up) + xy * m_xy,
+        np.stack([x_u * m_x + y_u * m_y, x_v * m_x + y_v * m_y], axis=2),
+        np.stack([m_uu / 2, m_uv, m_vv / 2], axis=2),
+        np.stack([x, y], axis=2),
+    )
+
+
+def _stripes(x: Floats, deviation: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+    """How much of each of C stripes of width 1 is seen at x (..., C), and two derivatives by x."""
+    z = (x[..., None] - np.arange(1, count)) / deviation[..., None]
+    beyond, density = _normal(z)
+    density /= deviation[..., None]
+    curve = -z * density / deviation[..., None]
+    return _between(beyond, 1.0), _between(density, 0.0), _between(curve, 0.0)
+
+
+def _between(edges: Floats, first: float) -> Floats:
+    """Of values at the edges (..., C - 1), the first one before them, the differences: (..., C)."""
+    found = np.empty((*edges.shape[:-1], edges.shape[-1] + 1))
+    found[..., 0], found[..., -1] = first, 0
+    found[..., 1:] = edges
+    found[..., :-1] -= edges
+    return found
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    return np.asarray(np.einsum("tnc,tnc->tn", one, other))
+
+
+def _normal(z: Floats) -> tuple[Floats, Floats]:
+    """Distribution function and density of the normal distribution.
+
+    Source: Page, Approximations to the cumulative normal function, 1977; within 0.0002.
+    """
+    step = 1 / (1 + np.exp(np.clip(-z * (1.5976 + 0.07056 * z * z), -50, 50)))
+    return step, np.exp(-z * z / 2) / np.sqrt(2 * np.pi)
