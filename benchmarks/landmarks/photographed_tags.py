@@ -1,8 +1,8 @@
 """Pictures of one tag each as a camera might take them, by another way than `rendered_tags`.
 
-Each of 64 places in a pixel, moved at random, is looked up in the plane of the tag. Light falls
-unevenly; blur is that of a lens, of being out of focus, or of motion; noise grows with the light;
-every second picture is taken by a camera that curves its levels (gamma 2.2).
+Each of 64 places in a pixel is looked up in the plane of the tag. Light falls unevenly; blur is
+that of a lens, of being out of focus, or of motion; noise grows with the light; every second
+picture is taken by a camera that curves its levels (gamma 2.2).
 """
 
 from __future__ import annotations
@@ -47,8 +47,7 @@ def _picture(
         (first[0] + np.arange(width)[:, None] + inside).ravel(),
         (first[1] + np.arange(height)[:, None] + inside).ravel(),
     )
-    jitter = (rng.random((2, *u.shape)) - 0.5) / _FINER
-    light = _light(u + jitter[0], v + jitter[1], R, t, tag, rng)
+    light = _light(u, v, R, t, tag, rng)
     uneven = rng.uniform(-0.2, 0.2, 2)
     light *= 1 + uneven[0] * (u - u.mean()) / width + uneven[1] * (v - v.mean()) / height
     light = cv2.filter2D(light, -1, _blur(rng), borderType=cv2.BORDER_REPLICATE)
@@ -66,16 +65,19 @@ def _light(
     cells, rim = draw_cells(family("tag36h11"), tag)
     around = int(rng.integers(2))
     cells = np.pad(cells, around, constant_values=1)
-    many = len(cells)
-    cell_m = SIZE_M / (many - 2 * (rim + around))
+    dark, bright, behind = rng.uniform([0.02, 0.5, 0.2], [0.15, 0.9, 0.6])
+    cell_m = SIZE_M / (len(cells) - 2 * (rim + around))
+    finer = max(2, round(FOCAL * cell_m / t[2] * _FINER))  # texels as large as places in a pixel
+    levels = np.pad(np.where(cells, bright, dark), 2, constant_values=behind)
+    texture = np.kron(levels, np.ones((finer, finer))).astype(np.float32)
+    texel_m = cell_m / finer
     H = np.linalg.inv(INFO.K @ np.column_stack([R[:, 0], R[:, 1], t]))
     x, y, depth = (row[0] * u + row[1] * v + row[2] for row in H)
-    column = np.floor(x / depth / cell_m + many / 2).astype(int)
-    row = np.floor(many / 2 - y / depth / cell_m).astype(int)
-    on_tag = (column >= 0) & (column < many) & (row >= 0) & (row < many)
-    white = cells[row.clip(0, many - 1), column.clip(0, many - 1)] > 0
-    dark, bright, behind = rng.uniform([0.02, 0.5, 0.2], [0.15, 0.9, 0.6])
-    return np.where(on_tag, np.where(white, bright, dark), behind)
+    middle = (len(texture) - 1) / 2
+    column, row = middle + x / depth / texel_m, middle - y / depth / texel_m
+    place = column.astype(np.float32), row.astype(np.float32)
+    light = cv2.remap(texture, *place, cv2.INTER_LINEAR, borderValue=float(behind))
+    return light.astype(np.float64)
 
 
 def _blur(rng: np.random.Generator) -> np.ndarray:

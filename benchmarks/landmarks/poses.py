@@ -163,7 +163,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=2, help="of the pictures for covariances")
     parser.add_argument("--covariances", action="store_true", help="nothing else")
     asked = parser.parse_args()
-    for made in (rendered_tags, photographed_tags):
+    for made in (photographed_tags, rendered_tags):
         nees_table(asked.count, asked.seed, made)
     if asked.covariances:
         return

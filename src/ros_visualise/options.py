@@ -12,6 +12,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory
 from ros_visualise.rate import MAX_RATE
 
+MAX_TAG_M = 100.0  # side of a tag
 _MAX_S = 1e9  # thirty years; with more, stamps are beyond what ROS holds
 
 
@@ -32,6 +33,7 @@ def _checked(
 
 not_negative = _checked(float, lambda n: 0 <= n <= _MAX_S, f"a number from 0 to {_MAX_S:g}")
 positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, to {_MAX_S:g}")
+_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, to {MAX_TAG_M:g}")
 _seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
 _rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")
 _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
@@ -67,11 +69,9 @@ MISSION = "what the robot is to do: square, figure_of_eight, lawn_mower, default
 
 def add_world_options(parser: Any) -> None:
     """Where a simulated robot is."""
+    parser.add_argument("--world", default="field", help="plane, playpen or field (default: field)")
     parser.add_argument(
-        "--world", default="field", help="plane, playpen or field (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--seed", type=_seed, default=0, help="seed of all random errors (default: %(default)s)"
+        "--seed", type=_seed, default=0, help="seed of all random errors (default: 0)"
     )
 
 
@@ -92,7 +92,7 @@ def add_landmark_options(parser: ArgumentParser) -> None:
     )
     group.add_argument(
         "--size",
-        type=positive,
+        type=_size,
         metavar="METRES",
         help="side of the black square of all other tags; without it there are no poses",
     )
@@ -114,8 +114,9 @@ def add_landmark_options(parser: ArgumentParser) -> None:
     )
     add_world_options(source)
     source.add_argument(
-        "--mission", metavar="SHAPE|FILE", default="default", help=f"{MISSION} (default: default)"
+        "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: the robot's own)"
     )
+    source.set_defaults(world=None, seed=None)  # what nobody gave is not refused
     _add_part(source)
     _add_settings(parser.add_argument_group("nodes"))
 

@@ -91,6 +91,12 @@ def test_what_cannot_be_done_is_one_line(run, arguments, words):
     assert words in errors
 
 
+def test_a_folder_without_pictures_is_told(run, tmp_path):
+    status, _, errors = run(tmp_path)
+    assert status == 2
+    assert "a folder with no pictures and no recording in it" in errors
+
+
 def test_the_board_is_written_once(run, tmp_path):
     out = tmp_path / "board.svg"
     status, _, said = run("--board", out, "--pattern", "aprilgrid", "--size", "6x6")

@@ -142,7 +142,7 @@ def test_two_cameras_see_one_landmark():
         answer = node.step(PARAMS, detections=message(number, right, frame="right"), frames=frames)
     (found,) = answer["landmarks"].detections
     np.testing.assert_allclose(found.position_xyz, [1, -0.5, 0], atol=1e-9)
-    assert node.report() == {"landmarks": 1, "left_out": {}}
+    assert node.report() == {"landmarks": 1, "seen": {"tag36h11_3": 8}, "left_out": {}}
 
 
 def test_an_odometry_says_how_sure_the_robot_is():

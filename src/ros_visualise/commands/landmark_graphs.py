@@ -27,13 +27,15 @@ from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.nodes.player import player
 from ros_visualise.pipelines import alone, robots
 from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.opening import is_recording, open_recording
-from ros_visualise.sources.pictures import is_pictures
+from ros_visualise.sources.opening import NoRecording, is_recording, open_recording
+from ros_visualise.sources.pictures import is_pictures, no_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
 from ros_visualise.topic_names import MADE
 
 _NONE = "none"
+_FIELD = "field"
+_OWN = "default"  # mission of a robot
 _MAPPED = (Transforms, Odometry)
 """What a map of landmarks needs beside the detections."""
 
@@ -63,20 +65,41 @@ def landmark_graph(args: Namespace) -> Graph:
 def _source(args: Namespace, undo: ExitStack) -> tuple[Graph, str]:
     """A graph of a source alone, and the topic that landmarks are looked for on."""
     path = args.input
+    if not path:
+        raise UsageError(
+            "give a picture, a folder of pictures, a video, a recording, quadrotor or husky"
+        )
     is_robot = path in robots() and not os.path.exists(path)
     if not is_robot and is_recording(path) and not is_pictures(path):
-        recording = undo.enter_context(closing(open_recording(path)))
+        _refuse_scenario(args)
+        try:
+            recording = undo.enter_context(closing(open_recording(path)))
+        except NoRecording:
+            raise no_pictures(path) from None
         return _recorded(recording, args)
     if args.topic:
         raise UsageError(f"--topic {args.topic}: only a recording has several topics")
     if is_robot:
-        settings = {"world": args.world, "mission": args.mission, "seed": args.seed}
         if args.calibration:
             raise UsageError("--calibration: a simulated camera knows its own; leave it out")
-        return alone(find_source(path)).configured({path: settings}), "/image_raw"
+        return alone(find_source(path)).configured(
+            {path: {"mission": _OWN, **_scenario(args)}}
+        ), "/image_raw"
+    _refuse_scenario(args)
     kind = "pictures" if is_pictures(path) else "streamer"
     settings = {"path": path, "camera_info_url": args.calibration}
     return alone(find_source(kind)).configured({kind: settings}), "/image_raw"
+
+
+def _scenario(args: Namespace) -> dict[str, Any]:
+    """What was asked for of a simulation."""
+    asked = {"world": args.world, "mission": args.mission, "seed": args.seed}
+    return {name: value for name, value in asked.items() if value is not None}
+
+
+def _refuse_scenario(args: Namespace) -> None:
+    if asked := _scenario(args):
+        raise UsageError(f"--{next(iter(asked))}: only a simulated robot has one; leave it out")
 
 
 def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
@@ -118,7 +141,7 @@ def _has_network(model: str) -> bool:
 
 def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
     """Node -> the parameters that options set."""
-    tags = args.tags or (tags_of_world(args.world) if args.input in robots() else "")
+    tags = args.tags or (tags_of_world(args.world or _FIELD) if args.input in robots() else "")
     sizes: dict[str, Any] = {"tags": tags} if tags else {}
     if args.size is not None:
         sizes["size"] = args.size

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from argparse import Namespace
 from typing import Any
 
@@ -17,6 +18,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
 from ros_visualise.printing import answer, say, shown
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.report import RunReport
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets
@@ -44,8 +46,8 @@ def run(args: Namespace) -> int:
             stopped = _run(runtime, wish)
         if args.map is not None:
             _save_map(runtime, found, args, stopped)
-        _tell(graph, found, args)
         report = runtime.report()
+        _tell(graph, found, report, args)
         for node in report.nodes.values():
             for note in node.unread:
                 say(f"ros-visualise: {args.input}: {note}")
@@ -78,13 +80,22 @@ def _save_map(runtime: LocalRuntime, found: Sightings, args: Namespace, stopped:
     runtime.act(LOCALIZER, "save_map")
 
 
-def _tell(graph: Graph, found: Sightings, args: Namespace) -> None:
-    if not args.json:
-        answer(_table(found))
-        return
+def _tell(graph: Graph, found: Sightings, report: RunReport, args: Namespace) -> None:
     paths = _paths(graph)
     images = [image_json(image, paths.get(image.stamp_ns)) for image in found.images]
-    answer([json.dumps({"images": images, "landmarks": landmarks_json(found)}, allow_nan=False)])
+    localizer = report.nodes.get(LOCALIZER)
+    landmarks = landmarks_json(found, localizer.own["seen"] if localizer else {})
+    if args.json:
+        answer([json.dumps({"images": images, "landmarks": landmarks}, allow_nan=False)])
+        return
+    if paths:
+        rows = _of_pictures(images)
+    else:
+        heads = ("landmark", "seen", "position, metres", "+-", "frame")
+        rows = [heads, *((*_named(one), *_placed(one)) for one in landmarks)]
+    answer(
+        _table(rows, f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}")
+    )
 
 
 def _paths(graph: Graph) -> dict[int, str]:
@@ -97,25 +108,33 @@ def _paths(graph: Graph) -> dict[int, str]:
     return {pictures.stamp_ns(index): str(path) for index, path in enumerate(pictures.files)}
 
 
-def _table(found: Sightings) -> list[str]:
-    """One line for each landmark: how often it was seen, and where it is."""
-    images, landmarks = found.images, landmarks_json(found)
-    total = counted(len(images), "image")
-    if not landmarks:
-        return [f"no landmarks in {total}"]
-    if len(images) == 1:
-        one = image_json(images[0], None)
-        landmarks = [{**detection, "seen": 1} for detection in one["detections"]]
-    rows = [("landmark", "seen", "position, metres", "+-", "frame")]
-    for one in landmarks:
-        place, spread = _place(one["pose"])
-        rows.append((shown(one["name"]), str(one["seen"]), place, spread, shown(one["frame_id"])))
+def _of_pictures(images: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """Each thing in each picture; of several pictures their names come first."""
+    rows: list[tuple[str, ...]] = [("picture", "landmark", "position, metres", "+-", "frame")]
+    for image in images:
+        name = shown(os.path.basename(image["path"]))
+        rows += [(name, shown(one["name"]), *_placed(one)) for one in image["detections"]]
+    return rows if len(images) > 1 else [row[1:] for row in rows]
+
+
+def _named(one: dict[str, Any]) -> tuple[str, str]:
+    return shown(one["name"]), str(one["seen"])
+
+
+def _placed(one: dict[str, Any]) -> tuple[str, str, str]:
+    return *_place(one["pose"]), shown(one["frame_id"])
+
+
+def _table(rows: list[tuple[str, ...]], total: str) -> list[str]:
+    """Lines with the columns below one another, the first row being their heads."""
+    if len(rows) == 1:
+        return [f"no landmarks in {total.partition(' in ')[2]}"]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
         for row in rows
     ]
-    return [*lines, f"{counted(len(landmarks), 'landmark')} in {total}"]
+    return [*lines, total]
 
 
 def _place(pose: dict[str, Any] | None) -> tuple[str, str]:

@@ -138,8 +138,13 @@ def image_json(image: Sighting, path: str | None) -> dict[str, Any]:
     }
 
 
-def landmarks_json(sightings: Sightings) -> list[dict[str, Any]]:
-    """Each landmark once: with its pose where it is in the map, else as often as it was seen."""
+def landmarks_json(sightings: Sightings, sighted: Mapping[str, int]) -> list[dict[str, Any]]:
+    """Each landmark once: with its pose where it is in the map, else as often as it was seen.
+
+    Args:
+        sightings: what was found.
+        sighted: how often each landmark of the map was seen, by name.
+    """
     seen = sightings.seen
     placed = [] if sightings.map is None else list(sightings.map.detections)
     found = [
@@ -147,7 +152,7 @@ def landmarks_json(sightings: Sightings) -> list[dict[str, Any]]:
             "name": one.id or one.class_id,
             "frame_id": sightings.map.header.frame_id,  # type: ignore[union-attr]
             "pose": pose_json(one.hypotheses[0]) if one.hypotheses else None,
-            "seen": seen.get(one.class_id, 0),
+            "seen": sighted.get(one.id, 0),
         }
         for one in placed
     ]

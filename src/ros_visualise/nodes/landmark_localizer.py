@@ -185,9 +185,11 @@ class LandmarkLocalizer:
         return self._answer(Header(header.stamp_ns, self._frame))
 
     def report(self) -> dict[str, Any]:
-        """How many landmarks there are, and detections that were left out, by reason."""
+        """How often each landmark was seen, and detections that were left out, by reason."""
+        landmarks = self._localizer.landmarks.values()
         return {
-            "landmarks": len(self._localizer.landmarks),
+            "landmarks": len(landmarks),
+            "seen": {one.name: one.seen for one in landmarks},
             "left_out": dict(self._localizer.left_out),
         }
 

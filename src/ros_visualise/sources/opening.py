@@ -31,6 +31,10 @@ KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
 _LISTED = 3  # of the recordings in a folder, or of what is lost, so many are named
 
 
+class NoRecording(OpenError):
+    """A folder has no recording in it."""
+
+
 def open_recording(path: str | Path) -> Recording:
     """Open what is there.
 
@@ -127,7 +131,7 @@ def _open_folder(path: Path) -> Recording:
     if whole is not None:
         raise OpenError(f"{path}: a part of a KITTI drive; give the whole: {whole}")
     if not found:
-        raise OpenError(f"{path}: a folder with no recording in it; give a file or folder of one")
+        raise NoRecording(f"{path}: a folder with no recording in it; give a file or folder of one")
     if len(found) == 1:
         return _open_folder(found[0]) if found[0].is_dir() else _open_file(found[0])
     names = ", ".join(item.name for item in found[:_LISTED])

@@ -16,7 +16,7 @@ import numpy as np
 from ros_visualise.data import Image, Pixels
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.vision.color import encoding_of
-from ros_visualise.vision.pictures import check_picture
+from ros_visualise.vision.pictures import decodable
 
 log = logging.getLogger(__name__)
 
@@ -45,15 +45,21 @@ def read_picture(path: Path) -> Image:
         raise OpenError(f"{path}: {error.strerror or error}; {_GIVEN}") from None
     pixels: Any = None
     try:
-        if check_picture(file):
+        whole = decodable(file)
+        if whole is not None:
             with contextlib.suppress(cv2.error):
-                pixels = cv2.imdecode(np.frombuffer(file, np.uint8), _AS_SHOWN)
+                pixels = cv2.imdecode(np.frombuffer(whole, np.uint8), _AS_SHOWN)
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
     if pixels is None or pixels.dtype not in (np.uint8, np.uint16):
         raise OpenError(f"{path}: no picture that can be read; {_GIVEN}")
     found: Pixels = pixels
     return Image(found, encoding_of(found, "BGR"))
+
+
+def no_pictures(folder: str | os.PathLike[str]) -> OpenError:
+    """What to say of a folder where pictures or a recording were looked for."""
+    return OpenError(f"{folder}: a folder with no pictures and no recording in it; {_GIVEN}")
 
 
 class Pictures:

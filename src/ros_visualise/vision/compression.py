@@ -16,7 +16,7 @@ import numpy as np
 
 from ros_visualise.data import ENCODINGS, MEASUREMENTS, CompressedImage, Image, Pixels
 from ros_visualise.vision.color import encoding_of, is_bayer, order_of, to_bgr
-from ros_visualise.vision.pictures import check_picture
+from ros_visualise.vision.pictures import decodable
 
 _LARGEST_JPEG = 65500  # pixels along a side
 _DEPTH = "16UC1"
@@ -106,14 +106,13 @@ def _encode(suffix: str, pixels: Pixels, options: list[int]) -> Pixels:
 
 def _decode(file: Pixels, format_name: str) -> Pixels:
     """The picture in a file: gray, or colour in the order B, G, R, perhaps with alpha."""
-    data = np.ascontiguousarray(file, np.uint8)
-    raw = data.tobytes()
+    raw = decodable(file.tobytes())
     pixels: Any = None
-    if check_picture(raw):
+    if raw is not None:
         with contextlib.suppress(cv2.error):
-            pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+            pixels = cv2.imdecode(np.frombuffer(raw, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError(_broken(format_name, data.size))
+        raise ValueError(_broken(format_name, file.size))
     if pixels.dtype not in (np.uint8, np.uint16):
         raise ValueError(f"compressed image {format_name!r} holds {pixels.dtype} values")
     found: Pixels = pixels

@@ -1,7 +1,9 @@
-"""The size of a picture by its header: a file of a kilobyte may expand to a gigabyte."""
+"""Pictures before they are decoded: by its header, a kilobyte may expand to a gigabyte."""
 
 from __future__ import annotations
 
+import struct
+import zlib
 from io import BytesIO
 
 from PIL import Image as Pictures
@@ -13,15 +15,19 @@ _KINDS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "GIF")
 _EXPANDED = ("P", "PA", "LA")  # modes of which OpenCV makes colours, perhaps with alpha
 _DEEP = ("TIFF", "PPM", "JPEG2000")  # Pillow does not tell whether a colour has 8 bits or 16
 _PNG_DEPTH_AT = 24
+_PNG_START, _PNG_AROUND = b"\x89PNG\r\n\x1a\n", 12  # bytes around a part: length, kind, checksum
+_PNG_SHOWN = (b"IHDR", b"PLTE", b"tRNS", b"eXIf", b"IDAT", b"IEND")
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 Pictures.MAX_IMAGE_PIXELS = None  # the limit is ours
 
 
-def check_picture(file: bytes) -> bool:
-    """Check a picture before OpenCV decodes it; returns whether it is one.
+def decodable(file: bytes) -> bytes | None:
+    """A picture as OpenCV decodes it without a word of its own; None where it is none.
 
-    A JPEG without its end is none: OpenCV would fill up what lacks with gray.
+    A JPEG without its end is none: OpenCV would fill up what lacks with gray. Nor is a PNG that is
+    cut or damaged, of which OpenCV's library would tell in the terminal, as it does of notes in a
+    PNG that it dislikes: those are left out.
 
     Raises:
         TooLarge: its pixels would take too much.
@@ -30,9 +36,28 @@ def check_picture(file: bytes) -> bool:
         with Pictures.open(BytesIO(file), formats=_KINDS) as picture:
             (width, height), pixel_bytes = picture.size, _pixel_bytes(file, picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
-        return False
+        return None
     check_image(width, height, pixel_bytes)
-    return not file.startswith(_JPEG_START) or _JPEG_END in file
+    if file.startswith(_PNG_START):
+        return _bare_png(file)
+    return None if file.startswith(_JPEG_START) and _JPEG_END not in file else file
+
+
+def _bare_png(file: bytes) -> bytes | None:
+    """What of a PNG makes its pixels; None where it is damaged."""
+    kept, at = [file[: len(_PNG_START)]], len(_PNG_START)
+    while at + _PNG_AROUND <= len(file):
+        length, kind = struct.unpack_from(">I4s", file, at)
+        end = at + _PNG_AROUND + length
+        part = memoryview(file)[at:end]
+        if end > len(file) or zlib.crc32(part[4:-4]) != int.from_bytes(part[-4:], "big"):
+            return None
+        if kind in _PNG_SHOWN:
+            kept.append(bytes(part))
+        if kind == b"IEND":
+            return b"".join(kept)
+        at = end
+    return None
 
 
 def _pixel_bytes(file: bytes, picture: Pictures.Image) -> int:

@@ -9,6 +9,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
@@ -87,15 +88,29 @@ class Output:
         self._publisher.wait_for_room(timeout_s)
 
 
-class StaticTransformsOutput(Output):
-    """Publishes ``tf_static`` of a recording: with each message all static transforms so far.
+class StaticFrames:
+    """The static transforms of a process: with each message all of them go out.
 
-    A latched topic holds its last message alone.
+    A latched topic holds its last message alone, whichever of the process's nodes it is from.
     """
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self) -> None:
+        self._known: dict[str, TransformStamped] = {}
+        self._lock = threading.Lock()
+
+    def publish(self, added: Transforms, publish: Callable[[Transforms], None]) -> None:
+        """Publish those that are there and those that are added."""
+        with self._lock:
+            self._known |= {one.child_frame_id: one for one in added.transforms}
+            publish(Transforms(tuple(self._known.values())))
+
+
+class StaticTransformsOutput(Output):
+    """Publishes what one node tells of ``tf_static``."""
+
+    def __init__(self, publisher: Publisher, frames: StaticFrames) -> None:
         super().__init__(publisher, latched=True)
-        self._static: dict[str, TransformStamped] = {}
+        self._frames = frames
 
     def _send(self, publisher: Publisher, message: Any) -> None:
         try:
@@ -103,8 +118,7 @@ class StaticTransformsOutput(Output):
         except DamagedMessage as error:
             self._refuse(publisher, error)
             return
-        self._static |= {one.child_frame_id: one for one in found.transforms}
-        super()._send(publisher, Transforms(tuple(self._static.values())))
+        self._frames.publish(found, partial(super()._send, publisher))
 
 
 class ImageOutput(Output):

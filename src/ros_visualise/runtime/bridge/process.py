@@ -18,7 +18,12 @@ from ros_visualise.params import Parameters
 from ros_visualise.runtime.bridge.calibrating import offer_calibration
 from ros_visualise.runtime.bridge.diagnostics import Diagnostics, NodeStatus
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
-from ros_visualise.runtime.bridge.outputs import ImageOutput, Output, StaticTransformsOutput
+from ros_visualise.runtime.bridge.outputs import (
+    ImageOutput,
+    Output,
+    StaticFrames,
+    StaticTransformsOutput,
+)
 from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
@@ -64,6 +69,7 @@ class Process:
         self._declared = {middleware.resolve(name): name for name in names}
         self.runtime = LocalRuntime(_resolved(graph, middleware), playback)
         self._graph = self.runtime.graph
+        self._frames = StaticFrames()
         self._outputs = {name: self._open_output(name) for name in self._graph.topics}
         self._player: PlaybackFollower | None = None
         if playback is not None and self._graph.source is not None:
@@ -137,7 +143,12 @@ class Process:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
             declared = self._declared[name]
             advertised = self._middleware.advertise(_with_others(declared, topic.type), made)
-            output = Output(advertised, made.qos.transient_local)
+            is_static = topic.type is Transforms and made.qos.transient_local
+            output = (
+                StaticTransformsOutput(advertised, self._frames)
+                if is_static
+                else Output(advertised, made.qos.transient_local)
+            )
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
 
@@ -146,7 +157,7 @@ class Process:
         qos = LATCHED if adds_up else recorded.qos
         publisher = self._middleware.advertise(self._declared[name], replace(recorded, qos=qos))
         if adds_up:
-            return StaticTransformsOutput(publisher)
+            return StaticTransformsOutput(publisher, self._frames)
         return Output(publisher, qos.transient_local)
 
     def _is_as_recorded(self, name: str) -> bool:

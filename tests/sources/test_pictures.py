@@ -1,0 +1,44 @@
+"""Pictures in files, and what is said of those that are damaged."""
+
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.errors import OpenError
+from ros_visualise.sources.pictures import read_picture
+
+PIXELS = np.random.default_rng(1).integers(0, 255, (20, 30, 3), np.uint8)
+HEAD = 33  # bytes of a PNG until after its header
+
+
+@pytest.fixture
+def png():
+    return cv2.imencode(".png", PIXELS)[1].tobytes()
+
+
+def part(kind, content):
+    return (
+        len(content).to_bytes(4, "big")
+        + kind
+        + content
+        + zlib.crc32(kind + content).to_bytes(4, "big")
+    )
+
+
+@pytest.mark.parametrize("cut", [lambda f: f[:300], lambda f: f[:200] + b"\0\0\0" + f[203:]])
+def test_a_damaged_png_is_none_and_nobody_else_tells_so(png, tmp_path, capfd, cut):
+    path = tmp_path / "damaged.png"
+    path.write_bytes(cut(png))
+    with pytest.raises(OpenError, match="no picture that can be read"):
+        read_picture(path)
+    assert capfd.readouterr().err == ""
+
+
+def test_what_a_png_says_beside_its_pixels_does_not_matter(png, tmp_path, capfd):
+    path = tmp_path / "noted.png"
+    profile = b"ICC profile\0\0" + zlib.compress(b"no profile")
+    path.write_bytes(png[:HEAD] + part(b"iCCP", profile) + png[HEAD:])
+    assert (read_picture(path).pixels == PIXELS).all()
+    assert capfd.readouterr().err == ""
