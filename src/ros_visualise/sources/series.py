@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.recorded import TopicType
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,6 +24,7 @@ class Series:
         make: message number i; it may raise `DamagedFile`.
         slow: it reads a file, so that it is worth doing ahead in another thread.
         latched: whoever comes late gets the last one.
+        ros: their type, where their class does not say it.
     """
 
     topic: str
@@ -31,6 +33,7 @@ class Series:
     make: Callable[[int], Any]
     slow: bool = False
     latched: bool = False
+    ros: TopicType | None = None
 
 
 def single(topic: str, message: Any, stamp_ns: int) -> Series:

@@ -12,6 +12,7 @@ from pyulog import ULog
 from ros_visualise.data import Imu, NavSatFix, Odometry, Path, Transforms
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
+from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.sources.logs.px4 import open_ulog
 from ros_visualise.sources.logs.strays import find_strays
 from ros_visualise.sources.opening import open_recording
@@ -46,7 +47,12 @@ def test_what_it_holds(real):
     recording = open_recording(real)
     assert recording.format == "PX4 ULog (UTC)"
     counts = {name: info.messages for name, info in recording.topics.items()}
-    assert counts == {"/gps/fix": 32, "/imu/data": 1298}
+    logged = {name for name in counts if name.startswith("/px4/")}
+    assert {name: counts[name] for name in counts.keys() - logged} == {
+        "/gps/fix": 32,
+        "/imu/data": 1298,
+    }
+    assert len(logged) == 70
     assert not recording.loss
     [note] = recording.notes
     assert note.startswith("636 of 636 positions are not valid")
@@ -86,6 +92,26 @@ def test_imu(real, tables):
         np.testing.assert_allclose(forward[:2], [east, north], atol=1e-5)
     rest = np.mean([imu.linear_xyz for imu in messages], axis=0)
     np.testing.assert_allclose(rest, [0, 0, 9.8], atol=0.3)
+
+
+def test_every_topic_is_there_as_it_was_logged(real, tables):
+    recording = open_ulog(real)
+    for topic, table, fields in (
+        ("sensor_gyro_1", "sensor_gyro_1", ["x", "temperature", "device_id"]),
+        ("battery_status", "battery_status_0", ["voltage_v", "warning"]),
+        ("vehicle_attitude", "vehicle_attitude_0", ["q[0]", "q[3]", "timestamp"]),
+    ):
+        messages = read(recording, f"/px4/{topic}")
+        assert len(messages) == len(tables[table])
+        for one, row in zip(messages, tables[table], strict=True):
+            found = numeric_fields(one.message)
+            assert [found[name] for name in fields] == pytest.approx([row[n] for n in fields])
+    name = recording.topics["/px4/vehicle_attitude"].type.name
+    assert name == "px4_msgs/msg/VehicleAttitude"
+    [triplet] = read(recording, "/px4/position_setpoint_triplet")
+    row = tables["position_setpoint_triplet_0"][0]
+    assert triplet.message.current.timestamp == row["current.timestamp"]
+    assert (recording.end_ns - recording.start_ns) / 1e9 == pytest.approx(6.5, abs=0.1)
 
 
 def test_stamps_keep_the_vehicles_intervals(real, tables):

@@ -1,8 +1,8 @@
 """PX4's flight logs as recordings: position, attitude, IMU and fixes.
 
 Topics: ``/odom`` (pose in ``map``, velocities in ``base_link``), ``/path``, ``/tf``, ``/imu/data``,
-``/gps/fix``. ``map`` has its origin where the estimator was started, x east, y north, z up;
-``base_link`` has x forward, y left, z up.
+``/gps/fix``, and below ``/px4`` every topic as PX4 logged it. ``map`` has its origin where the
+estimator was started, x east, y north, z up; ``base_link`` has x forward, y left, z up.
 
 Source: PX4 User Guide, uORB message reference: VehicleAttitude (w, x, y, z; FRD in NED),
 VehicleLocalPosition (NED, with flags of what is valid), SensorCombined and VehicleAngularVelocity
@@ -30,7 +30,8 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.attitude import Attitude
 from ros_visualise.sources.logs.ned import to_enu, to_flu
-from ros_visualise.sources.logs.ulog import Table, read_ulog
+from ros_visualise.sources.logs.ulog import Log, Table, read_ulog
+from ros_visualise.sources.logs.uorb import uorb_series
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series, single
 
@@ -62,15 +63,25 @@ def open_ulog(path: str | Path) -> SeriesRecording:
         OpenError: it is not a ULog file, or holds no positions.
     """
     path = Path(path)
-    tables, loss = read_ulog(path, _TOPICS)
+    log = read_ulog(path, _TOPICS)
+    tables = log.tables
     gps = tables.get("vehicle_gps_position") or tables.get("sensor_gps")
     utc_us = _utc_offset_us(gps)
     clock = "time since start" if utc_us is None else "UTC"
     made = _Series(tables, gps, utc_us or 0)
     if not made.series:
         raise OpenError(f"{path}: no attitude, position or fix in it; log the default topics")
+    series = made.series + _as_logged(log, made.series, utc_us or 0)
     size = path.stat().st_size
-    return SeriesRecording(path, f"PX4 ULog ({clock})", size, made.series, made.notes, loss=loss)
+    return SeriesRecording(path, f"PX4 ULog ({clock})", size, series, made.notes, loss=log.loss)
+
+
+def _as_logged(log: Log, made: list[Series], utc_us: int) -> list[Series]:
+    """All topics of PX4's own, over the time of those that were made of them."""
+    stamps_us = np.concatenate([one.stamps_ns for one in made]) // 1000 - utc_us
+    span = int(stamps_us.min()), int(stamps_us.max())
+    tables = {name: table.within(*span) for name, table in log.all.items()}
+    return list(uorb_series(tables, log.formats, utc_us))
 
 
 def _utc_offset_us(gps: Table | None) -> int | None:

@@ -6,6 +6,7 @@ import contextlib
 import io
 import logging
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ from ros_visualise.sources.recordings import Loss
 log = logging.getLogger(__name__)
 
 _HEADER_SIZE = 16
+
+Format = list[tuple[str, int, str]]
+"""The fields of a type: what each is of, how many (0: one, no array), and its name."""
 
 
 class Table:
@@ -45,6 +49,24 @@ class Table:
         """Whether it has all of these fields."""
         return all(field in self._columns for field in fields)
 
+    def raw(self, field: str) -> npt.NDArray[Any]:
+        """(N,) the values of a field as they were logged.
+
+        Raises:
+            KeyError: there is no such field.
+        """
+        return self._columns[field]
+
+    def within(self, start_us: int, end_us: int) -> Table:
+        """The same over this time; samples from outside of it are taken for its start or its end.
+
+        PX4 begins a log with the last message of each topic, however long ago that was, and a few
+        have a time that is none of the log's. Their own field ``timestamp`` stays as it is.
+        """
+        table = Table(self.name, self._columns)
+        table.times_us = np.clip(self.times_us, start_us, end_us)
+        return table
+
     def column(self, field: str, default: float = 0.0) -> Floats:
         """(N,) the values of a field; of one that this version of PX4 does not log, the default."""
         if field not in self._columns:
@@ -64,18 +86,32 @@ class Table:
         return Table(self.name, {name: values[mask] for name, values in self._columns.items()})
 
 
-def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], Loss]:
-    """The first instance of each of these topics, as far as it can be read, and what was lost.
+@dataclass(frozen=True)
+class Log:
+    """What a ULog file holds, as far as it can be read.
+
+    Attributes:
+        tables: the first instance of each topic that was asked for, without wrong times.
+        all: every topic, as ``sensor_gyro``; further instances as ``sensor_gyro_1``.
+        formats: the types of PX4's that it describes, by name.
+        loss: what could not be read.
+    """
+
+    tables: dict[str, Table]
+    all: dict[str, Table]
+    formats: dict[str, Format]
+    loss: Loss
+
+
+def read_ulog(path: Path, names: Collection[str]) -> Log:
+    """Read a file; times that cannot be right are looked for in the topics of these names.
 
     Raises:
         OpenError: it is no ULog file.
     """
-    found = _parse(path, names)
-    columns = {
-        one.name: one.data
-        for one in found.data_list
-        if one.multi_id == 0 and len(one.data["timestamp"])
-    }
+    found = _parse(path)
+    there = [one for one in found.data_list if len(one.data["timestamp"])]
+    columns = {one.name: one.data for one in there if one.multi_id == 0 and one.name in names}
     loss = Loss()
     if found.file_corruption:
         loss.notes.append("parts are damaged and were left out")
@@ -83,14 +119,28 @@ def read_ulog(path: Path, names: Collection[str]) -> tuple[dict[str, Table], Los
         loss.notes.append(f"cut off within its last message, of which {cut} bytes are there")
     for drop in found.dropouts:
         log.info("%s: the vehicle itself recorded nothing for %d ms", path, drop.duration)
-    return _without_strays(columns, loss), loss
+    tables = _without_strays(columns, loss)
+    return Log(
+        tables, {_called(one): Table(one.name, one.data) for one in there}, _formats(found), loss
+    )
 
 
-def _parse(path: Path, names: Collection[str]) -> ULog:
+def _called(one: Any) -> str:
+    return f"{one.name}_{one.multi_id}" if one.multi_id else str(one.name)
+
+
+def _formats(found: ULog) -> dict[str, Format]:
+    return {
+        name: [field for field in described.fields if not field[2].startswith("_padding")]
+        for name, described in found.message_formats.items()
+    }
+
+
+def _parse(path: Path) -> ULog:
     said = io.StringIO()  # the library prints what it finds damaged
     try:
         with contextlib.redirect_stdout(said), path.open("rb") as file:
-            return ULog(file, list(names))
+            return ULog(file)
     except OSError:
         raise
     except ULogException as error:

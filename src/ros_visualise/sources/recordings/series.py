@@ -57,7 +57,7 @@ class SeriesRecording:
         self.loss = Loss() if loss is None else loss
         self.topics: Mapping[str, TopicInfo] = {
             one.topic: TopicInfo(
-                TopicType(type_name(one.kind), qos=LATCHED if one.latched else VOLATILE),
+                one.ros or TopicType(type_name(one.kind), qos=LATCHED if one.latched else VOLATILE),
                 len(one.stamps_ns),
             )
             for one in sorted(series, key=lambda one: one.topic)

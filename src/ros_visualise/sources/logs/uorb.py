@@ -1,0 +1,123 @@
+"""All that PX4 logs, as topics of their own: ``/px4/vehicle_attitude``, ``/px4/sensor_gyro_1``.
+
+Their types are those of px4_msgs, as the log describes them: ``px4_msgs/msg/VehicleAttitude``.
+Numbers are in PX4's units and axes.
+
+Source: PX4 Developer Guide, ULog File Format; px4_msgs for the names.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.recorded import Recorded, TopicType
+from ros_visualise.sources.logs.ulog import Format, Table
+from ros_visualise.sources.series import Series
+
+log = logging.getLogger(__name__)
+
+_PACKAGE = "px4_msgs"
+_TYPES = {"float": "float32", "double": "float64", "char": "uint8"}
+_RULE = "=" * 80
+
+
+def uorb_series(
+    tables: Mapping[str, Table], formats: Mapping[str, Format], utc_us: int
+) -> Iterator[Series]:
+    """A series for each table, by its name; one that ROS cannot describe is left out and said.
+
+    Args:
+        formats: PX4's types by name, those inside others too.
+        utc_us: UTC minus the vehicle's clock.
+    """
+    definitions = Definitions("cdr")
+    for name, table in tables.items():
+        try:
+            definitions.define(type_name(table.name), define(table.name, formats))
+        except (DamagedMessage, KeyError) as error:
+            log.warning("%s is left out: %s", name, error)
+            continue
+        yield _series(name, table, formats, definitions, utc_us)
+
+
+def type_name(name: str) -> str:
+    """That of a ROS message: ``vehicle_attitude`` is ``px4_msgs/msg/VehicleAttitude``."""
+    return f"{_PACKAGE}/msg/{_camel(name)}"
+
+
+def define(name: str, formats: Mapping[str, Format]) -> str:
+    """The definition of a type, with those inside it, as ROS writes them.
+
+    Raises:
+        KeyError: the log does not describe one of them.
+    """
+    inner = dict.fromkeys(_inner(name, formats))
+    parts = [_fields(name, formats)]
+    parts += [f"{_RULE}\nMSG: {_PACKAGE}/{_camel(one)}\n{_fields(one, formats)}" for one in inner]
+    return "\n".join(parts)
+
+
+def _series(
+    name: str, table: Table, formats: Mapping[str, Format], definitions: Definitions, utc_us: int
+) -> Series:
+    stamps_ns = (table.times_us + utc_us) * 1000
+    kind = type_name(table.name)
+
+    def make(index: int) -> Recorded:
+        message = _message(table, table.name, "", index, formats, definitions)
+        return Recorded(kind, definitions.write(kind, message), definitions, int(stamps_ns[index]))
+
+    ros = TopicType(kind, definitions)
+    return Series(f"/px4/{name}", Recorded, stamps_ns, make, ros=ros)
+
+
+def _message(
+    table: Table,
+    type: str,
+    prefix: str,
+    index: int,
+    formats: Mapping[str, Format],
+    definitions: Definitions,
+) -> Any:
+    """One message, or one inside another, from the columns whose names begin with a prefix."""
+    values = []
+    for kind, count, field in formats[type]:
+        names = [f"{prefix}{field}[{n}]" for n in range(count)] if count else [f"{prefix}{field}"]
+        if kind in formats:
+            found: Any = [
+                _message(table, kind, f"{one}.", index, formats, definitions) for one in names
+            ]
+        else:
+            found = np.array([table.raw(one)[index] for one in names], _ros(kind))
+        values.append(found if count else found[0])
+    return definitions.types[type_name(type)](*values)
+
+
+def _inner(name: str, formats: Mapping[str, Format]) -> Iterator[str]:
+    for kind, _, _ in formats[name]:
+        if kind in formats:
+            yield kind
+            yield from _inner(kind, formats)
+
+
+def _fields(name: str, formats: Mapping[str, Format]) -> str:
+    lines = []
+    for kind, count, field in formats[name]:
+        own = _camel(kind) if kind in formats else _ros(kind)
+        lines.append(f"{own}{f'[{count}]' if count else ''} {field}")
+    return "\n".join(lines)
+
+
+def _ros(kind: str) -> str:
+    """PX4's basic type as ROS calls it."""
+    return _TYPES.get(kind, kind.removesuffix("_t"))
+
+
+def _camel(name: str) -> str:
+    return "".join(part.capitalize() for part in name.split("_"))
