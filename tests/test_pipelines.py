@@ -251,3 +251,11 @@ def test_a_file_that_does_not_run_says_why(own):
     own.write_text("import no_such_module")
     with pytest.raises(OpenError, match="ModuleNotFoundError: No module named 'no_such_module'"):
         load(str(own), "negative")
+
+
+def test_of_two_nodes_that_show_one_picture_one_is_put_aside():
+    def aside(graph):
+        return [member.name for member in graph.members if member.aside]
+
+    assert aside(image_pipeline("landscape")) == ["landscape"]
+    assert aside(simulation_pipeline("husky")) == ["fps_control"]  # the robot has buttons

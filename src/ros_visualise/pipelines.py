@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from typing import Any
 
@@ -21,6 +22,7 @@ from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
+from ros_visualise.params import specs
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
@@ -50,7 +52,8 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     Raises:
         UsageError: two of the same name, or one whose input is not what comes before it.
     """
-    return Graph(_placed(find_source(source)) if source else None, _chained(added)).with_frames()
+    graph = Graph(_placed(find_source(source)) if source else None, _chained(added))
+    return _told_apart(graph).with_frames()
 
 
 def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
@@ -109,7 +112,21 @@ def recording_pipeline(
     elif odom:
         port = _PATH_INPUTS[declared.outputs[odom]]
         nodes += (place(find_node("path"), {port: outputs[odom]}),)
-    return Graph(source, nodes)
+    return _told_apart(Graph(source, nodes))
+
+
+def _told_apart(graph: Graph) -> Graph:
+    """The same, of two nodes that show one picture that put aside which has less to set."""
+    passing = next((node for node in graph.nodes if node.name == IMAGE_NODES[0]), None)
+    source = graph.source
+    if source is None or passing is None or not set(passing.inputs.values()) & set(source.topics):
+        return graph
+    images = [kind for kind in source.type.outputs.values() if kind is Image]
+    live = [spec for spec in specs(source.params) if not spec.restart]
+    if live or source.type.actions or len(images) > 1:
+        nodes = (replace(node, aside=node is passing or node.aside) for node in graph.nodes)
+        return replace(graph, nodes=tuple(nodes))
+    return replace(graph, source=replace(source, aside=True))
 
 
 def _kept_apart(
@@ -141,7 +158,8 @@ def simulation_pipeline(
     if size is not None:
         settings |= {"camera_width": size[0], "camera_height": size[1]}
     filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
-    graph = Graph(source, (*images, path)).configured({robot: settings, "filters": filters})
+    graph = _told_apart(Graph(source, (*images, path)))
+    graph = graph.configured({robot: settings, "filters": filters})
     if not landmarks:
         return graph
     tags = {"tags": tags_of_world(settings.get("world", "field"))}

@@ -75,7 +75,7 @@ def chromium() -> Iterator[object]:
 
 @pytest.fixture
 def browse(chromium, page: Page) -> Iterator[Callable[[], object]]:
-    """Opens the page in a browser of its own, until its four images are there."""
+    """Opens the page in a browser of its own, until its images are there."""
     contexts = []
 
     def open_browser() -> object:
@@ -84,7 +84,7 @@ def browse(chromium, page: Page) -> Iterator[Callable[[], object]]:
         tab = context.new_page()
         tab.goto(page.url)
         tab.wait_for_function(
-            "document.querySelectorAll(\"img[src^='blob:']\").length == 4", timeout=30_000
+            "document.querySelectorAll(\"img[src^='blob:']\").length == 3", timeout=30_000
         )
         return tab
 

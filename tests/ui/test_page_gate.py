@@ -200,7 +200,7 @@ def test_beyond_this_machine_the_printed_address_has_a_token(
     context = chromium.new_context()
     tab = context.new_page()
     tab.goto(page.url)
-    tab.wait_for_function("document.querySelectorAll(\"img[src^='blob:']\").length == 4")
+    tab.wait_for_function("document.querySelectorAll(\"img[src^='blob:']\").length == 3")
     context.close()
     page.close()
 

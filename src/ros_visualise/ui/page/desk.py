@@ -206,6 +206,7 @@ class Desk:
                 window.rest()
             return
         self._field_plot.refresh()
+        self._choice.refresh()
         for window in self._windows:
             window.refresh()
         if self._transport is not None:

@@ -75,6 +75,12 @@ class Picture:
             self._image, self._size = shown, size
             self._show(shown, previews)
 
+    @property
+    def aspect(self) -> float | None:
+        """Width over height of the image that is shown; None before the first one."""
+        image = self._image
+        return image.width / image.height if image is not None and image.height else None
+
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
         self._feed.follow(None)

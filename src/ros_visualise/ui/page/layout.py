@@ -16,10 +16,11 @@ WINDOWS_WIDTH = 1700
 _MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE = 330, 310
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
+_WIDE = 2.0  # width over height of images, from which they need a column that is wide
 
 
 def rearrange(
-    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool, wide: bool
 ) -> None:
     """Show only these windows.
 
@@ -28,11 +29,15 @@ def rearrange(
     for window in windows:
         window.visible = False
     time.sleep(_TAKEN_AWAY_S)
-    arrange(gui, windows, chosen, scene)
+    arrange(gui, windows, chosen, scene, wide)
 
 
 def arrange(
-    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool
+    gui: viser.GuiApi,
+    windows: Sequence[Window],
+    chosen: Sequence[Window],
+    scene: bool,
+    wide: bool = False,
 ) -> None:
     """Place the windows beside the main panel, however wide the browser is.
 
@@ -44,13 +49,15 @@ def arrange(
         chosen: those that are shown.
         scene: the middle belongs to the scene, and they make two columns; else they fill the page
             in two rows.
+        wide: beside a scene, one column that is twice as wide takes the place of two.
     """
     gui.main_panel.dock_left()
     panels = [window.panel for window in chosen]
     if scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
         columns = min(len(panels), 2)
-        _place(panels, columns, columns * _WINDOW_BESIDE_SCENE)
+        width = (2 if wide else columns) * _WINDOW_BESIDE_SCENE
+        _place(panels, min(columns, 1) if wide else columns, width)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
@@ -79,7 +86,7 @@ class Choice:
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
         self._gui, self._folder, self._worker = gui, folder, worker
         self._windows: Sequence[Window] = ()
-        self._scene = False
+        self._scene = self._wide = False
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
 
     def follow(self, windows: Sequence[Window], scene: bool) -> None:
@@ -107,6 +114,15 @@ class Choice:
         """The windows that are shown."""
         return [window for window in self._windows if self._switches[window.name].value]
 
+    def refresh(self) -> None:
+        """Make room for images that are wide, as soon as it is known that they are."""
+        aspects = [window.picture.aspect for window in self._windows if window.picture]
+        known = [aspect for aspect in aspects if aspect is not None]
+        wide = self._scene and bool(known) and min(known) > _WIDE
+        if wide != self._wide:
+            self._wide = wide
+            self.show()
+
     def show(self) -> None:
         """Show only the chosen windows."""
-        rearrange(self._gui, self._windows, self.chosen, self._scene)
+        rearrange(self._gui, self._windows, self.chosen, self._scene, self._wide)
