@@ -12,7 +12,17 @@ from importlib import import_module
 from ros_visualise.errors import UsageError
 from ros_visualise.lessons.lesson import Lesson
 
-TOPICS = ("image", "bayer", "color", "noise", "gradient", "canny", "threshold")
+TOPICS = (
+    "image",
+    "bayer",
+    "color",
+    "noise",
+    "gradient",
+    "canny",
+    "threshold",
+    "camera",
+    "landmarks",
+)
 """The names of all lessons, in the order in which one would give them."""
 
 

@@ -27,7 +27,7 @@ from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.color import hsv_mask
 
-_SIDE = 2.0
+_SIDE = 10.0
 """Length of the cube's edges in 3D, metres."""
 _POINT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("rgb", "f4")])
 _EDGES = [[one, one ^ bit] for one in range(8) for bit in (1, 2, 4) if not one & bit]
@@ -216,7 +216,7 @@ def _axes(header: Header) -> MarkerArray:
     edges = [corners[pair, :] for pair in _EDGES]
     lines = Marker(
         MarkerType.LINE_LIST,
-        scale_xyz=np.full(3, 0.01),
+        scale_xyz=np.full(3, 0.03),
         color_rgba=np.array([0.6, 0.6, 0.6, 1], np.float32),
         points_xyz=np.concatenate(edges),
         header=header,
@@ -225,7 +225,7 @@ def _axes(header: Header) -> MarkerArray:
         Marker(
             MarkerType.TEXT_VIEW_FACING,
             position_xyz=np.array(place) * _SIDE * 1.06,
-            scale_xyz=np.full(3, 0.12),
+            scale_xyz=np.full(3, 0.5),
             text=name,
             id=number,
             header=header,

@@ -1,0 +1,231 @@
+"""How a camera makes a picture of the world, and what a calibration finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats, Image, Message, Pixels
+from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, YELLOW
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.camera import BOARD, calibrate, camera_matrix, distort, project
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Figure
+
+_NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+_COLORS = (BLUE, RED, GREEN, ORANGE, YELLOW)
+_GRID = 12  # of lines that show how the lens bends them
+
+
+@dataclass(frozen=True)
+class PinholeParams:
+    """The camera, and a cube before it."""
+
+    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+                         slider=(0.3, 2))  # fmt: skip
+    distance: float = param(5.0, "from the camera to the middle of the cube, metres", min=1.5,
+                            max=100, slider=(1.5, 20))  # fmt: skip
+    aside: float = param(0.0, "of the cube to the right, metres", min=-20, max=20, slider=(-3, 3))
+    turn: float = param(25.0, "of the cube, degrees", min=-180, max=180)
+
+
+@node("pinhole", params=PinholeParams, inputs=TAKES, outputs=GIVES)
+def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
+    """A pinhole: far things are small."""
+    bgr = work_of(image, np.ndarray)
+    height, width = bgr.shape[:2]
+    K = camera_matrix(params.focal * width, width, height)
+    angle = np.radians(params.turn)
+    R = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    corners = np.array(list(product((-0.5, 0.5), repeat=3))) @ R.T
+    points = corners + np.array([params.aside, 0, params.distance])
+    pixels = project(points, K)
+    nearest = int(points[:, 2].argmin())
+    text = """
+        All light passes one point. A thing at (X, Y, Z), metres to the right, down and ahead, is
+        seen at
+
+            u = fx X / Z + cx        v = fy Y / Z + cy
+
+        with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The corner of the cube
+        (1 m) at ({x:.2f}, {y:.2f}, {z:.2f}) m is at ({u:.1f}, {v:.1f}). At {distance:g} m one metre
+        is {scale:.1f} pixels wide, at twice the distance half of that. The camera sees an angle of
+        {angle:.0f}°.
+        """
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), bgr)
+    for one, other in product(range(8), repeat=2):
+        if one < other and bin(one ^ other).count("1") == 1:
+            figure.line(pixels[[one, other]], YELLOW, 2.5)
+    figure.dot(pixels[nearest, 0], pixels[nearest, 1], 5, RED)
+    return show(
+        image,
+        figure,
+        text,
+        focal=K[0, 0],
+        cx=K[0, 2],
+        cy=K[1, 2],
+        x=points[nearest, 0],
+        y=points[nearest, 1],
+        z=points[nearest, 2],
+        u=pixels[nearest, 0],
+        v=pixels[nearest, 1],
+        distance=params.distance,
+        scale=K[0, 0] / params.distance,
+        angle=np.degrees(2 * np.arctan(width / 2 / K[0, 0])),
+    )
+
+
+@dataclass(frozen=True)
+class LensParams:
+    """The lens: how far it is from a pinhole."""
+
+    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+                         slider=(0.3, 2))  # fmt: skip
+    k1: float = param(-0.3, "radial: below 0 a barrel, above 0 a cushion", min=-1, max=1,
+                      slider=(-0.5, 0.5))  # fmt: skip
+    k2: float = param(0.08, "radial, of the fourth power", min=-1, max=1, slider=(-0.3, 0.3))
+    p1: float = param(0.0, "tangential", min=-0.1, max=0.1, slider=(-0.02, 0.02))
+    p2: float = param(0.0, "tangential", min=-0.1, max=0.1, slider=(-0.02, 0.02))
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A picture without and with a lens, and the camera."""
+
+    straight: Pixels
+    bent: Pixels
+    K: Floats
+    D: Floats
+
+
+@node("lens", params=LensParams, inputs=TAKES, outputs=GIVES)
+def lens(image: Image, params: LensParams) -> dict[str, Message]:
+    """A lens bends straight lines."""
+    bgr = work_of(image, np.ndarray)
+    height, width = bgr.shape[:2]
+    K = camera_matrix(params.focal * width, width, height)
+    D = np.array([params.k1, params.k2, params.p1, params.p2, 0.0])
+    bent = _through(bgr, K, D)
+    corner = np.array([[0.0, 0.0]])
+    moved = _to_pixels(distort(_to_rays(corner, K), D), K)[0]
+    text = """
+        A lens moves what it sees, the more the farther it is from the middle. With x = X/Z,
+        y = Y/Z and r² = x² + y²:
+
+            x' = x (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + 2 p₁ x y + p₂ (r² + 2 x²)
+            y' = y (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + p₁ (r² + 2 y²) + 2 p₂ x y
+
+        The grid, yellow, is straight in the world. The corner of the picture, (0, 0) without a
+        lens, is at ({u:.1f}, {v:.1f}) with it: {length:.1f} pixels away.
+        """
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), bent)
+    for line in _grid(width, height):
+        figure.line(_to_pixels(distort(_to_rays(line, K), D), K), YELLOW, 1)
+    length = float(np.linalg.norm(moved))
+    work = _Seen(bgr, bent, K, D)
+    return show(image, figure, text, work, u=moved[0], v=moved[1], length=length)
+
+
+@node("undistorted", inputs=TAKES, outputs=GIVES)
+def undistorted(image: Image, params: object) -> dict[str, Message]:
+    """Undistorted: who knows the lens can undo it."""
+    seen = work_of(image, _Seen)
+    back = cv2.undistort(seen.bent, seen.K, seen.D)
+    valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
+    difference = cv2.absdiff(back, seen.straight).mean(axis=2)
+    text = """
+        For each pixel of the straight picture one computes where the lens has put it, and takes
+        the colour from there: cv2.undistort does it, and so does the node rectify. {share:.1f} %
+        of the picture come back; the black rest the lens has not seen. What comes back differs from the
+        truth by {difference:.2f} levels on average, as it was interpolated twice.
+        """
+    return show(image, back, text, share=100 * valid.mean(),
+                difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class CalibrationParams:
+    """The pictures by which one calibrates."""
+
+    views: int = param(12, "pictures of the board", min=3, max=60, slider=(3, 30))
+    noise: float = param(0.2, "standard deviation of a corner's place, pixels", min=0, max=5,
+                         slider=(0, 1))  # fmt: skip
+    seed: int = param(0, "of where the board is held", min=0, max=1000, slider=(0, 20))
+
+
+@node("calibration", params=CalibrationParams, inputs=TAKES, outputs=GIVES)
+def calibration(image: Image, params: CalibrationParams) -> dict[str, Message]:
+    """What a calibration finds."""
+    seen = work_of(image, _Seen)
+    height, width = seen.straight.shape[:2]
+    size = (width, height)
+    found = calibrate(seen.K, seen.D, size, params.views, params.noise, params.seed)
+    truth = [seen.K[0, 0], seen.K[1, 1], seen.K[0, 2], seen.K[1, 2], *seen.D]
+    rows = zip(_NAMES, truth, found.values, found.deviations, strict=True)
+    table = "\n".join(f"    {name}  {true:9.4f}  {value:9.4f} ± {spread:.4f}"
+                      for name, true, value, spread in rows)  # fmt: skip
+    text = f"""
+A calibration holds a board of known size before the camera, in many places, and looks for the
+camera and the places that explain best where its {BOARD[0] * BOARD[1]} corners were seen (Zhang,
+2000). Here this camera takes {params.views} such pictures, each corner off by {params.noise:g}
+pixels. The truth, and what was found, with its standard deviation:
+
+{table}
+
+The corners are {found.rms_px:.3f} pixels from where the result would have them. More pictures,
+more tilted ones and ones up to the corners make it better. With your own: ros-visualise calibrate.
+"""
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), seen.bent // 3)
+    for number, view in enumerate(found.views):
+        color = _COLORS[number % len(_COLORS)]
+        for row in range(BOARD[1]):
+            figure.line(view[row * BOARD[0] : (row + 1) * BOARD[0]], color, 1)
+        for u, v in view:
+            figure.dot(u, v, 2, color)
+    return show(image, figure, text)
+
+
+LESSON = Lesson(
+    "camera",
+    "how a camera sees: the pinhole, what a lens does, how to undo it, what calibration finds",
+    """
+    Who wants to measure by pictures has to know where in a picture a thing of the world appears.
+    Here a camera is computed that looks at your picture of {width} x {height} pixels as at a
+    poster.
+    """,
+    [Step(pinhole), Step(lens, "picture"), Step(undistorted, "lens"), Step(calibration, "lens")],
+)
+
+
+def _to_rays(pixels: Floats, K: Floats) -> Floats:
+    return (pixels - K[:2, 2]) / K[[0, 1], [0, 1]]
+
+
+def _to_pixels(rays: Floats, K: Floats) -> Floats:
+    pixels: Floats = rays * K[[0, 1], [0, 1]] + K[:2, 2]
+    return pixels
+
+
+def _through(bgr: Pixels, K: Floats, D: Floats) -> Pixels:
+    """A straight picture as the lens sees it: each pixel has the colour of its undistorted ray."""
+    height, width = bgr.shape[:2]
+    columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
+    pixels = np.stack([columns.ravel(), rows.ravel()], axis=1)
+    sources = cv2.undistortPoints(pixels[:, None], K, D, P=K).reshape(height, width, 2)
+    x, y = cv2.split(sources.astype(np.float32))
+    return cv2.remap(bgr, x, y, cv2.INTER_LINEAR)
+
+
+def _grid(width: int, height: int) -> list[Floats]:
+    """Straight lines across the picture, (N, 2) each."""
+    step = max(width, height) / _GRID
+    x, y = np.arange(0.0, width + step, step / 8), np.arange(0.0, height + step, step / 8)
+    across = [np.stack([x, np.full_like(x, level)], axis=1) for level in np.arange(0, height, step)]
+    return across + [np.stack([np.full_like(y, at), y], axis=1) for at in np.arange(0, width, step)]

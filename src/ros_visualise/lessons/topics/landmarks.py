@@ -1,0 +1,323 @@
+"""How a tag in a picture tells where it is: corners, homography, two poses, an ellipse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Floats, Image, Message, Pixels
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
+from ros_visualise.landmarks.tags import TagFinder, parse_families
+from ros_visualise.landmarks.tags.patterns import draw_cells
+from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, Zoom, arrow
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.camera import camera_matrix, project
+from ros_visualise.lessons.methods.homography import apply, ellipse, homography
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+
+_FAMILY = parse_families("tag36h11")[0]
+_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
+"""Corners of the tag's square, x right and y up, in sides: lower left, then anticlockwise."""
+_WIDTH = 640
+_TRIALS = 300
+
+
+@dataclass(frozen=True)
+class TagParams:
+    """The camera and the tag; where none is in the picture, one is drawn."""
+
+    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+                         slider=(0.3, 2))  # fmt: skip
+    size: float = param(
+        0.16, "side of the black square, metres", min=0.01, max=10, slider=(0.02, 1)
+    )
+    distance: float = param(1.5, "to the tag that is drawn, metres", min=0.1, max=100,
+                            slider=(0.3, 4))  # fmt: skip
+    tilt: float = param(15.0, "of the tag that is drawn, backwards, degrees", min=-80, max=80)
+    turn: float = param(10.0, "of the tag that is drawn, to the side, degrees", min=-80, max=80)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A tag in a picture; ``truth`` (4, 2) are its corners where it was drawn."""
+
+    picture: Pixels
+    info: CameraInfo
+    size_m: float
+    truth: Floats | None
+    name: str = ""
+    corners: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+
+
+@node("tag", params=TagParams, inputs=TAKES, outputs=GIVES)
+def tag(image: Image, params: TagParams) -> dict[str, Message]:
+    """A tag: a square that says its number."""
+    bgr = work_of(image, np.ndarray)
+    height, width = bgr.shape[:2]
+    K = camera_matrix(params.focal * width, width, height)
+    info = CameraInfo(height, width, K)
+    seen = _found(_Seen(bgr, info, params.size, None))
+    if seen is None:
+        seen = _found(_drawn(bgr, info, params))
+    if seen is None:
+        text = """
+            There is no tag in your picture, and the one that was drawn is too small, too slanted or
+            outside: move the sliders.
+            """
+        return show(image, bgr, text, _Seen(bgr, info, params.size, None))
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), seen.picture)
+    figure.line(seen.corners[[0, 1, 2, 3, 0]], GREEN, 2)
+    text = """
+        A tag is a black square, which is easy to find, with white cells in it that say which one it
+        is. Here is {name}, {origin}. The code of its family differs from that of any other tag in
+        11 cells at least, so that five wrong ones do no harm.
+        """
+    origin = (
+        "found in your picture" if seen.truth is None else "drawn into the picture, as it has none"
+    )
+    return show(image, figure, text, seen, name=seen.name, origin=origin)
+
+
+@node("corners", inputs=TAKES, outputs=GIVES)
+def corners(image: Image, params: object) -> dict[str, Message]:
+    """Its four corners, to a fraction of a pixel."""
+    seen = _tag_of(image)
+    if seen is None:
+        return show(image, image.pixels, _NOTHING)
+    side = _WIDTH // 2
+    figure = Figure(_WIDTH, _WIDTH)
+    for number, (u, v) in enumerate(seen.corners):
+        box = ((number % 2) * side + 2, (number // 2) * side + 2, side - 4, side - 4)
+        zoom = Zoom(figure, box, (round(u), round(v)), 6)
+        zoom.draw(seen.picture)
+        x, y = zoom.place(u, v)
+        figure.dot(x, y, 6, RED)
+    rows = "\n".join(f"    {name}  ({u:8.3f}, {v:8.3f})"
+                     for name, (u, v) in zip(_CORNERS, seen.corners, strict=True))  # fmt: skip
+    text = f"""
+A line is fitted to the edge along each side, through many pixels; where two lines meet is a corner.
+So it is known far better than to a pixel:
+
+{rows}
+
+{_corner_error(seen)}
+"""
+    return show(image, figure, text, seen)
+
+
+@node("homography", inputs=TAKES, outputs=GIVES)
+def plane(image: Image, params: object) -> dict[str, Message]:
+    """The homography: from the plane of the tag to the picture."""
+    seen = _tag_of(image)
+    if seen is None:
+        return show(image, image.pixels, _NOTHING)
+    H = homography(_SQUARE, seen.corners)
+    to_square = np.array([[1 / 240.0, 0, -0.75], [0, -1 / 240.0, 0.75], [0, 0, 1]])
+    flat = cv2.warpPerspective(seen.picture, H @ to_square, (360, 360),
+                               flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)  # fmt: skip
+    rows = "\n".join("    " + "  ".join(f"{one:10.4f}" for one in row) for row in H)
+    middle = apply(H, np.zeros((1, 2)))[0]
+    text = f"""
+A plane and its picture are bound by nine numbers, of which the scale is free: u ~ H x, with x in
+sides of the tag. Each corner gives two equations, so four corners give all eight unknowns:
+
+{rows}
+
+With it the tag is rolled out as if one stood before it, and its cells are read. The middle of the
+tag is at ({middle[0]:.2f}, {middle[1]:.2f}): not the mean of its corners, which perspective moves,
+({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
+"""
+    return show(image, flat, text)
+
+
+@dataclass(frozen=True)
+class CornerParams:
+    """How exact the corners are."""
+
+    sigma: float = param(0.5, "standard deviation of a corner's coordinates, pixels", min=0.01,
+                         max=10, slider=(0.05, 2))  # fmt: skip
+
+
+@node("poses", params=CornerParams, inputs=TAKES, outputs=GIVES)
+def poses(image: Image, params: CornerParams) -> dict[str, Message]:
+    """Two poses: a square's picture can be read in two ways."""
+    seen = _tag_of(image)
+    found = () if seen is None else square_poses(seen.corners, seen.size_m, seen.info, params.sigma)
+    if seen is None or not found:
+        return show(image, image.pixels, _NOTHING)
+    figure = Figure(seen.info.width, seen.info.height)
+    figure.picture((0, 0, seen.info.width, seen.info.height), seen.picture)
+    for pose, color in zip(found, (GREEN, ORANGE), strict=False):
+        ends = np.array([[0, 0, 0], [0, 0, 0.7]]) * seen.size_m
+        places = project(
+            ends @ rotations.to_matrix(pose.quat_xyzw).T + pose.position_xyz, seen.info.K
+        )
+        arrow(figure, places[0], places[1], color, 3)
+    best = found[0]
+    rows = "\n".join(map(_described, found))
+    text = f"""
+With the size of the tag ({seen.size_m:g} m) and the camera's focal length ({seen.info.K[0, 0]:.0f}
+pixels; a guess, if your camera is not calibrated) the homography gives the pose: how far the tag
+is, and how it is turned. It is {np.linalg.norm(best.position_xyz):.3f} m away.
+
+Seen from afar, a square that is tilted to the left looks as one that is tilted to the right. With
+corners that are off by {params.sigma:g} pixels: how likely each reading is, where it has the tag, and how far off the corners are:
+
+{rows}
+
+The arrows stand upright on the tag. {_other(found)}
+"""
+    return show(image, figure, text)
+
+
+@node("ellipse", params=CornerParams, inputs=TAKES, outputs=GIVES)
+def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
+    """The covariance: how sure the place is."""
+    seen = _tag_of(image)
+    found = () if seen is None else square_poses(seen.corners, seen.size_m, seen.info, params.sigma)
+    if seen is None or not found:
+        return show(image, image.pixels, _NOTHING)
+    best = found[0]
+    tried = _tried(seen, params.sigma, best)
+    spread = best.covariance[[0, 2]][:, [0, 2]]
+    deviations = np.sqrt(np.diag(best.covariance))
+    text = """
+        Corners that are off by {sigma:g} pixels put the tag in the wrong place. To first order
+        the covariance of the pose is
+
+            Σ = (Jᵀ J)⁻¹ σ²,   J: how the corners move with the pose
+
+        Seen from above: dots are {trials} poses of corners with noise, the ellipses hold 39 % and
+        86 %. Sideways the deviation is {x:.2f} mm, along the line of sight {z:.2f} mm: how far it
+        is, is known worst. Of the dots {inside:.0f} % are in the outer ellipse.
+        """
+    away = (tried - best.position_xyz)[:, [0, 2]]
+    inside = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away) < 4
+    return show(
+        image,
+        _draw_ellipse(away * 1000, spread * 1e6),
+        text,
+        sigma=params.sigma,
+        trials=len(tried),
+        x=1000 * deviations[0],
+        z=1000 * deviations[2],
+        inside=100 * inside.mean(),
+    )
+
+
+LESSON = Lesson(
+    "landmarks",
+    "how a tag tells where it is: corners, homography, its two poses, covariance as an ellipse",
+    """
+    A robot that sees a thing of known size and shape knows where it is. The windows go this way
+    with a tag: one in your picture of {width} x {height} pixels, or one that is drawn.
+    """,
+    [
+        Step(tag),
+        Step(corners, "tag"),
+        Step(plane, "tag"),
+        Step(poses, "tag"),
+        Step(uncertainty, "tag"),
+    ],
+)
+
+_CORNERS = ("lower left ", "lower right", "upper right", "upper left ")
+_NOTHING = "There is no tag to look at: see the window before."
+
+
+def _found(seen: _Seen) -> _Seen | None:
+    """With the largest tag of its picture; None if there is none."""
+    gray = cv2.cvtColor(seen.picture, cv2.COLOR_BGR2GRAY)
+    tags = TagFinder([_FAMILY]).find(gray)
+    if not tags:
+        return None
+    largest = max(tags, key=lambda one: cv2.contourArea(one.corners_uv.astype(np.float32)))
+    return _Seen(seen.picture, seen.info, seen.size_m, seen.truth, largest.name, largest.corners_uv)
+
+
+def _tag_of(image: Image) -> _Seen | None:
+    seen = work_of(image, _Seen)
+    return seen if seen.name else None
+
+
+def _drawn(bgr: Pixels, info: CameraInfo, params: TagParams) -> _Seen:
+    """The picture with a tag at the pose that the sliders say."""
+    cells, rim = draw_cells(_FAMILY, 7)
+    outer = 1 + 2 * rim / (len(cells) - 2 * rim)  # of the white rim, in sides
+    turn = rotations.to_matrix(rotations.from_rpy(np.radians([params.tilt, params.turn, 0])))
+    R = turn @ np.diag([1.0, -1, -1])
+    plane_points = np.column_stack([_SQUARE, np.zeros(4)]) * params.size
+    truth = project(plane_points @ R.T + [0, 0, params.distance], info.K)
+    H = homography(_SQUARE, truth)
+    pixel = outer / len(cells)
+    to_plane = np.array(
+        [[pixel, 0, (pixel - outer) / 2], [0, -pixel, (outer - pixel) / 2], [0, 0, 1]]
+    )
+    times = 4  # what is drawn is averaged from so many pixels to a side
+    finer = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1]])
+    size = (info.width * times, info.height * times)
+    large = cv2.warpPerspective(cells * np.uint8(215) + np.uint8(20), finer @ H @ to_plane, size,
+                                flags=cv2.INTER_NEAREST)  # fmt: skip
+    drawn = cv2.resize(large, (info.width, info.height), interpolation=cv2.INTER_AREA)
+    mask = cv2.warpPerspective(np.full(cells.shape, 255, np.uint8), finer @ H @ to_plane, size,
+                               flags=cv2.INTER_NEAREST)  # fmt: skip
+    share = cv2.resize(mask, (info.width, info.height), interpolation=cv2.INTER_AREA) / 255.0
+    mixed = bgr * (1 - share[..., None]) + drawn[..., None]
+    return _Seen(mixed.clip(0, 255).astype(np.uint8), info, params.size, truth)
+
+
+def _corner_error(seen: _Seen) -> str:
+    if seen.truth is None:
+        return "Where they are in truth nobody knows: it is your picture."
+    error = np.linalg.norm(seen.corners - seen.truth, axis=1)
+    far = f"{error.mean():.3f} pixels from there on average, {error.max():.3f} at most"
+    return f"In truth they are {far}."
+
+
+def _described(pose: PoseEstimate) -> str:
+    x, y, z = pose.position_xyz
+    return f"    {pose.probability:7.1%}   ({x:.3f}, {y:.3f}, {z:.3f}) m   {pose.rms_px:.3f} pixels"
+
+
+def _other(found: tuple[PoseEstimate, ...]) -> str:
+    if len(found) < 2:
+        return "Here perspective excludes the other reading: the tag is near, or much tilted."
+    one, other = (rotations.to_matrix(pose.quat_xyzw)[:, 2] for pose in found[:2])
+    angle = np.degrees(np.arccos(np.clip(one @ other, -1, 1)))
+    return f"The two are {angle:.0f}° apart."
+
+
+def _tried(seen: _Seen, sigma: float, best: PoseEstimate) -> Floats:
+    """Where corners with noise have the tag, (N, 3) metres: of each the reading that is nearest."""
+    random = np.random.default_rng(0)
+    noisy = seen.corners + random.normal(0, sigma, (_TRIALS, 4, 2))
+    several = squares_poses(
+        noisy, np.full(_TRIALS, seen.size_m), seen.info, np.full(_TRIALS, sigma)
+    )
+
+    def distance(one: PoseEstimate) -> float:
+        return float(np.linalg.norm(one.position_xyz - best.position_xyz))
+
+    nearest = [min(some, key=distance) for some in several if some]
+    return np.array([one.position_xyz for one in nearest]).reshape(-1, 3)
+
+
+def _draw_ellipse(away_mm: Floats, covariance: Floats) -> Figure:
+    """Dots and ellipses, from above: to the right, and up ahead."""
+    figure = Figure(_WIDTH, 480)
+    lines = [ellipse(covariance, count) for count in (1, 2)]
+    reach = np.abs(np.concatenate([*lines, away_mm])).max(axis=0)
+    axes = Axes(figure, (70, 30, _WIDTH - 90, 390), -reach, reach, equal=True)
+    axes.draw("to the right (mm)", "ahead (mm)")
+    for x, y in axes.places(away_mm):
+        figure.dot(x, y, 2, BLUE)
+    for line in lines:
+        axes.curve(line, RED, 2)
+    return figure
