@@ -18,15 +18,16 @@ def run(args: Namespace) -> int:
     if args.topic is None:
         _list(args.json)
         return 0
-    find_lesson(args.topic)
+    lesson = find_lesson(args.topic)
     if args.export is None:
-        args.paused = args.rate is None
+        args.paused = args.rate is None and not lesson.plays
         return play.run(args)
     page = args.export / PAGE
     _prepare(page, args.overwrite)
     args.view, args.rate = "none", 0.0
     if args.frames is None and args.duration is None:
-        args.frames = 1
+        args.duration = lesson.export_s or None
+        args.frames = None if lesson.export_s else 1
     status = play.run(args)
     if page.exists():
         say(f"{page}: written")

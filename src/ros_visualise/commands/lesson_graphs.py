@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from argparse import Namespace
 from contextlib import ExitStack, closing
+from typing import Any
 
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.lessons import find_lesson
+from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.player import player
@@ -15,9 +17,6 @@ from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import image_topic
-
-_SAMPLE = "landscape"
-"""A picture that the program draws: where nobody gives one."""
 
 
 def lesson_graph(args: Namespace) -> Graph:
@@ -30,31 +29,34 @@ def lesson_graph(args: Namespace) -> Graph:
     lesson = find_lesson(args.topic)
     folder = args.export or args.record_dir / f"explain_{lesson.name}"
     with ExitStack() as undo:
-        source, topic = _source(args.input, undo)
+        source, topic = _source(args.input, lesson, undo)
         graph = lesson_pipeline(lesson, source, topic, folder, at_end=args.export is not None)
         undo.pop_all()  # a recording is the graph's now
         return graph
 
 
-def _source(path: str | None, undo: ExitStack) -> tuple[SourceNode, str]:
+def _source(path: str | None, lesson: Lesson, undo: ExitStack) -> tuple[SourceNode, str]:
     """A source, and its topic of images."""
-    if path is None or path in robots():
-        return _alone(path or _SAMPLE), "/image_raw"
-    if is_pictures(path):
+    if path is None:
+        name, settings = lesson.sample
+        return _alone(name, **settings), "/image_raw"
+    if path in robots():
+        return _alone(path, mission="default"), "/image_raw"
+    if is_pictures(path) and not lesson.streams:
         return _alone("pictures", path=path), "/image_raw"
-    if not is_recording(path):
+    if not is_recording(path) and not lesson.streams:
         return _alone("streamer", path=path), "/image_raw"
-    return _recorded(undo.enter_context(closing(open_recording(path))))
+    return _recorded(undo.enter_context(closing(open_recording(path))), lesson)
 
 
-def _alone(name: str, **settings: str) -> SourceNode:
+def _alone(name: str, **settings: Any) -> SourceNode:
     source = alone(find_source(name)).configured({name: settings}).source
     assert source is not None
     return source
 
 
-def _recorded(recording: Recording) -> tuple[SourceNode, str]:
-    topic = image_topic(recording, None)
-    declared = player(recording, [topic])
+def _recorded(recording: Recording, lesson: Lesson) -> tuple[SourceNode, str]:
+    topic = "" if lesson.streams else image_topic(recording, None)
+    declared = player(recording, [topic] if topic else ())
     outputs = {name: name for name in declared.outputs}
     return SourceNode("player", declared, declared.params(), {}, outputs), topic

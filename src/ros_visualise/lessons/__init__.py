@@ -13,15 +13,8 @@ from ros_visualise.errors import UsageError
 from ros_visualise.lessons.lesson import Lesson
 
 TOPICS = (
-    "image",
-    "bayer",
-    "color",
-    "noise",
-    "gradient",
-    "canny",
-    "threshold",
-    "camera",
-    "landmarks",
+    *("image", "bayer", "color", "noise", "gradient", "canny", "threshold"),
+    *("camera", "sensors", "landmarks"),
 )
 """The names of all lessons, in the order in which one would give them."""
 

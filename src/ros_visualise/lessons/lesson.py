@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from textwrap import dedent
+from types import MappingProxyType
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ros_visualise.data import Deferred, Image, Message, Pixels, Text
+from ros_visualise.data import Deferred, Header, Image, Message, Pixels, Text
 from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import NodeType
 from ros_visualise.sinks.figure import Figure
@@ -44,12 +45,20 @@ class Lesson:
         about: a sentence that tells what one sees.
         intro: the text that it begins with.
         steps: its nodes; they follow the node ``picture``, which gives them the picture.
+        sample: the source that is at hand where a person names none, and its parameters.
+        streams: its steps take the messages of a source as they come, not a picture.
+        plays: it is to be seen in motion, so it does not begin paused.
+        export_s: so many seconds are looked at before it is written down; 0: one picture.
     """
 
     name: str
     about: str
     intro: str
-    steps: Sequence[Step] = field(default_factory=tuple)
+    steps: Sequence[Step]
+    sample: tuple[str, Mapping[str, Any]] = ("landscape", MappingProxyType({}))
+    streams: bool = False
+    plays: bool = False
+    export_s: float = 0.0
 
 
 class Drawn(Deferred):
@@ -79,11 +88,18 @@ def show(
         work: what the next step needs; none: what this one was given.
         filled: name -> number.
     """
+    passed = getattr(image, "work", None) if work is None else work
+    return show_at(image.header, seen, text, passed, **filled)
+
+
+def show_at(
+    header: Header, seen: Pixels | Figure, text: str, work: Any = None, **filled: Any
+) -> dict[str, Message]:
+    """The same of a step that is given no image, but something else with a header."""
     data = Drawn(seen) if isinstance(seen, Figure) else seen
     encoding = "mono8" if len(data.shape) == 2 else "bgr8"
-    passed = getattr(image, "work", None) if work is None else work
-    shown = Shown(data, encoding, image.header, work=passed)
-    return {"image": shown, "text": Text(fill(text, filled), image.header)}
+    shown = Shown(data, encoding, header, work=work)
+    return {"image": shown, "text": Text(fill(text, filled), header)}
 
 
 def fill(text: str, numbers: Mapping[str, Any]) -> str:

@@ -1,10 +1,12 @@
-"""The graph of a lesson: a source, the picture, the steps, and what writes them down."""
+"""The graph of a lesson: a source, the steps, and what writes them down."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.lessons.handout import handout_of, image_of, text_of
 from ros_visualise.lessons.lesson import Lesson
@@ -15,19 +17,19 @@ from ros_visualise.nodes import NodeType
 def lesson_pipeline(
     lesson: Lesson, source: SourceNode, topic: str, folder: Path, at_end: bool = False
 ) -> Graph:
-    """A lesson on the images of a source.
+    """A lesson on what a source gives.
 
     Args:
         lesson: what is explained.
-        source: where the images come from.
-        topic: on which of its topics.
+        source: where the messages come from.
+        topic: its images; of a lesson without a picture this says nothing.
         folder: where the lesson is written down.
         at_end: write it when the source ends.
+
+    Raises:
+        UsageError: the source has no topic that a step needs.
     """
-    nodes = [_placed(picture_of(lesson).declared, topic)]
-    for step in lesson.steps:
-        before = step.after or nodes[-1].name
-        nodes.append(_placed(step.declared, f"/{before}"))
+    nodes = _of_streams(lesson, source) if lesson.streams else _of_picture(lesson, topic)
     names = {node.name: node.type.doc.rstrip(".") for node in nodes}
     declared = handout_of(lesson, names, folder, at_end).declared
     topics = {image_of(name): f"/{name}" for name in names}
@@ -36,10 +38,45 @@ def lesson_pipeline(
     return Graph(replace(source, aside=True), (*nodes, handout)).with_frames()
 
 
-def _placed(declared: NodeType, topic: str) -> Node:
-    """A node that takes this topic; its image is called as itself, the rest is below that."""
+def _of_picture(lesson: Lesson, topic: str) -> list[Node]:
+    """The picture, and each step after the one whose image it takes."""
+    nodes = [_placed(picture_of(lesson).declared, {"image": topic})]
+    for step in lesson.steps:
+        nodes.append(_placed(step.declared, {"image": f"/{step.after or nodes[-1].name}"}))
+    return nodes
+
+
+def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
+    """The steps, each with the topics of the types that it takes."""
+    nodes = []
+    for step in lesson.steps:
+        inputs = {}
+        for port, kind in step.declared.stepped.items():
+            topic = _topic_for(port, kind, source)
+            if topic is not None:
+                inputs[port] = topic
+        needed = next(iter(step.declared.stepped))
+        if needed not in inputs:
+            kind_name = step.declared.stepped[needed].__name__
+            raise UsageError(
+                f"{lesson.name}: there is no topic of {kind_name} here; leave the file"
+            )
+        nodes.append(_placed(step.declared, inputs))
+    return nodes
+
+
+def _topic_for(port: str, kind: type, source: SourceNode) -> str | None:
+    """The topic of that type that is called most as the input is."""
+    fitting = [topic for topic, made in source.topics.items() if made.type is kind]
+    if port == "truth":
+        return next((topic for topic in fitting if "truth" in topic), None)
+    named = [topic for topic in fitting if topic.strip("/") == port]
+    others = [topic for topic in fitting if "truth" not in topic and "static" not in topic]
+    return next(iter([*named, *others]), None)
+
+
+def _placed(declared: NodeType, inputs: Mapping[str, str]) -> Node:
+    """A node on these topics; its image is called as itself, the rest is below that."""
     name = declared.name
-    outputs = {
-        port: f"/{name}" if port == "image" else f"/{name}/{port}" for port in declared.outputs
-    }
-    return place(declared, dict.fromkeys(declared.stepped, topic), outputs)
+    outputs = {p: f"/{name}" if p == "image" else f"/{name}/{p}" for p in declared.outputs}
+    return place(declared, inputs, outputs)

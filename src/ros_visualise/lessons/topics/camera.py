@@ -142,8 +142,8 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
     text = """
         For each pixel of the straight picture one computes where the lens has put it, and takes
         the colour from there: cv2.undistort does it, and so does the node rectify. {share:.1f} %
-        of the picture come back; the black rest the lens has not seen. What comes back differs from the
-        truth by {difference:.2f} levels on average, as it was interpolated twice.
+        of the picture come back; the black rest the lens has not seen. What comes back differs from
+        the truth by {difference:.2f} levels on average, as it was interpolated twice.
         """
     return show(image, back, text, share=100 * valid.mean(),
                 difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip

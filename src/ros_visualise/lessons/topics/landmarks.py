@@ -168,7 +168,8 @@ pixels; a guess, if your camera is not calibrated) the homography gives the pose
 is, and how it is turned. It is {np.linalg.norm(best.position_xyz):.3f} m away.
 
 Seen from afar, a square that is tilted to the left looks as one that is tilted to the right. With
-corners that are off by {params.sigma:g} pixels: how likely each reading is, where it has the tag, and how far off the corners are:
+corners that are off by {params.sigma:g} pixels: how likely each reading is, where it has the tag,
+and how far off the corners are:
 
 {rows}
 

@@ -1,0 +1,279 @@
+"""What a robot's sensors measure, and with how much noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ros_visualise.data import Floats, Imu, Message
+from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, ORANGE, RED, frame
+from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
+from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Color, Figure
+
+_WIDTH = 640
+_PERIOD_NS = 1_000_000_000
+_MOST = 200_000  # samples that are kept
+_LEAST = 100
+
+_CAR = (4.8, 1.8, 1.5)
+"""Length, width and height of the car, metres: a VW Passat estate, about."""
+
+_SENSORS: dict[str, tuple[tuple[float, float, float], Color]] = {
+    "Velodyne": ((0.81, 0.32, 1.73), RED),
+    "gray cameras": ((1.08, 0.32, 1.65), BLUE),
+    "colour cameras": ((1.08, 0.26, 1.65), GREEN),
+    "GPS and IMU": ((0.0, 0.0, 0.93), ORANGE),
+}
+"""Metres ahead of the IMU, to its left, and above the road, about: Geiger et al., Vision meets
+Robotics: The KITTI Dataset, 2013, figure 3."""
+
+
+@node("car", inputs={"imu": Imu}, outputs=GIVES)
+class Car:
+    """KITTI's car and its sensors."""
+
+    def __init__(self, _: object) -> None:
+        self._is_shown = False
+
+    def step(self, imu: Imu, params: object) -> dict[str, Message] | None:
+        """Once: it does not change."""
+        if self._is_shown:
+            return None
+        self._is_shown = True
+        text = """
+            A passive sensor waits for what comes by itself, an active one sends something out and
+            measures what comes back. On KITTI's car, with which many compare their methods:
+
+                camera       passive   light            10 Hz, 1392 × 512 pixels, dark at night
+                Velodyne     active    laser's time     10 Hz, about 100000 points, to 120 m
+                GPS (RTK)    passive   time of radio    where it is, to 5 cm under open sky
+                IMU          passive   turns, forces    100 Hz, always, and drifts
+
+            None is enough alone: cameras have no scale, lasers no colours, GPS no signal in
+            tunnels, and an IMU no memory of where it began.
+            """
+        return show_at(imu.header, _draw_car(), text)
+
+
+@dataclass(frozen=True)
+class MeasuredParams:
+    """What is looked at."""
+
+    seconds: float = param(
+        10.0, "so much of the last time is drawn", min=1, max=600, slider=(1, 60)
+    )
+
+
+class _Samples:
+    """What an IMU has measured: stamps in seconds, and (N, 6) turn rates and accelerations."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: list[int] = []
+        self._values: list[Floats] = []
+        self._told_ns: int | None = None
+
+    def add(self, imu: Imu) -> bool:
+        """Keep a measurement; whether a second has gone since the last time that one looked."""
+        stamp_ns = imu.header.stamp_ns
+        if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
+            return False
+        self._stamps_ns.append(stamp_ns)
+        self._values.append(np.concatenate([imu.angular_xyz, imu.linear_xyz]))
+        if len(self._values) > _MOST:
+            del self._stamps_ns[0], self._values[0]
+        is_due = self._told_ns is None or stamp_ns - self._told_ns >= _PERIOD_NS
+        if is_due and len(self._values) >= _LEAST:
+            self._told_ns = stamp_ns
+            return True
+        return False
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether there is anything to tell."""
+        return len(self._values) >= _LEAST
+
+    @property
+    def times_s(self) -> Floats:
+        """Since the first, (N,)."""
+        return (np.array(self._stamps_ns) - self._stamps_ns[0]) / 1e9
+
+    @property
+    def values(self) -> Floats:
+        """(N, 6) rad/s and m/s^2."""
+        return np.array(self._values)
+
+    @property
+    def period_s(self) -> float:
+        """From one to the next, by their median."""
+        return float(np.median(np.diff(self.times_s)))
+
+
+@node("measured", params=MeasuredParams, inputs={"imu": Imu}, outputs=GIVES)
+class Measured:
+    """What the IMU measures."""
+
+    def __init__(self, _: MeasuredParams) -> None:
+        self._samples = _Samples()
+
+    def reset(self) -> None:
+        self._samples = _Samples()
+
+    def step(self, imu: Imu, params: MeasuredParams) -> dict[str, Message] | None:
+        """Every second: the last of what was measured."""
+        if not self._samples.add(imu):
+            return None
+        times, values = self._samples.times_s, self._samples.values
+        recent = times >= times[-1] - params.seconds
+        text = """
+            The IMU of this run gives {rate:.0f} measurements a second. In the last {seconds:.0f} s:
+
+                turn rate      mean {turn} rad/s    deviation {turn_noise} rad/s
+                acceleration   mean {force} m/s²    deviation {force_noise} m/s²
+
+            At rest the turn rates would be zero and the acceleration 9.81 m/s² upwards, for an
+            accelerometer feels what carries it. What the mean is beside that is the bias; the rest
+            is noise, and the robot's own motion.
+            """
+        mean, spread = values[recent].mean(axis=0), values[recent].std(axis=0)
+        return show_at(
+            imu.header,
+            _draw_measured(times[recent], values[recent]),
+            text,
+            rate=1 / self._samples.period_s,
+            seconds=min(params.seconds, times[-1]),
+            turn=_three(mean[:3]),
+            turn_noise=_three(spread[:3]),
+            force=_three(mean[3:]),
+            force_noise=_three(spread[3:]),
+        )
+
+
+@node("allan", inputs={"imu": Imu}, outputs=GIVES)
+class Allan:
+    """The Allan deviation of the IMU."""
+
+    def __init__(self, _: object) -> None:
+        self._samples = _Samples()
+
+    def reset(self) -> None:
+        self._samples = _Samples()
+
+    def step(self, imu: Imu, params: object) -> dict[str, Message] | None:
+        """Every second: by all that was measured so far."""
+        if not self._samples.add(imu):
+            return None
+        period_s = self._samples.period_s
+        times_s, deviation = allan_deviation(self._samples.values, period_s)
+        if not (deviation > 0).all() or len(times_s) < 2:
+            return None
+        gyro, force = deviation[:, :3].mean(axis=1), deviation[:, 3:].mean(axis=1)
+        text = """
+            How long should one average? The Allan deviation is that of means over a time τ from
+            the means right after them:
+
+                σ²(τ) = ½ ⟨ (mean over the next τ − mean over this τ)² ⟩
+
+            White noise falls as N / √τ; then comes a floor, the instability of the bias; then it
+            rises, as the bias walks away. Of {count} measurements, {seconds:.0f} s:
+
+                gyroscope       N = {gyro_walk:.2e} rad/s/√Hz    floor {gyro_floor:.2e} rad/s
+                accelerometer   N = {force_walk:.2e} m/s²/√Hz    floor {force_floor:.2e} m/s²
+
+            That holds of a sensor at rest: the motion of a robot looks like more noise. The longer
+            it runs, the farther to the right one sees.
+            """
+        return show_at(
+            imu.header,
+            _draw_allan(times_s, gyro, force),
+            text,
+            count=len(self._samples.values),
+            seconds=self._samples.times_s[-1],
+            gyro_walk=random_walk(times_s, gyro),
+            gyro_floor=gyro.min() / OF_BIAS,
+            force_walk=random_walk(times_s, force),
+            force_floor=force.min() / OF_BIAS,
+        )
+
+
+LESSON = Lesson(
+    "sensors",
+    "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of a real IMU",
+    """
+    A robot knows of the world what its sensors tell. Give a recording with an IMU, or a drive of
+    KITTI; without one, a simulated rover stands still and measures.
+    """,
+    [Step(Car), Step(Measured), Step(Allan)],
+    sample=("husky", {"world": "plane", "mission": "none", "camera": False, "lidar": False}),
+    streams=True,
+    plays=True,
+    export_s=30.0,
+)
+
+
+def _three(values: Floats) -> str:
+    return "(" + ", ".join(f"{one:.4f}" for one in values) + ")"
+
+
+def _draw_car() -> Figure:
+    """From the side and from above; one metre is 100 units."""
+    figure = Figure(_WIDTH, 470)
+    scale, middle = 100.0, 270.0
+    length, width, height = (side * scale for side in _CAR)
+    left = middle - length / 2
+    for name, top, tall in (
+        ("from the side: heights above the road", 190 - height, height),
+        ("from above", 270.0, width),
+    ):
+        figure.text(12, top - 22 if top < 200 else top - 10, name, 13)
+        frame(figure, (left, top, length, tall), GRAY, 2)
+    figure.line(np.array([[20, 210], [_WIDTH - 90, 210]]), GRAY, 1)
+    for x in (left + 90, left + length - 90):
+        figure.dot(x, 190, 20, GRAY)
+    for number, (name, ((ahead, aside, up), color)) in enumerate(_SENSORS.items()):
+        x = middle - 60 + ahead * scale
+        figure.dot(x, 210 - up * scale, 7, color)
+        figure.dot(x, 270 + width / 2 - (aside - 0.16) * scale, 7, color)
+        figure.dot(_WIDTH - 175, 30 + 24 * number, 6, color)
+        figure.text(_WIDTH - 163, 34 + 24 * number, f"{name}, {up:.2f} m", 13)
+    return figure
+
+
+def _draw_measured(times_s: Floats, values: Floats) -> Figure:
+    figure = Figure(_WIDTH, 460)
+    for number, (name, three) in enumerate(
+        (("turn rate (rad/s): x red, y green, z blue", values[:, :3]),
+         ("acceleration (m/s^2)", values[:, 3:]))
+    ):  # fmt: skip
+        low = np.array([times_s[0], three.min()])
+        high = np.array([times_s[-1], three.max()])
+        axes = Axes(figure, (70, 30 + 225 * number, _WIDTH - 90, 150), low, high)
+        axes.draw("time (s)", name)
+        for column, color in zip(three.T, (RED, GREEN, BLUE), strict=True):
+            axes.curve(np.stack([times_s, column], axis=1), color, 1)
+    return figure
+
+
+def _draw_allan(times_s: Floats, gyro: Floats, force: Floats) -> Figure:
+    """Both on logarithmic scales, and the slope of white noise, gray."""
+    figure = Figure(_WIDTH, 480)
+    across = np.log10(times_s)
+    curves = [
+        (np.log10(gyro), BLUE, "gyroscope (rad/s)"),
+        (np.log10(force), RED, "accelerometer (m/s^2)"),
+    ]
+    every = np.concatenate([curve for curve, _, _ in curves])
+    low, high = np.array([across[0], every.min()]), np.array([across[-1], every.max()])
+    axes = Axes(figure, (70, 50, _WIDTH - 90, 370), low, high)
+    axes.draw("log10 of the time t (s)", "log10 of the Allan deviation")
+    for number, (curve, color, name) in enumerate(curves):
+        white = curve[0] - (across - across[0]) / 2
+        is_inside = white >= low[1]
+        axes.curve(np.stack([across, white], axis=1)[is_inside], (190, 190, 190), 1.2)
+        axes.curve(np.stack([across, curve], axis=1), color, 2.5)
+        figure.text(_WIDTH - 30, 24 + 18 * number, name, 13, "end", color)
+    return figure
