@@ -111,6 +111,12 @@ class Source(Protocol):
     def receive(self, port: str, message: Any) -> None:
         """Take a message of an input; may be called from any thread."""
 
+    def awaits(self, port: str) -> bool:
+        """Whether what nodes make of its messages, and tell it on an input, decides how it goes on.
+
+        Where nothing may depend on time, it hears that before it gives its next message.
+        """
+
     def configure(self, params: Any, changed: Collection[str]) -> None:
         """Take over changed parameters, or raise ParameterError; may be called from any thread."""
 
@@ -135,6 +141,9 @@ class _Optional:
 
     def receive(self, port: str, message: Any) -> None:
         pass
+
+    def awaits(self, port: str) -> bool:
+        return False
 
     def configure(self, params: Any, changed: Collection[str]) -> None:
         pass

@@ -15,9 +15,12 @@ from ros_visualise.nodes import find_node
 from ros_visualise.topic_names import known_topics
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
-LOCALIZER = "landmark_localizer"
+LOCALIZER, LANDING = "landmark_localizer", "landing_target"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
+
+LANDING_INPUT = "landing_target_odom"
+"""Of a source: where it is told where to land."""
 
 _OBJECTS = {
     "detections": "/objects",
@@ -36,6 +39,8 @@ def with_landmarks(
 ) -> Graph:
     """The same graph with nodes that find landmarks; where there are frames, also in a map.
 
+    A robot that lands by sight is told where its target is.
+
     Args:
         graph: of any kind.
         topic: of images, or of detections that somebody made elsewhere.
@@ -48,7 +53,10 @@ def with_landmarks(
     """
     found = [_placed(name, topic) for name in detectors]
     if has_frames(graph):
-        found.append(_localizer(graph, found))
+        detectors_there = tuple(found)
+        found.append(_fed(LOCALIZER, graph, detectors_there))
+        if graph.source is not None and LANDING_INPUT in graph.source.inputs:
+            found.append(_fed(LANDING, graph, detectors_there))
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(f"{made} is recorded already: name others by --topics, or no --landmarks")
     whole = replace(graph, nodes=(*graph.nodes, *found)).with_frames()
@@ -74,9 +82,9 @@ def _placed(name: str, topic: str) -> Node:
     return place(declared, dict.fromkeys(declared.stepped, topic), outputs)
 
 
-def _localizer(graph: Graph, detectors: Sequence[Node]) -> Node:
-    """It takes what all of them find, and the odometry where there is one."""
-    declared = find_node(LOCALIZER)
+def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
+    """A node that takes what all of them find, and the odometry where there is one."""
+    declared = find_node(name)
     inputs = {
         "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
         for one in detectors

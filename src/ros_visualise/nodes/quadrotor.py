@@ -8,7 +8,7 @@ from ros_visualise.data import FluidPressure, MagneticField, Odometry
 from ros_visualise.nodes import action, source
 from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
 from ros_visualise.simulation.simulator import LATCHED
-from ros_visualise.simulation.source import INPUTS, OUTPUTS, SimulatedRobot
+from ros_visualise.simulation.source import INPUTS, OUTPUTS, TARGET, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 
@@ -20,7 +20,7 @@ class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
 @source(
     "quadrotor",
     params=QuadrotorNodeParams,
-    inputs=INPUTS,
+    inputs={**INPUTS, TARGET: Odometry},
     outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure, "pad": Odometry},
     latched=LATCHED,
     makes_time=True,

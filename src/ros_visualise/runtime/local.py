@@ -17,11 +17,13 @@ from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.memory import keep_freed_images
 from ros_visualise.runtime.node_thread import NodeThread
+from ros_visualise.runtime.ordering import origins
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
 from ros_visualise.runtime.report import NodeReport, RunReport
 from ros_visualise.runtime.runner import NodeRunner
-from ros_visualise.runtime.source_thread import SourceInput, SourceThread
+from ros_visualise.runtime.source_input import SourceInput
+from ros_visualise.runtime.source_thread import SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sources.playback import Playback
 
@@ -58,6 +60,7 @@ class LocalRuntime:
         self._recordings: list[RecorderThread] = []
         self._recording = threading.Lock()
         self._stopped = False
+        self._source_inputs: list[SourceInput] = []
         self._source = self._open_source()
         self._nodes = self._join_all()
         works = [self._source.run] if self._source else []
@@ -191,10 +194,25 @@ class LocalRuntime:
             return None
         outputs = {port: self._topics[topic] for port, topic in node.outputs.items()}
         parameters = self.parameters[node.name]
-        source = SourceThread(node, parameters, self.playback, outputs, self._choose_queues)
+        source = SourceThread(
+            node, parameters, self.playback, outputs, self._choose_queues, self._await_answers
+        )
         for port, topic in node.inputs.items():
-            self._topics[topic].connect(SourceInput(source, port))
+            entrance = SourceInput(source, port, origins(self.graph, topic))
+            self._source_inputs.append(entrance)
+            self._topics[topic].connect(entrance)
         return source
+
+    def _await_answers(self, number: int, topic: str) -> None:
+        """Let the source hear what is made of its message first, where nothing may depend on time.
+
+        So a robot that sees by the nodes' eyes flies the same way each time.
+        """
+        for entrance in self._source_inputs if self._lossless else ():
+            entrance.wait_for(number, topic, self._goes_on)
+
+    def _goes_on(self) -> bool:
+        return self.playback is not None and not self.playback.closed
 
     def _run(self, work: Callable[[], None]) -> None:
         try:

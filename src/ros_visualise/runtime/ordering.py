@@ -148,5 +148,10 @@ def _followers(graph: Graph, wanted: Collection[str]) -> dict[str, list[str]]:
     }
 
 
+def origins(graph: Graph, topic: str) -> frozenset[str]:
+    """The source's topics that a topic of the graph is made from."""
+    return frozenset(begin for begin, made in _followers(graph, [topic]).items() if made)
+
+
 def _size(packet: Packet) -> int:
     return 0 if packet.message is None else int(packet.message.nbytes)

@@ -33,6 +33,7 @@ class SourceThread:
         playback: how it is played.
         outputs: output name -> topic.
         on_message: called before each message is published.
+        on_published: called after, with its number and topic.
 
     Attributes:
         failed: it broke.
@@ -48,6 +49,7 @@ class SourceThread:
         playback: Playback,
         outputs: Mapping[str, Topic],
         on_message: Callable[[], None],
+        on_published: Callable[[int, str], None],
     ) -> None:
         self.failed = False
         self.name = node.name
@@ -55,7 +57,8 @@ class SourceThread:
         self._parameters = parameters
         self._playback = playback
         self._outputs = outputs
-        self._on_message = on_message
+        self._on_message, self._on_published = on_message, on_published
+        self._topics = node.outputs
         self._stats = NodeStats()
         self._steady = Steady()
         self._begun = self._reopened = 0
@@ -87,6 +90,10 @@ class SourceThread:
         """Hand a message to an input of the source."""
         self._source.receive(port, message)
 
+    def awaits(self, port: str) -> bool:
+        """Whether the source needs to hear on an input what is made of its messages."""
+        return self._source.awaits(port)
+
     def close(self) -> None:
         """Let go of what is open."""
         self._source.close()
@@ -110,6 +117,7 @@ class SourceThread:
             self._stats.received = self._stats.processed = number + 1
             self._on_message()
             self._outputs[port].publish(packet)
+            self._on_published(number, self._topics[port])
 
     def _epoch(self, port: str, stamp_ns: int, log_ns: int) -> int:
         """How often time had jumped before this message: of itself, or as a person asked."""
@@ -164,18 +172,3 @@ class SourceThread:
         source.set_demand(lambda port: self._outputs[port].awaited)
         self._opened_with = current
         return source
-
-
-class SourceInput:
-    """Hands what comes on a topic to an input of the source, on the thread that publishes it."""
-
-    def __init__(self, source: SourceThread, port: str) -> None:
-        self._source, self._port = source, port
-
-    def put(self, packet: Packet) -> None:
-        """Take a packet."""
-        if packet.message is not None:
-            self._source.receive(self._port, packet.message)
-
-    def close(self) -> None:
-        """Nothing more comes; the source goes on without."""

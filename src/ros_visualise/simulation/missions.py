@@ -15,6 +15,7 @@ from ros_visualise.simulation.route import Route
 from ros_visualise.simulation.worlds.clear_areas import ClearArea
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
+PAD = "pad"
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
 _EIGHT_POINTS = 120
 _FAR_M = 10_000
@@ -35,6 +36,7 @@ _FORMS = {
     "waypoints": "a list of [x, y, z] or [x, y, z, yaw], metres and degrees",
     "closed": "true or false",
     "land": "true or false",
+    "land_on": f"{PAD}, or leave it out",
 }
 """Key -> what its value has to be; the others are numbers."""
 
@@ -53,6 +55,8 @@ class Mission:
         waypoints: [x, y, z] or [x, y, z, yaw] in ``map``, metres and degrees.
         closed: the last waypoint leads back to the first.
         land: a robot that flies returns to where it took off, and lands there.
+        land_on: ``pad``: it lands on the pad instead, as soon as that is seen; the route leads to
+            where to look for it, and is left out where that is right over the start.
 
     Raises:
         OpenError: there is no such shape, nothing to follow, or a value makes no sense.
@@ -68,11 +72,14 @@ class Mission:
     waypoints: tuple[tuple[float, ...], ...] = ()
     closed: bool = False
     land: bool = True
+    land_on: str = ""
 
     def __post_init__(self) -> None:
         if self.shape and self.waypoints:
             raise OpenError("a mission has a shape or waypoints, not both: leave one out")
-        if not (self.shape or self.waypoints):
+        if self.land_on not in ("", PAD):
+            raise OpenError(f"land_on cannot be {self.land_on!r}: give {_FORMS['land_on']}")
+        if not (self.has_route or self.land_on):
             raise OpenError(f"nothing to follow: give a shape ({', '.join(SHAPES)}) or waypoints")
         if self.shape and self.shape not in SHAPES:
             raise OpenError(f"no shape {self.shape!r}: choose one of {', '.join(SHAPES)}")
@@ -86,6 +93,11 @@ class Mission:
             if not (max(map(abs, point)) <= _FAR_M and point[2] >= 0):
                 where = f"within {_FAR_M} m and not below the ground"
                 raise OpenError(f"the waypoint {list(point)} has to be {where}")
+
+    @property
+    def has_route(self) -> bool:
+        """Whether there is anything to follow, and not only to land on."""
+        return bool(self.shape or self.waypoints)
 
     def route(self) -> Route:
         """The route in ``map``."""
@@ -167,7 +179,7 @@ def _read(name: str, value: Any) -> Any:
             return pair
         if name in ("closed", "land"):
             return _of_type(value, bool)
-        if name == "shape":
+        if name in ("shape", "land_on"):
             return _of_type(value, str)
         return _of_type(value, int) if name == "laps" else _number(value)
     except (TypeError, ValueError, OverflowError):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Generator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.data import Floats, PoseStamped, Transforms, Twist
+from ros_visualise.data import Floats, Odometry, PoseStamped, Transforms, Twist
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
@@ -25,7 +26,7 @@ from ros_visualise.simulation.schedule import Output, Schedule
 from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.wind import Wind
-from ros_visualise.simulation.worlds import World, build_world
+from ros_visualise.simulation.worlds import World, build_world, check_world
 from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
@@ -66,9 +67,10 @@ class Simulation:
     ) -> None:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
-        self.settings = settings or PARAMS[robot]()
+        self._name, self._world_name = robot, check_world(world)
+        self._mission = self._find(mission)
+        self.settings = _with_pad(settings or PARAMS[robot](), self._mission)
         self.world: World = build_world(world, self.settings.camera, _place_of_pad(self.settings))
-        self._name = robot
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
         self._moves = self._surround(seed)
@@ -86,7 +88,6 @@ class Simulation:
         fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
         description = describe(self._model, fixed)
         self._latched = description, fixed, scenery(self._model, self.world.assets)
-        self._mission = self._find(mission)
         if self._mission is not None:
             self._robot.start(self._mission)
 
@@ -104,6 +105,11 @@ class Simulation:
     def failure(self) -> str:
         """One line that says why the mission or the robot failed, or empty."""
         return self._robot.mission.failure
+
+    @property
+    def lands_by_sight(self) -> bool:
+        """The robot looks for what it is to land on, or lands there: it needs to hear by `see`."""
+        return isinstance(self._robot, quadrotor.Quadrotor) and self._robot.lands_by_sight
 
     @property
     def actions(self) -> tuple[str, ...]:
@@ -164,15 +170,27 @@ class Simulation:
             raise UsageError(f"a goal has to be in the frame map, not {goal.header.frame_id}")
         self._orders.append(lambda: self._robot.go_to(goal))
 
+    def see(self, target: Odometry) -> None:
+        """Take in where what a mission lands on was seen, in the frame of the robot's odometry.
+
+        It is taken for as old as its stamp says. Without such a mission nothing comes of it.
+        """
+        robot = self._robot
+        if isinstance(robot, quadrotor.Quadrotor):
+            self._orders.append(lambda: robot.see(target))
+
     def add_mission(self, mission: Mission | str | Path) -> None:
         """Begin another mission now.
 
         Raises:
             OpenError: there is no such mission.
-            UsageError: the robot has tipped over.
+            UsageError: the robot has tipped over, or there is no pad to land on.
         """
         self._check_upright()
-        found = self._mission = self._find(mission)
+        found = self._find(mission)
+        if found is not None and found.land_on and self.pad is None:
+            raise UsageError("there is no pad to land on: set pad=true")
+        self._mission = found
         if found is not None:
             self._orders.append(lambda: self._robot.start(found))
 
@@ -240,7 +258,7 @@ class Simulation:
             return mission
         if mission == "default":
             return self._default_mission()
-        clear_areas = CLEAR_AREAS[self.world.name]
+        clear_areas = CLEAR_AREAS[self._world_name]
         if mission in SHAPES:
             center, size = clear_areas[str(mission)]
             return Mission(str(mission), size, center, laps=0)
@@ -250,9 +268,18 @@ class Simulation:
         """The world's path for the rover, a survey of the middle for the quadrotor."""
         if self._name == "quadrotor":
             return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
-        if self.world.path_xy:
-            return follow_path(self.world.path_xy, 0.8)
+        if path_xy := build_world(self._world_name, pictures=False).path_xy:
+            return follow_path(path_xy, 0.8)
         return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)
+
+
+def _with_pad(settings: RobotParams, mission: Mission | None) -> RobotParams:
+    """The settings, with a pad where the mission lands on it."""
+    if mission is None or not mission.land_on:
+        return settings
+    if not isinstance(settings, QuadrotorParams):
+        raise OpenError("a mission with land_on is for robots that fly: take the quadrotor")
+    return replace(settings, pad=True)
 
 
 def _place_of_pad(settings: RobotParams) -> tuple[float, float, float] | None:

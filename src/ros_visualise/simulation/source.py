@@ -30,6 +30,7 @@ from ros_visualise.sources.playback import Playback
 
 log = logging.getLogger(__name__)
 
+TARGET = "landing_target_odom"
 INPUTS = {"cmd_vel": Twist, "goal": PoseStamped}
 OUTPUTS = {
     "image": Image,
@@ -85,7 +86,7 @@ class SimulatedRobot:
         self._is_awaited: Callable[[str], bool] = lambda output: True
         self._timeout_ns = round(settings.command_timeout * 1e9)
         self._told: tuple[float, ...] | None = None
-        self._told_ns = 0
+        self._told_ns = self._shift_ns = 0
         self._failure = ""
         self._ended: tuple[float, ...] | None = None
         self._sought_ns = 0
@@ -95,8 +96,9 @@ class SimulatedRobot:
         """The sensors' messages as they become due, stamped with the time of the playback."""
         for stamp_ns, batch in self._playback.run(self, self._is_frame):
             for output in batch:
-                shown_ns = 0 if output.name in LATCHED else batch[-1].stamp_ns
-                message = restamped(output.message, stamp_ns - shown_ns)
+                self._shift_ns = stamp_ns - batch[-1].stamp_ns
+                shift_ns = stamp_ns if output.name in LATCHED else self._shift_ns
+                message = restamped(output.message, shift_ns)
                 yield output.name, prefixed(message, self._tf_prefix)
 
     def read(self, start_ns: int) -> Generator[tuple[int, Batch], None, None]:
@@ -146,16 +148,22 @@ class SimulatedRobot:
         self._is_awaited = is_wanted
 
     def receive(self, port: str, message: Any) -> None:
-        """Take a velocity (``cmd_vel``) or a goal.
+        """Take a velocity (``cmd_vel``), a goal, or where what it is to land on was seen.
 
         An action or a goal overrides the present velocity. The same velocity, if it goes on to
         come in, is ignored from then on until it changes or pauses.
         """
-        if port != "cmd_vel":
+        if port == TARGET:
+            self._simulation.see(restamped(message, -self._shift_ns))
+        elif port != "cmd_vel":
             self._ended = self._told
             self._simulation.goto(message)
         elif not self._has_ended(message):
             self._simulation.command(message)
+
+    def awaits(self, port: str) -> bool:
+        """Whether it lands by what it is told that was seen."""
+        return port == TARGET and self._simulation.lands_by_sight
 
     def close(self) -> None:
         """Nothing is open: the renderer is freed with the messages."""

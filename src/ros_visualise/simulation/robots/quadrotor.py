@@ -13,10 +13,12 @@ from ros_visualise.simulation.flight import FlightController, State
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import read_airframe
 from ros_visualise.simulation.robots.base import Body
+from ros_visualise.simulation.robots.lander import Lander
 from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
 from ros_visualise.simulation.robots.reference import Reference
 from ros_visualise.simulation.robots.stall import StallDetector, tell_place
 from ros_visualise.simulation.robots.tip_over import TipOverDetector
+from ros_visualise.simulation.robots.touch_down import TouchDownDetector
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
@@ -29,8 +31,6 @@ _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
 _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, something holds the robot
-_UNDERSIDE_M = 0.05  # a contact farther below the middle carries the robot
-_LANDED_S = 0.4
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
@@ -41,10 +41,14 @@ class Mode(Enum):
     FLYING = "flying"  # along a way, or hovering at its end
     COMMANDED = "commanded"
     LANDING = "landing"
+    HOMING = "homing"  # over a target that it has seen, and down to it
 
 
 class Quadrotor:
-    """It is controlled by its true state; estimating that is left to users of its sensors."""
+    """It is controlled by its true state; estimating that is left to users of its sensors.
+
+    Where a pad is it knows by its odometry and by what it is told that was seen, alone.
+    """
 
     def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
         self.body = Body(model, data)
@@ -63,7 +67,9 @@ class Quadrotor:
         self._next: list[Callable[[], None]] = []  # what to do at the end of the way
         self._twist = ((0.0, 0.0, 0.0), 0.0)
         self._commanded_s = -math.inf
-        self._touched_s = 0.0
+        self._touch_down = TouchDownDetector(data)
+        self._lander: Lander | None = None
+        self._own: Odometry | None = None
         self._stall_detector = StallDetector("quadrotor")
         self.tip_over = TipOverDetector()
         self.mission = MissionMonitor("quadrotor", params.mission_timeout)
@@ -126,9 +132,17 @@ class Quadrotor:
         self._after_take_off(pz, lambda: self._fly([(px, py, pz)], 2.0, yaw=yaw))
 
     def start(self, mission: Mission) -> None:
-        """Take off, fly the mission, and return to where it took off and land there."""
+        """Take off, fly the mission, and return to where it took off and land there.
+
+        One that lands on something else goes there as soon as it is seen.
+        """
         self._cancel()
         self.mission.begin()
+        if mission.land_on:
+            self._lander = Lander(mission.height)
+        if not mission.has_route:
+            self._rise(mission.height)
+            return
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
         first = route.points[0]
         self._after_take_off(first[2], lambda: self._fly([first], speed))
@@ -137,11 +151,23 @@ class Quadrotor:
                 Carrot(route, speed * _LOOKAHEAD_S, mission.laps, _THERE_M), speed
             )
         )
+        if mission.land_on:
+            return
         if mission.land:
             x, y, _ = self._home
             self._next.append(lambda: self._fly([(x, y, self._reference.position[2])], speed))
             self._next.append(self._descend)
         self._next.append(self.mission.end)
+
+    @property
+    def lands_by_sight(self) -> bool:
+        """It looks for what it is to land on, or lands there."""
+        return self._lander is not None and not self.mission.finished
+
+    def see(self, target: Odometry) -> None:
+        """Take in where what it is to land on was seen, in the frame of its odometry."""
+        if self._lander is not None:
+            self._lander.see(target)
 
     def control(self, time_s: float) -> None:
         """Set the motors' thrusts for the next step."""
@@ -161,17 +187,18 @@ class Quadrotor:
         self._give_up_if_stuck(state)
         if self._mode is Mode.LANDED:
             return
-        self._steer(time_s, state.position)
+        self._steer(time_s, state)
         self._keep_near(state)
-        if self._mode is Mode.LANDING or self._is_sent_down(state):
+        if self._goes_down(state):
             self._detect_landing(state)
         else:
-            self._touched_s = 0.0
+            self._touch_down.reset()
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
         """What a camera and an IMU would estimate."""
         body = self.body
-        return self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
+        self._own = self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
+        return self._own
 
     def _state(self) -> State:
         x, y, z, qw, qx, qy, qz = self._data.qpos[:7].tolist()
@@ -212,13 +239,14 @@ class Quadrotor:
 
     def _descend(self) -> None:
         if self._mode is not Mode.LANDED:
-            self._mode, self._carrot, self._touched_s = Mode.LANDING, None, 0.0
+            self._mode, self._carrot = Mode.LANDING, None
+            self._touch_down.reset()
             self._twist = ((0.0, 0.0, -_SINK), 0.0)
             self.mission.begin_leg()
 
     def _cancel(self) -> None:
         """Give up a mission, and what was to come next."""
-        self._next = []
+        self._next, self._lander = [], None
         self.mission.cancel()
 
     def _give_up_if_stuck(self, state: State) -> None:
@@ -232,13 +260,18 @@ class Quadrotor:
         if self.mission.watch(gone_m, place, self._long_dt_s):
             self.stop()
 
-    def _steer(self, time_s: float, place: Vector) -> None:
+    def _steer(self, time_s: float, state: State) -> None:
         """Give the reference its acceleration."""
+        if self._lander is not None and self._lander.has_seen and self._mode is Mode.FLYING:
+            self._mode, self._carrot, self._next = Mode.HOMING, None, [self.mission.end]
+            self.mission.begin_leg()
         is_silent = time_s - self._commanded_s > self._params.command_timeout
         if self._mode is Mode.COMMANDED and is_silent:
             self._twist = ((0.0, 0.0, 0.0), 0.0)
-        if self._mode is Mode.FLYING and self._carrot is not None:
-            self._follow(self._carrot, place)
+        if self._mode is Mode.HOMING:
+            self._home_in(state)
+        elif self._mode is Mode.FLYING and self._carrot is not None:
+            self._follow(self._carrot, state.position)
         else:
             self._reference.take_up(self._commanded(), self._twist[1])
 
@@ -262,6 +295,18 @@ class Quadrotor:
             self._next.pop(0)()
         self._reference.pull_to(target, carrot.yaw)
 
+    def _home_in(self, state: State) -> None:
+        """Pull the reference to the target, with the target's motion."""
+        guidance = None
+        if self._lander is not None and self._own is not None:
+            guidance = self._lander.guide(self._own, yaw_of(state.attitude))
+        if guidance is None:
+            self._reference.take_up((0.0, 0.0, 0.0), 0.0)
+            return
+        (x, y), (px, py, _) = guidance.aside, state.position
+        place = px + x, py + y, self._reference.position[2]
+        self._reference.pull_to(place, guidance.yaw, guidance.velocity)
+
     def _commanded(self) -> Vector:
         """The commanded velocity in ``map``, within limits."""
         (forward, left, up), _ = self._twist
@@ -270,18 +315,17 @@ class Quadrotor:
         c, s = share * math.cos(yaw), share * math.sin(yaw)
         return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
 
-    def _is_sent_down(self, state: State) -> bool:
-        """A velocity sends it down, and something holds it up."""
+    def _goes_down(self, state: State) -> bool:
+        """Whether it lands, or a velocity sends it down and something holds it up."""
+        if self._mode is Mode.HOMING:
+            return self._lander is not None and self._lander.touches_down
         sinks = self._mode is Mode.COMMANDED and self._twist[0][2] < 0
-        return sinks and self._reference.position[2] < state.position[2] - _HELD_M
+        is_held = self._reference.position[2] < state.position[2] - _HELD_M
+        return self._mode is Mode.LANDING or (sinks and is_held)
 
     def _detect_landing(self, state: State) -> None:
         """Turn the motors off when it stands on something."""
-        below = state.position[2] - _UNDERSIDE_M
-        rests = any(self._data.contact[i].pos[2] < below for i in range(self._data.ncon))
-        stands = rests and abs(state.velocity[2]) < 0.15
-        self._touched_s = self._touched_s + self._long_dt_s if stands else 0.0
-        if self._touched_s > _LANDED_S:
+        if self._touch_down.watch(state.position, state.velocity, self._long_dt_s):
             self._mode = Mode.LANDED
             if self._next:
                 self._next.pop(0)()

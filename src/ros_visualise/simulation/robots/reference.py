@@ -43,15 +43,19 @@ class Reference:
         """Go on from another position."""
         self.position, self.velocity = position, velocity
 
-    def pull_to(self, target: Vector, yaw: float | None) -> None:
-        """Accelerate as a critically damped spring to a target; without a yaw, head along."""
+    def pull_to(
+        self, target: Vector, yaw: float | None, velocity: Vector = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Accelerate as a critically damped spring to a target; without a yaw, head along.
+
+        Args:
+            target: metres in ``map``.
+            yaw: radians.
+            velocity: of the target, m/s.
+        """
         k = _STIFFNESS
-        self._accelerate(
-            [
-                k * k * (t - p) - 2 * k * v
-                for t, p, v in zip(target, self.position, self.velocity, strict=True)
-            ]
-        )
+        moves = zip(target, self.position, velocity, self.velocity, strict=True)
+        self._accelerate([k * k * (t - p) + 2 * k * (w - v) for t, p, w, v in moves])
         vx, vy, _ = self.velocity
         course = math.atan2(vy, vx) if math.hypot(vx, vy) > _COURSE_M_S else self.yaw
         self._turn(_HEADING * wrap((course if yaw is None else yaw) - self.yaw))

@@ -43,6 +43,17 @@ _BUILDERS = {"plane": build_plane, "playpen": build_playpen, "field": build_fiel
 WORLDS = tuple(_BUILDERS)
 
 
+def check_world(name: str) -> str:
+    """The name of a world, as it is.
+
+    Raises:
+        OpenError: there is no such world.
+    """
+    if name not in _BUILDERS:
+        raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
+    return name
+
+
 @cache
 def build_world(name: str, pictures: bool = True, pad: Pose2 | None = None) -> World:
     """The world of that name; without pictures it is gray, and ready much sooner.
@@ -55,8 +66,7 @@ def build_world(name: str, pictures: bool = True, pad: Pose2 | None = None) -> W
     Raises:
         OpenError: there is no such world.
     """
-    if name not in _BUILDERS:
-        raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
+    check_world(name)
     scene = WorldBuilder(pictures)
     _BUILDERS[name](scene)
     if pad is not None:
