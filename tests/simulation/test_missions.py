@@ -56,6 +56,8 @@ def test_a_file_gives_way_points(tmp_path: Path):
         (f"shape: square\nspeed: {10**400}", "speed cannot be"),
         ("shape: square\nsize: [1, 2, 3]", "size cannot be [1, 2, 3]: give a number or two"),
         ("shape: square\nland: 1", "give true or false"),
+        ("land_on: roof", "land_on cannot be 'roof': give pad, or leave it out"),
+        ("land_on: 3", "land_on cannot be 3: give pad"),
         ("waypoints: [[0, 0]]", "a waypoint is [x, y, z] or [x, y, z, yaw]"),
         ("waypoints: [[0, 0, -1]]", "not below the ground"),
         ("waypoints: [[1e9, 0, 1]]", "within 10000 m"),

@@ -62,7 +62,7 @@ class FlightController:
 
     POSITION = 1.6  # 1/s
     VELOCITY = 3.2  # 1/s
-    VELOCITY_INTEGRAL = 0.8  # 1/s^2
+    VELOCITY_INTEGRAL = 2.0  # 1/s^2
     ATTITUDE = 7.0  # 1/s
     RATES = (18.0, 18.0, 6.0)  # 1/s
     _LIMIT_M_S2 = 3.0  # of the velocity's integral

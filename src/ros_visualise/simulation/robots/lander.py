@@ -14,7 +14,10 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry
 from ros_visualise.geometry import rotations
 from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
+from ros_visualise.simulation.flight import State
+from ros_visualise.simulation.robots.reference import Reference
 
+_STIFFNESS = 4.0  # 1/s: how the reference is pulled to a target that moves
 _LEGS_M = 0.16  # from base_link down to its feet
 _STALE_S = 0.3  # older than this, what is known of the target is not enough to go on down
 _FORGOTTEN_S = 5.0  # until then it moves on as it did
@@ -22,8 +25,8 @@ _SURE_M, _SURE_SLOPE = 0.05, 0.1  # standard deviation that is allowed, by the h
 _CONE_M, _CONE_SLOPE = 0.06, 0.12  # how far aside it may be to go on down, by the height over it
 _SLOWEST, _SLOPE, _FASTEST = 0.2, 0.35, 1.2  # m/s down, by the height over it
 _CLIMB = 0.8  # m/s
-_LAST_M = 0.15  # from here on it goes down whatever it sees
-_LAST_SPEED = 0.35  # m/s
+_LAST_M = 0.12  # from here on it goes down whatever it sees
+_LAST_SPEED = 0.4  # m/s
 _BOUNCED_M = 0.5
 
 
@@ -64,6 +67,16 @@ class Lander:
     def see(self, target: Odometry) -> None:
         """Take in where the target is, and how it moves."""
         self._target = target
+
+    def steer(self, reference: Reference, own: Odometry | None, state: State) -> None:
+        """Pull the reference to the target, with the target's motion."""
+        guidance = None if own is None else self.guide(own, yaw_of(state.attitude))
+        if guidance is None:
+            reference.take_up((0.0, 0.0, 0.0), 0.0)
+            return
+        (x, y), (px, py, _) = guidance.aside, state.position
+        place = px + x, py + y, reference.position[2]
+        reference.pull_to(place, guidance.yaw, guidance.velocity, _STIFFNESS)
 
     def guide(self, own: Odometry, yaw: float) -> Guidance | None:
         """What to do; None where nothing is known of the target.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from enum import Enum
 from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
@@ -15,16 +14,17 @@ from ros_visualise.simulation.model import read_airframe
 from ros_visualise.simulation.robots.base import Body
 from ros_visualise.simulation.robots.lander import Lander
 from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
+from ros_visualise.simulation.robots.mode import Mode
 from ros_visualise.simulation.robots.reference import Reference
 from ros_visualise.simulation.robots.stall import StallDetector, tell_place
 from ros_visualise.simulation.robots.tip_over import TipOverDetector
 from ros_visualise.simulation.robots.touch_down import TouchDownDetector
+from ros_visualise.simulation.robots.velocity_command import MAX_SPEED, VelocityCommand
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
 TAKE_OFF_M = 2.0
-MAX_SPEED, MAX_CLIMB = 5.0, 2.5  # m/s
 _LOWEST_M = 1.0  # height of goals and missions at least
 _NAVIGATION_STEPS = 4  # of the physics: every 20 ms
 _CLIMB, _SINK = 1.2, 0.6  # m/s, taking off and landing
@@ -32,16 +32,6 @@ _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, something holds the robot
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
-
-
-class Mode(Enum):
-    """What it is doing."""
-
-    LANDED = "landed"
-    FLYING = "flying"  # along a way, or hovering at its end
-    COMMANDED = "commanded"
-    LANDING = "landing"
-    HOMING = "homing"  # over a target that it has seen, and down to it
 
 
 class Quadrotor:
@@ -65,8 +55,7 @@ class Quadrotor:
         self._carrot: Carrot | None = None
         self._cruise = _CLIMB
         self._next: list[Callable[[], None]] = []  # what to do at the end of the way
-        self._twist = ((0.0, 0.0, 0.0), 0.0)
-        self._commanded_s = -math.inf
+        self._command = VelocityCommand()
         self._touch_down = TouchDownDetector(data)
         self._lander: Lander | None = None
         self._own: Odometry | None = None
@@ -105,14 +94,13 @@ class Quadrotor:
 
         On the ground it waits for a velocity that goes up.
         """
-        x, y, z = twist.linear_xyz.tolist()
-        if self._mode is Mode.LANDED and z <= 0:
+        if self._mode is Mode.LANDED and twist.linear_xyz[2] <= 0:
             return
         if self._mode is Mode.LANDED:
             self._begin_flight()
         self._cancel()
         self._carrot, self._mode = None, Mode.COMMANDED
-        self._twist, self._commanded_s = ((x, y, z), float(twist.angular_xyz[2])), time_s
+        self._command.give(twist, time_s)
 
     def go_to(self, goal: PoseStamped) -> None:
         """Take off if it stands, fly to a goal and turn to the goal's heading.
@@ -241,7 +229,7 @@ class Quadrotor:
         if self._mode is not Mode.LANDED:
             self._mode, self._carrot = Mode.LANDING, None
             self._touch_down.reset()
-            self._twist = ((0.0, 0.0, -_SINK), 0.0)
+            self._command.set((0.0, 0.0, -_SINK))
             self.mission.begin_leg()
 
     def _cancel(self) -> None:
@@ -265,15 +253,15 @@ class Quadrotor:
         if self._lander is not None and self._lander.has_seen and self._mode is Mode.FLYING:
             self._mode, self._carrot, self._next = Mode.HOMING, None, [self.mission.end]
             self.mission.begin_leg()
-        is_silent = time_s - self._commanded_s > self._params.command_timeout
-        if self._mode is Mode.COMMANDED and is_silent:
-            self._twist = ((0.0, 0.0, 0.0), 0.0)
-        if self._mode is Mode.HOMING:
-            self._home_in(state)
+        if self._mode is Mode.COMMANDED:
+            self._command.expire(time_s, self._params.command_timeout)
+        if self._mode is Mode.HOMING and self._lander is not None:
+            self._lander.steer(self._reference, self._own, state)
         elif self._mode is Mode.FLYING and self._carrot is not None:
             self._follow(self._carrot, state.position)
         else:
-            self._reference.take_up(self._commanded(), self._twist[1])
+            velocity = self._command.velocity(self._reference.yaw)
+            self._reference.take_up(velocity, self._command.turn)
 
     def _keep_near(self, state: State) -> None:
         """Hold the reference back if something holds the robot, so that it does not go on alone."""
@@ -295,31 +283,11 @@ class Quadrotor:
             self._next.pop(0)()
         self._reference.pull_to(target, carrot.yaw)
 
-    def _home_in(self, state: State) -> None:
-        """Pull the reference to the target, with the target's motion."""
-        guidance = None
-        if self._lander is not None and self._own is not None:
-            guidance = self._lander.guide(self._own, yaw_of(state.attitude))
-        if guidance is None:
-            self._reference.take_up((0.0, 0.0, 0.0), 0.0)
-            return
-        (x, y), (px, py, _) = guidance.aside, state.position
-        place = px + x, py + y, self._reference.position[2]
-        self._reference.pull_to(place, guidance.yaw, guidance.velocity)
-
-    def _commanded(self) -> Vector:
-        """The commanded velocity in ``map``, within limits."""
-        (forward, left, up), _ = self._twist
-        share = min(1.0, MAX_SPEED / max(math.hypot(forward, left), 1e-9))
-        yaw = self._reference.yaw
-        c, s = share * math.cos(yaw), share * math.sin(yaw)
-        return c * forward - s * left, s * forward + c * left, max(-MAX_CLIMB, min(MAX_CLIMB, up))
-
     def _goes_down(self, state: State) -> bool:
         """Whether it lands, or a velocity sends it down and something holds it up."""
         if self._mode is Mode.HOMING:
             return self._lander is not None and self._lander.touches_down
-        sinks = self._mode is Mode.COMMANDED and self._twist[0][2] < 0
+        sinks = self._mode is Mode.COMMANDED and self._command.sinks
         is_held = self._reference.position[2] < state.position[2] - _HELD_M
         return self._mode is Mode.LANDING or (sinks and is_held)
 

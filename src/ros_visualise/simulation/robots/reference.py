@@ -44,7 +44,11 @@ class Reference:
         self.position, self.velocity = position, velocity
 
     def pull_to(
-        self, target: Vector, yaw: float | None, velocity: Vector = (0.0, 0.0, 0.0)
+        self,
+        target: Vector,
+        yaw: float | None,
+        velocity: Vector = (0.0, 0.0, 0.0),
+        stiffness: float = _STIFFNESS,
     ) -> None:
         """Accelerate as a critically damped spring to a target; without a yaw, head along.
 
@@ -52,8 +56,10 @@ class Reference:
             target: metres in ``map``.
             yaw: radians.
             velocity: of the target, m/s.
+            stiffness: of the spring, 1/s: where a target accelerates by a, it is a / stiffness^2
+                ahead.
         """
-        k = _STIFFNESS
+        k = stiffness
         moves = zip(target, self.position, velocity, self.velocity, strict=True)
         self._accelerate([k * k * (t - p) + 2 * k * (w - v) for t, p, w, v in moves])
         vx, vy, _ = self.velocity
