@@ -40,6 +40,8 @@ CASES: dict[str, dict[str, Any]] = {
     "circle": {"wind": 6.0, "pad_motion": PadMotion.CIRCLE, "pad_reach": 8.0},
 }
 """Wind of 6 m/s with its gusts in all but the first; the pad moves at 1 m/s in the last two."""
+UNHEARD: dict[str, Any] = {"gps": False, "imu_rate": 1.0, "mag_rate": 1.0, "baro_rate": 1.0}
+"""Sensors that nobody here listens to."""
 _AHEAD_M = 10.0  # that a pad on a line goes until the quadrotor is there
 _LONGEST_S = 90
 _IMAGE_NS = 100_000_000
@@ -159,7 +161,7 @@ def main() -> None:
     parser.add_argument("--projected", action="store_true", help="do not render")
     args = parser.parse_args()
     for case in args.case or CASES:
-        settings = replace(QuadrotorParams(), gps=False, **CASES[case])
+        settings = replace(QuadrotorParams(), **UNHEARD, **CASES[case])
         off = []
         for seed in range(args.first, args.first + args.seeds):
             landing = land(seed, settings, not args.projected)
