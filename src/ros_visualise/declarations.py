@@ -114,7 +114,7 @@ class Source(Protocol):
     def awaits(self, port: str) -> bool:
         """Whether what nodes make of its messages, and tell it on an input, decides how it goes on.
 
-        Where nothing may depend on time, it hears that before it gives its next message.
+        Then it hears that before it gives its next message.
         """
 
     def configure(self, params: Any, changed: Collection[str]) -> None:

@@ -1,9 +1,10 @@
-"""A source that is told what nodes make of its own messages: at rate 0 it hears that in order."""
+"""A source that is told what nodes make of its own messages, and hears that in order."""
 
 import time
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from ros_visualise.data import Header, Image, PoseStamped
 from ros_visualise.graph import Graph, SourceNode, place
@@ -62,26 +63,27 @@ def ponderer(image, params):
     return PoseStamped(np.zeros(3), np.array([0.0, 0, 0, 1]), image.header)
 
 
-def loop_of(cls, answering):
+def loop_of(cls, answering, rate=0.0):
     declare = source(
         "seer", params=NoParams, inputs={"pose": PoseStamped}, outputs={"image": Image}
     )
     declared = declare(type(cls.__name__, (cls,), {})).declared
     seer = SourceNode("seer", declared, NoParams(), {"pose": "/pose"}, {"image": "/image_raw"})
     answers = place(answering.declared, {"image": "/image_raw"}, {"pose": "/pose"})
-    return LocalRuntime(Graph(seer, (answers,)), Playback(rate=0))
+    return LocalRuntime(Graph(seer, (answers,)), Playback(rate=rate))
 
 
-def run(cls):
-    runtime = loop_of(cls, ponderer)
+def run(cls, rate=0.0):
+    runtime = loop_of(cls, ponderer, rate)
     runtime.start()
     assert runtime.wait(60)
     runtime.stop()
     return LISTENERS[-1]
 
 
-def test_before_its_next_message_it_has_heard_what_was_made_of_the_last():
-    listener = run(Listener)
+@pytest.mark.parametrize("rate", [0, 100])
+def test_before_its_next_message_it_has_heard_what_was_made_of_the_last(rate):
+    listener = run(Listener, rate)
     assert listener.before == [(number + 1) // 2 for number in range(COUNT)]
     assert listener.heard == (COUNT + 1) // 2
 

@@ -42,8 +42,8 @@ A source is a class with ``__init__(params, playback)``, which opens it or raise
 closed; ``close()``; and where needed ``report()``, actions, ``receive(port, message)`` for the
 inputs that it declares, and ``set_demand(is_wanted)``, called before ``messages``:
 ``is_wanted(output)`` tells whether anybody listens to an output, so that a costly message is made
-only then; ``awaits(port)``, whether it needs to hear what nodes make of its messages, which at
-rate 0 it then does before its next one; and ``configure(params, changed)``, the parameters as they
+only then; ``awaits(port)``, whether it needs to hear what nodes make of its messages, which it then
+does before its next one; and ``configure(params, changed)``, the parameters as they
 are to be and the names of those that change: ParameterError refuses the change. Actions,
 ``receive`` and ``configure`` are called from other threads than ``messages``.
 ``extend=("device", FUNCTION)`` declares a parameter that decides which others there are: the

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -28,6 +29,7 @@ from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sources.playback import Playback
 
 _STOP_TIMEOUT_S = 1.0
+_PATIENCE_S = 2.0  # of a source with answers, where messages may be dropped
 _IDLE_S = 0.5  # without a message, an input is at a standstill
 
 
@@ -204,12 +206,13 @@ class LocalRuntime:
         return source
 
     def _await_answers(self, number: int, topic: str) -> None:
-        """Let the source hear what is made of its message first, where nothing may depend on time.
+        """Let the source hear what is made of its message first, if it needs to.
 
-        So a robot that sees by the nodes' eyes flies the same way each time.
+        So a robot that sees by the nodes' eyes flies the same way each time, however fast they are.
         """
-        for entrance in self._source_inputs if self._lossless else ():
-            entrance.wait_for(number, topic, self._goes_on)
+        patience_s = math.inf if self._lossless else _PATIENCE_S
+        for entrance in self._source_inputs:
+            entrance.wait_for(number, topic, self._goes_on, patience_s)
 
     def _goes_on(self) -> bool:
         return self.playback is not None and not self.playback.closed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Collection
 
 from ros_visualise.runtime.queues import Packet
@@ -40,16 +41,22 @@ class SourceInput:
             self._closed = True
             self._changed.notify_all()
 
-    def wait_for(self, number: int, topic: str, goes_on: Callable[[], bool]) -> None:
+    def wait_for(
+        self, number: int, topic: str, goes_on: Callable[[], bool], patience_s: float
+    ) -> None:
         """Wait until the nodes have answered a message of the source, where it waits for that.
 
         Args:
             number: of the message.
             topic: where the source published it.
             goes_on: whether to wait on.
+            patience_s: how long to wait at most.
         """
         if topic not in self._origins or not self._source.awaits(self._port):
             return
+        latest_s = time.monotonic() + patience_s
         with self._changed:
             while self._answered < number and not self._closed and goes_on():
+                if time.monotonic() > latest_s:
+                    return
                 self._changed.wait(_LOOK_S)
