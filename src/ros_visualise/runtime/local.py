@@ -29,7 +29,7 @@ from ros_visualise.runtime.topics import Subscription, Topic
 from ros_visualise.sources.playback import Playback
 
 _STOP_TIMEOUT_S = 1.0
-_PATIENCE_S = 2.0  # of a source with answers, where messages may be dropped
+_PATIENCE_S = 10.0  # of a source with answers, where messages may be dropped
 _IDLE_S = 0.5  # without a message, an input is at a standstill
 
 
