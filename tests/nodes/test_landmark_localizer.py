@@ -101,6 +101,22 @@ def test_the_ellipsoid_holds_95_percent():
     assert label.text == "tag36h11_3"
 
 
+def test_numbers_of_tags_and_of_other_things_are_not_confused():
+    """On ROS 1 classes are numbers: tag 3 is not the third class of a network."""
+    params = replace(PARAMS, class_prefix="tag36h11_")
+    node, frames = LandmarkLocalizer(params), tree()
+    for number in range(3):
+        found = tag((1.0, 0.5))
+        (known,) = found.hypotheses
+        seen = message(
+            number / 10, replace(found, id="", hypotheses=(replace(known, class_id="3"),))
+        )
+        node.step(params, detections=seen, frames=frames)
+        answer = node.step(params, objects=seen, frames=frames)
+    classes = {one.class_id for one in answer["landmarks"].detections}
+    assert classes == {"tag36h11_3", "object_3"}
+
+
 def test_nothing_is_drawn_anew_where_nothing_was_seen():
     node = LandmarkLocalizer(PARAMS)
     observe(node)

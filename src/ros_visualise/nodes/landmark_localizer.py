@@ -101,8 +101,11 @@ class LocalizerParams:
     )
     class_prefix: str = param(
         "landmark_",
-        "what to put before classes that are numbers, as on ROS 1, such as tag36h11_",
+        "what to put before classes of tags that are numbers, as on ROS 1, such as tag36h11_",
         group="map",
+    )
+    object_prefix: str = param(
+        "object_", "what to put before classes of other things that are numbers", group="map"
     )
     map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
     save_to: str = param(
@@ -169,6 +172,7 @@ class LandmarkLocalizer:
         self._params = params
         if odom is not None:
             self._odom = odom
+        prefix = params.class_prefix if objects is None else params.object_prefix
         detections = objects if detections is None else detections
         if detections is None:
             return None
@@ -179,7 +183,7 @@ class LandmarkLocalizer:
             params.min_sightings,
             _errors(params),
             self._ground(frames, header.stamp_ns),
-            params.class_prefix,
+            prefix,
         )
         self._localizer.observe(detections, T_fixed_camera, rules, robot)
         return self._answer(Header(header.stamp_ns, self._frame))
