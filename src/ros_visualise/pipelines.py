@@ -6,6 +6,7 @@ import logging
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import (
@@ -22,6 +23,7 @@ from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
+from ros_visualise.nodes.streamer import film
 from ros_visualise.params import specs
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
@@ -44,6 +46,21 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
     """
     added = tuple(find_node(name) for name in IMAGE_NODES)
     return chain(added, source).configured({source: settings})
+
+
+def film_pipeline(path: str | Path, **settings: Any) -> Graph:
+    """A video file through the image nodes, and the way by the fixes that it comes with, if any.
+
+    Args:
+        path: the file.
+        settings: parameters of its source.
+    """
+    source = _placed(film(path))
+    nodes = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
+    if "fix" in source.outputs:
+        nodes += (place(find_node("path"), {"fix": source.outputs["fix"]}),)
+    graph = _told_apart(Graph(source, nodes)).with_frames()
+    return graph.configured({source.name: {"path": str(path), **settings}})
 
 
 def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:

@@ -42,7 +42,7 @@ def test_frames_alone_are_looked_at_and_followed(scene, server, look):
     look("", is_at([-3, 0, 0]))
 
 
-@pytest.mark.parametrize(("reach_m", "size"), [(0.2, 0.3), (1.0, 1.5), (40.0, 3.0)])
+@pytest.mark.parametrize(("reach_m", "size"), [(0.12, 0.2), (0.7, 0.7), (40.0, 1.5)])
 def test_axes_are_sized_by_the_robot(scene, look, reach_m, size):
     parts = [transform("base_link", name, [0, 0, z]) for name, z in (("a", reach_m), ("b", 0.1))]
     draw(scene, tf_static=tf(*parts), tf=tf(transform("odom", "base_link", [1, 0, 0], 1)))

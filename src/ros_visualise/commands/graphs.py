@@ -19,6 +19,7 @@ from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     demo_pipeline,
+    film_pipeline,
     image_pipeline,
     recording_pipeline,
     simulation_pipeline,
@@ -134,7 +135,7 @@ def _sim(args: Namespace) -> Graph:
 def _video(args: Namespace) -> Graph:
     if os.path.isdir(args.input):
         return image_pipeline("pictures", path=args.input)
-    return image_pipeline("streamer", path=args.input, **_size(args))
+    return film_pipeline(args.input, **_size(args))
 
 
 def _camera(args: Namespace) -> Graph:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import Header, Image
 from ros_visualise.errors import OpenError
-from ros_visualise.nodes import source
+from ros_visualise.nodes import Source, SourceType, find_source, source
 from ros_visualise.params import param
 from ros_visualise.sources.calibration import Calibration
+from ros_visualise.sources.film import Film
 from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.series import Series
+from ros_visualise.sources.telemetry import telemetry_of
 from ros_visualise.sources.video import Video
 from ros_visualise.sources.video_pixels import parse_size
 
@@ -35,20 +40,25 @@ class StreamerParams:
 class Streamer:
     """Play a video file."""
 
-    def __init__(self, params: StreamerParams, playback: Playback) -> None:
+    def __init__(
+        self, params: StreamerParams, playback: Playback, series: Sequence[Series] = ()
+    ) -> None:
         if not params.path:
             raise OpenError("streamer: give the video file, its parameter path")
         self._params, self._playback = params, playback
         self._calibration = Calibration(params.camera_info_url)
         self._video = Video(params.path, parse_size(params.size))
+        self._film = Film(self._video, series)
         self._calibration.fit((self._video.info.width, self._video.info.height))
         playback.check_start(self._video.duration_ns)
 
-    def messages(self) -> Iterator[tuple[str, Image]]:
-        """The images, each when its time has come."""
-        for stamp_ns, image in self._playback.run(self._video):
-            stamped = replace(image, header=Header(stamp_ns, self._params.frame_id))
-            yield "image", self._calibration.add_to(stamped)
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """The images, and what was measured beside them, each when its time has come."""
+        for stamp_ns, item in self._playback.run(self._film, self._film.is_frame):
+            is_image = self._film.is_frame(item)
+            frame = self._params.frame_id if is_image else item.message.header.frame_id
+            stamped = replace(item.message, header=Header(stamp_ns, frame))
+            yield item.output, self._calibration.add_to(stamped) if is_image else stamped
 
     def report(self) -> dict[str, Any]:
         """What was missing or damaged."""
@@ -58,3 +68,14 @@ class Streamer:
     def close(self) -> None:
         """End reading."""
         self._video.close()
+
+
+def film(path: str | Path) -> SourceType:
+    """A source that plays a video with an output for each thing that was measured beside it."""
+    series = telemetry_of(path)
+    declared = find_source("streamer")
+    make: Callable[..., Source] = declared.make
+    measured = {one.topic: one.kind for one in series}
+    return replace(
+        declared, make=partial(make, series=series), outputs={**declared.outputs, **measured}
+    )

@@ -16,7 +16,8 @@ from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.frames import Frames
 
 _LEAST_FOR_POINTS = 0.5
-"""Points of the surroundings are no finer than for a robot of so many metres."""
+"""Points of the surroundings are no finer than for a robot of so many metres, no larger than for
+one of 1 m."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Look:
 
     def for_robot(self, size_m: float) -> Look:
         """In metres, for a robot of this size."""
-        points = self.point_size * max(size_m, _LEAST_FOR_POINTS)
+        points = self.point_size * min(max(size_m, _LEAST_FOR_POINTS), 1.0)
         return replace(self, axes_size=self.axes_size * size_m, point_size=points)
 
 

@@ -31,8 +31,7 @@ log = logging.getLogger(__name__)
 
 _PATIENCE_S = 0.2
 _AWAITED_S = 2.0  # after a time jump, for the frame in which all was drawn
-_LENGTHS = 1.5  # of axes, in distances of the robot's farthest part
-_SMALLEST_M, _LARGEST_M = 0.1, 3.0  # of a robot by which things are sized
+_SMALLEST_M, _LARGEST_M = 0.2, 1.5  # of a robot by which things are sized
 
 
 class Scene:
@@ -248,7 +247,7 @@ class Scene:
             return
         self._known = len(self._places)
         reach_m = self.frames.reach_m(self._places)
-        size_m = min(max(_LENGTHS * reach_m, _SMALLEST_M), _LARGEST_M) if reach_m else 1.0
+        size_m = min(max(reach_m, _SMALLEST_M), _LARGEST_M) if reach_m else 1.0
         if size_m != self._size_m:
             self._size_m = size_m
             self._redraw()

@@ -1,0 +1,145 @@
+"""What a drone or a camera measured beside its film, by the time in the film.
+
+GoPro's telemetry is a track of the film itself; DJI's are subtitles, in the film's folder and with
+its name. There are fixes, and of GoPro's cameras accelerations and rates.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats, Header, Imu, NavSatFix
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_text
+from ros_visualise.sources.demux import open_container
+from ros_visualise.sources.logs.gpmf import Samples, read_samples
+from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt
+from ros_visualise.sources.series import Series
+
+_TRACK = "GoPro MET"
+_FIX, _NO_FIX = 0, -1
+_NO_ORIENTATION = -np.eye(3) * [[1, 0, 0]]  # of what is not measured (REP 145)
+_GPS, _IMU = "gps", "camera_link"
+_PLACES = {"GPS5": (0, 1, 2), "GPS9": (0, 1, 2), "GLPI": (1, 2, 3)}
+"""Streams with latitude, longitude and altitude, the better first, and where these stand."""
+_FIX_OF_GPS9 = 8
+_UP_RIGHT_FORWARD = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
+"""R_link_gopro: forward, left, up of the axes that GoPro names up, right, forward."""
+
+
+def telemetry_of(film: str | Path) -> list[Series]:
+    """The series that a film comes with, called ``fix`` and ``imu``; stamps count from its start.
+
+    There are none in a film that cannot be opened: whoever plays it says why.
+    """
+    path = Path(film)
+    found: list[Series] = []
+    with suppress(OpenError, TooLarge):
+        found = list(_of_gopro(path)) or _of_dji(path)
+    return found
+
+
+def _of_gopro(path: Path) -> Iterator[Series]:
+    rows: dict[str, list[tuple[npt.NDArray[np.int64], Samples]]] = {}
+    with open_container(path) as container:
+        tracks = [
+            one
+            for one in container.streams
+            if one.type == "data" and _TRACK in one.metadata.get("handler_name", "")
+        ]
+        if not tracks:
+            return
+        for packet in container.demux(tracks[0]):
+            for samples in read_samples(bytes(packet)):
+                rows.setdefault(samples.key, []).append((_times_ns(packet, samples), samples))
+    yield from _fixes(rows)
+    if "ACCL" in rows and "GYRO" in rows:
+        yield _imu(*(_joined(rows[key]) for key in ("ACCL", "GYRO")))
+
+
+def _times_ns(packet: Any, samples: Samples) -> npt.NDArray[np.int64]:
+    """(N,) times in the film: the samples of a packet are spread over its time."""
+    begin, length = ((packet.pts or 0), (packet.duration or 0))
+    shares = np.arange(len(samples.values)) / len(samples.values)
+    return np.round((begin + shares * length) * float(packet.time_base) * 1e9).astype(np.int64)
+
+
+def _joined(rows: list[tuple[npt.NDArray[np.int64], Samples]]) -> tuple[Any, Floats]:
+    width = rows[0][1].values.shape[1]
+    same = [(times, one.values) for times, one in rows if one.values.shape[1] == width]
+    return tuple(np.concatenate(part) for part in zip(*same, strict=True))  # type: ignore[return-value]
+
+
+def _fixes(rows: dict[str, list[tuple[npt.NDArray[np.int64], Samples]]]) -> Iterator[Series]:
+    key = next((key for key in _PLACES if key in rows), None)
+    if key is None:
+        return
+    stamps_ns, values = _joined(rows[key])
+    if values.shape[1] <= max(_PLACES[key]):
+        return
+    places = values[:, _PLACES[key]]
+    known = np.concatenate([np.full(len(times), one.fix) for times, one in rows[key]]) != 0
+    if key == "GPS9" and values.shape[1] > _FIX_OF_GPS9:
+        known = values[:, _FIX_OF_GPS9] > 0
+    yield _fix_series(stamps_ns, places, known[: len(places)])
+
+
+def _imu(accelerations: tuple[Any, Floats], rates: tuple[Any, Floats]) -> Series:
+    """At the times of the accelerometer; rates are interpolated."""
+    stamps_ns, linear = accelerations
+    linear = linear[:, :3] @ _UP_RIGHT_FORWARD.T
+    columns = [np.interp(stamps_ns, rates[0], column) for column in rates[1][:, :3].T]
+    angular = np.stack(columns, axis=1) @ _UP_RIGHT_FORWARD.T
+
+    def imu(index: int) -> Imu:
+        header = Header(int(stamps_ns[index]), _IMU)
+        level = np.array([0.0, 0, 0, 1])
+        return Imu(
+            level,
+            angular[index],
+            linear[index],
+            orientation_covariance=_NO_ORIENTATION,
+            angular_covariance=np.zeros((3, 3)),
+            linear_covariance=np.zeros((3, 3)),
+            header=header,
+        )
+
+    return Series("imu", Imu, stamps_ns, imu)
+
+
+def _of_dji(path: Path) -> list[Series]:
+    beside = next(
+        (path.with_suffix(s) for s in (".SRT", ".srt") if path.with_suffix(s).is_file()), None
+    )
+    if beside is None or beside == path:
+        return []
+    check_text(beside.stat().st_size)
+    data = beside.read_bytes()
+    subtitles = list(parse_srt(decode_srt(data))) if begins_srt(data[:1000]) else []
+    if not any(one.has_fix for one in subtitles):
+        return []
+    heights = [one.altitude if math.isfinite(one.altitude) else one.height for one in subtitles]
+    places = np.array(
+        [(one.latitude, one.longitude, high) for one, high in zip(subtitles, heights, strict=True)]
+    )
+    known = np.array([one.has_fix for one in subtitles])
+    return [_fix_series(np.array([one.begin_ns for one in subtitles]), places, known)]
+
+
+def _fix_series(
+    stamps_ns: npt.NDArray[np.int64], places: Floats, known: npt.NDArray[np.bool_]
+) -> Series:
+    def fix(index: int) -> NavSatFix:
+        latitude, longitude, altitude = places[index].tolist()
+        header = Header(int(stamps_ns[index]), _GPS)
+        status = _FIX if known[index] else _NO_FIX
+        return NavSatFix(latitude, longitude, altitude, status=status, header=header)
+
+    return Series("fix", NavSatFix, np.asarray(stamps_ns, np.int64), fix)

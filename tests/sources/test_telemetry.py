@@ -1,0 +1,134 @@
+"""What was measured beside a film, by the time in it."""
+
+import csv
+import struct
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Image, Imu, NavSatFix
+from ros_visualise.pipelines import film_pipeline
+from ros_visualise.sources.film import Film
+from ros_visualise.sources.logs.gpmf import read_samples
+from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.telemetry import telemetry_of
+from ros_visualise.sources.video import Video
+
+SRT = """1
+00:00:01,000 --> 00:00:02,000
+HOME(149.0251,-20.2532) 2017.08.05 14:11:51
+GPS(149.0251,-20.2533,16) BAROMETER:1.9
+
+2
+00:00:04,000 --> 00:00:05,000
+HOME(149.0251,-20.2532) 2017.08.05 14:11:54
+GPS(149.0300,-20.2600,16) BAROMETER:2.5
+"""
+
+
+@pytest.fixture(scope="module")
+def karma(recordings):
+    return recordings / "video" / "gopro_karma_drone.mp4"
+
+
+@pytest.fixture(scope="module")
+def series(karma):
+    return {one.topic: one for one in telemetry_of(karma)}
+
+
+def klv(key, kind, size, *rows):
+    """One item of GPMF."""
+    data = b"".join(rows)
+    head = struct.pack(">4sBBH", key.encode(), ord(kind) if kind else 0, size, len(data) // size)
+    return head + data + bytes(-len(data) % 4)
+
+
+def nest(key, *items):
+    return klv(key, "", 1, b"".join(items))
+
+
+def test_fixes_are_those_of_the_track(series, recordings):
+    with (recordings / "video" / "DERIVED_gopro_karma_telemetry.csv").open() as file:
+        rows = [row for row in csv.reader(file) if row and row[0] == "GLPI"]
+    fixes = [series["fix"].make(number) for number in range(len(series["fix"].stamps_ns))]
+    assert len(fixes) == len(rows)
+    for fix, row in zip(fixes, rows, strict=True):
+        assert isinstance(fix, NavSatFix)
+        found = fix.latitude, fix.longitude, fix.altitude
+        assert found == pytest.approx(tuple(map(float, row[2:5])), abs=1e-6)
+
+
+def test_times_are_those_in_the_film(series):
+    stamps_ns = series["fix"].stamps_ns
+    assert stamps_ns[0] == 0
+    assert (np.diff(stamps_ns) > 0).all()
+    assert 11.5e9 < stamps_ns[-1] < 13.1e9
+    steps_ns = np.diff(series["imu"].stamps_ns)
+    assert np.median(steps_ns) == pytest.approx(5e6, rel=0.02)  # 200 a second
+
+
+def test_a_drone_in_the_air_feels_its_weight(series):
+    imu = series["imu"]
+    messages = [imu.make(number) for number in range(0, len(imu.stamps_ns), 10)]
+    assert all(isinstance(one, Imu) for one in messages)
+    mean = np.mean([one.linear_xyz for one in messages], axis=0)
+    assert mean[2] == pytest.approx(9.8, abs=0.6)
+    assert abs(np.mean([one.angular_xyz for one in messages])) < 0.3
+    assert messages[0].orientation_covariance[0, 0] == -1
+
+
+def test_streams_are_scaled_by_their_own_scales():
+    gps = struct.pack(">5l", 331253688, -1173310668, 15711, 2003, 880)
+    scale = klv("SCAL", "l", 4, struct.pack(">5l", 10_000_000, 10_000_000, 1000, 1000, 100))
+    fix = klv("GPSF", "L", 4, struct.pack(">L", 3))
+    packet = nest("DEVC", nest("STRM", fix, scale, klv("GPS5", "l", 20, gps, gps)))
+    [samples] = read_samples(packet)
+    assert (samples.key, samples.fix, samples.values.shape) == ("GPS5", 3, (2, 5))
+    assert samples.values[1] == pytest.approx([33.1253688, -117.3310668, 15.711, 2.003, 8.8])
+    for cut in range(len(packet)):
+        list(read_samples(packet[:cut]))  # as far as it goes
+
+
+def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):
+    film = tmp_path / "film.avi"
+    film.symlink_to(recordings / "video" / "vtest.avi")
+    assert telemetry_of(film) == []
+    (tmp_path / "film.SRT").write_text(SRT)
+    [series] = telemetry_of(film)
+    assert series.stamps_ns.tolist() == [1_000_000_000, 4_000_000_000]
+    assert series.make(1).longitude == 149.03
+
+
+def test_images_and_measurements_come_in_their_order(karma, series):
+    film = Film(Video(karma), list(series.values()))
+    items = []
+    for time_ns, item in film.read(2_000_000_000):
+        items.append((time_ns, item.output))
+        if time_ns > 3_000_000_000:
+            break
+    times_ns = [time_ns for time_ns, _ in items]
+    assert items[0][1] == "image"
+    assert times_ns == sorted(times_ns)
+    counts = {name: sum(one == name for _, one in items) for name in ("image", "fix", "imu")}
+    assert counts["image"] == pytest.approx(31, abs=2)
+    assert counts["fix"] == pytest.approx(4, abs=1)
+    assert counts["imu"] == pytest.approx(200, abs=10)
+
+
+def test_the_pipeline_has_topics_for_what_is_there(karma):
+    graph = film_pipeline(karma)
+    outputs = {"image": "/image_raw", "fix": "/fix", "imu": "/imu/data"}
+    assert graph.source.outputs == outputs
+    path = next(node for node in graph.nodes if node.name == "path")
+    assert path.inputs == {"fix": "/fix"}
+    source = graph.source.type.make(graph.source.params, Playback(rate=0, frames=3))
+    kinds = {name: type(message) for name, message in source.messages()}
+    assert kinds["image"] is Image
+    assert kinds["imu"] is Imu
+    source.close()
+
+
+def test_a_film_alone_has_the_pipeline_of_images(recordings):
+    graph = film_pipeline(recordings / "video" / "vtest.avi")
+    assert graph.source.outputs == {"image": "/image_raw"}
+    assert [node.name for node in graph.nodes] == ["fps_control", "filters", "edge_detector"]
