@@ -14,7 +14,7 @@ from ros_visualise.lessons.lesson import Lesson
 
 TOPICS = (
     *("image", "bayer", "color", "noise", "gradient", "canny", "threshold"),
-    *("camera", "sensors", "landmarks"),
+    *("camera", "sensors", "frames", "landmarks", "graph"),
 )
 """The names of all lessons, in the order in which one would give them."""
 

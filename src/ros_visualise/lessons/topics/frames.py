@@ -1,0 +1,250 @@
+"""The tree of frames, what tf answers, and why odometry drifts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ros_visualise.data import Floats, Message, Odometry, Transforms
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, INK, RED
+from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
+from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+
+_WIDTH = 640
+_PERIOD_NS = 1_000_000_000
+_ROW, _INDENT = 30, 34
+_MOST = 100_000  # poses that are kept
+
+
+@dataclass(frozen=True)
+class TreeParams:
+    """What is asked of tf."""
+
+    target: str = param("", "the frame that one asks in; empty: the root")
+    source: str = param("", "the frame that one asks of; empty: the deepest in the tree")
+
+
+@node("tree", params=TreeParams, inputs={"tf": Transforms}, outputs=GIVES, frames=True)
+class Tree:
+    """The tree of frames, and what tf answers."""
+
+    def __init__(self, _: TreeParams) -> None:
+        self._told_ns: int | None = None
+
+    def reset(self) -> None:
+        self._told_ns = None
+
+    def step(
+        self, tf: Transforms, params: TreeParams, frames: FrameTree
+    ) -> dict[str, Message] | None:
+        """Every second: the tree as it is now."""
+        stamp_ns = tf.header.stamp_ns
+        if self._told_ns is not None and 0 <= stamp_ns - self._told_ns < _PERIOD_NS:
+            return None
+        self._told_ns = stamp_ns
+        chains = {name: _chain(frames, name) for name in frames.frames()}
+        if not chains:
+            return None
+        deepest = max(chains, key=lambda name: len(chains[name]))
+        source = params.source or deepest
+        target = params.target or chains.get(source, [source])[0]
+        text = """
+            Each part of a robot has a frame: an origin and three axes. Each frame is placed in one
+            other, its parent, so that all make a tree: {count} frames here. tf answers where a
+            frame is in any other, at any time of the last seconds, by multiplying the transforms on
+            the way:
+
+                {product}
+
+            {answer}
+
+            REP 105 has it so: map is the world, without drift, but it may jump; in odom the robot
+            never jumps, but drifts; base_link is the robot. What goes from map to odom takes the
+            drift away again.
+            """
+        try:
+            answer = _answer(frames.lookup(target, source), target, source)
+        except NoTransform as error:
+            answer = str(error)
+        return show_at(
+            tf.header,
+            _draw_tree(chains),
+            text,
+            count=len(chains),
+            product=_product(target, chains.get(source, [source])),
+            answer=answer,
+        )
+
+
+class _Way:
+    """Poses in the plane: stamps in ns, x, y in metres and the heading in radians."""
+
+    def __init__(self) -> None:
+        self.rows: list[tuple[float, float, float, float]] = []
+
+    def add(self, odometry: Odometry) -> None:
+        """Keep a pose, if it is later than the last."""
+        stamp_ns = odometry.header.stamp_ns
+        if self.rows and stamp_ns <= self.rows[-1][0]:
+            return
+        x, y, _ = odometry.position_xyz
+        self.rows.append((stamp_ns, x, y, float(rotations.to_rpy(odometry.quat_xyzw)[2])))
+        if len(self.rows) > _MOST:
+            self.rows = self.rows[::2]
+
+    def at(self, stamps_ns: Floats) -> tuple[Floats, Floats]:
+        """Places (N, 2) and headings (N,) at these times, in between along straight lines."""
+        known = np.array(self.rows)
+        x, y = (np.interp(stamps_ns, known[:, 0], known[:, column]) for column in (1, 2))
+        return np.stack([x, y], axis=1), np.interp(stamps_ns, known[:, 0], np.unwrap(known[:, 3]))
+
+
+@node("drift", inputs={"odom": Odometry, "truth": Odometry}, outputs=GIVES)
+class Drift:
+    """Odometry beside the truth: it drifts."""
+
+    def __init__(self, _: object) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        self._odom, self._truth = _Way(), _Way()
+        self._told_ns: int | None = None
+
+    def step(
+        self, params: object, odom: Odometry | None = None, truth: Odometry | None = None
+    ) -> dict[str, Message] | None:
+        """Every second: both ways so far."""
+        if truth is not None:
+            self._truth.add(truth)
+        if odom is None:
+            return None
+        self._odom.add(odom)
+        stamp_ns = odom.header.stamp_ns
+        is_due = self._told_ns is None or not 0 <= stamp_ns - self._told_ns < _PERIOD_NS
+        if not is_due or len(self._odom.rows) < 2:
+            return None
+        self._told_ns = stamp_ns
+        stamps = np.array(self._odom.rows)[:, 0]
+        if len(self._truth.rows) < 2:
+            places, _ = self._odom.at(stamps)
+            text = """
+                The way by odometry: {length:.2f} m so far. Nobody tells the truth here, so how
+                wrong it is cannot be said; a simulated robot does: leave the file.
+                """
+            return show_at(odom.header, _draw_way([(places, BLUE)]), text, length=_length(places))
+        return self._compare(odom, stamps[stamps <= self._truth.rows[-1][0]])
+
+    def _compare(self, odom: Odometry, stamps: Floats) -> dict[str, Message] | None:
+        if len(stamps) < 2:
+            return None
+        places, headings = self._odom.at(stamps)
+        true_places, true_headings = self._truth.at(stamps)
+        places = aligned(places, headings, true_places[0], float(true_headings[0]))
+        turned = wrapped(headings - headings[0] - (true_headings - true_headings[0]))
+        error = np.linalg.norm(places - true_places, axis=1)
+        by_heading = error_by_heading(true_places, turned)
+        length = _length(true_places)
+        text = """
+            Odometry adds up small steps, as wheels or a camera measure them. Each step is a little
+            wrong, and nothing ever tells by how much: the error grows, though for a while one error
+            may hide another. Blue is where odometry has the robot, green where it is.
+
+            After {length:.2f} m it is {error:.3f} m from the truth, {share:.2f} % of the way; its
+            heading is off by {heading:+.2f}°. A heading that is wrong by ε moves all that comes
+            after it by 2 sin(ε/2) of its length. That alone makes
+
+                | Σ (R(ε) − I) Δp | = {by_heading:.3f} m
+            """
+        return show_at(
+            odom.header,
+            _draw_way([(true_places, GREEN), (places, BLUE)], (stamps, error)),
+            text,
+            length=length,
+            error=error[-1],
+            share=100 * error[-1] / max(length, 1e-9),
+            heading=np.degrees(turned[-1]),
+            by_heading=by_heading[-1],
+        )
+
+
+LESSON = Lesson(
+    "frames",
+    "the tree of frames, what tf answers, and odometry beside the truth: why it drifts",
+    """
+    Where is the camera, seen from the map? Give a recording with tf and odometry; without one, a
+    simulated rover drives a square.
+    """,
+    [Step(Tree), Step(Drift)],
+    sample=("husky", {"world": "plane", "mission": "square", "camera": False, "lidar": False}),
+    streams=True,
+    plays=True,
+    export_s=30.0,
+)
+
+
+def _chain(frames: FrameTree, name: str) -> list[str]:
+    """The frames from the root down to this one."""
+    chain = [name]
+    while (parent := frames.parent(chain[0])) is not None and parent not in chain:
+        chain.insert(0, parent)
+    return chain
+
+
+def _product(target: str, chain: list[str]) -> str:
+    """How the transform to the last of a chain is put together."""
+    below = chain[chain.index(target) :] if target in chain else [target, chain[-1]]
+    links = [f"T({parent} ← {child})" for parent, child in pairwise(below)]
+    return f"T({target} ← {chain[-1]}) = {' · '.join(links) or 'I'}"
+
+
+def _answer(T: Floats, target: str, source: str) -> str:
+    x, y, z = T[:3, 3]
+    roll, pitch, yaw = np.degrees(rotations.to_rpy(rotations.from_matrix(T[:3, :3])))
+    turned = f"roll {roll:.1f}°, pitch {pitch:.1f}°, yaw {yaw:.1f}°"
+    return f"Now {source} is at ({x:.3f}, {y:.3f}, {z:.3f}) m in {target}, with {turned}."
+
+
+def _draw_tree(chains: dict[str, list[str]]) -> Figure:
+    """Each frame below its parent, and a line between them."""
+    order = sorted(chains.values())
+    rows = {chain[-1]: number for number, chain in enumerate(order)}
+    figure = Figure(_WIDTH, max(_ROW * len(rows) + 20, 60))
+    for chain in order:
+        left, top = 20 + _INDENT * (len(chain) - 1), 26 + _ROW * rows[chain[-1]]
+        if len(chain) > 1:
+            x, above = left - _INDENT + 5, 26 + _ROW * rows[chain[-2]]
+            figure.line(np.array([[x, above + 4], [x, top - 5], [left - 4, top - 5]]), GRAY, 1.5)
+        figure.dot(left + 1, top - 5, 5, RED if len(chain) == 1 else BLUE)
+        figure.text(left + 12, top, chain[-1], 14, color=INK)
+    return figure
+
+
+def _length(places: Floats) -> float:
+    return float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+
+
+def _draw_way(
+    ways: list[tuple[Floats, tuple[int, int, int]]], error: tuple[Floats, Floats] | None = None
+) -> Figure:
+    """Ways from above, and below them how the error grows."""
+    figure = Figure(_WIDTH, 620 if error else 430)
+    every = np.concatenate([places for places, _ in ways])
+    axes = Axes(figure, (70, 30, _WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)
+    axes.draw("x (m)", "y (m)")
+    for places, color in ways:
+        axes.curve(places, color)
+    if error is not None:
+        points = np.stack([(error[0] - error[0][0]) / 1e9, error[1]], axis=1)
+        below = Axes(figure, (70, 440, _WIDTH - 90, 130), np.zeros(2), points.max(axis=0))
+        below.draw("time (s)", "error (m)")
+        below.curve(points, RED)
+    return figure

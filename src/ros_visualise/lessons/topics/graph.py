@@ -1,0 +1,236 @@
+"""Nodes, topics and messages, shown with the graph that is running."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from time import monotonic_ns, sleep
+
+import numpy as np
+
+from ros_visualise.data import Floats, Image, Message
+from ros_visualise.lessons.drawing import BLUE, GREEN, INK, RED, frame
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.nodes import node
+from ros_visualise.params import param
+from ros_visualise.sinks.axes import Axes
+from ros_visualise.sinks.figure import Figure
+
+_WIDTH = 640
+_KEPT = 200
+
+
+@node("message", inputs=TAKES, outputs=GIVES)
+def message(image: Image, params: object) -> dict[str, Message]:
+    """A message: data of a known type, with a stamp and a frame."""
+    pixels = work_of(image, np.ndarray)
+    height, width = pixels.shape[:2]
+    text = """
+        What goes from node to node is a message of a known type. This one is a sensor_msgs/Image:
+
+            header.stamp     {seconds}.{nanoseconds:09d}
+            header.frame_id  {frame_id}
+            height, width    {height}, {width}
+            encoding         bgr8
+            step             {step}   bytes of a row
+            data             {size} bytes
+
+        The stamp is the time at which the camera looked, not that at which anybody got it; every
+        node that makes something of an image keeps it, so that what belongs together is found.
+        """
+    return show(
+        image,
+        pixels,
+        text,
+        seconds=image.header.stamp_ns // 10**9,
+        nanoseconds=image.header.stamp_ns % 10**9,
+        frame_id=image.header.frame_id,
+        height=height,
+        width=width,
+        step=3 * width,
+        size=pixels.nbytes,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Counted:
+    """Which message of its topic it is, from 1 on."""
+
+    number: int
+
+
+@node("rate", inputs=TAKES, outputs=GIVES)
+class Rate:
+    """The rate of a topic: how often a message comes."""
+
+    def __init__(self, _: object) -> None:
+        self._number = 0
+        self.reset()
+
+    def reset(self) -> None:
+        self._stamps: deque[int] = deque(maxlen=_KEPT)
+        self._arrivals: deque[int] = deque(maxlen=_KEPT)
+
+    def step(self, image: Image, params: object) -> dict[str, Message]:
+        """Each message is counted, and what is known of the last ones is told."""
+        self._number += 1
+        self._stamps.append(image.header.stamp_ns)
+        self._arrivals.append(monotonic_ns())
+        by_stamp, by_clock = (
+            np.diff(np.array(one)) / 1e6 for one in (self._stamps, self._arrivals)
+        )
+        text = """
+            {number} messages have come on the topic. Of the last {count}:
+
+                by their stamps   {stamped}
+                by our clock      {arrived}
+
+            A topic has a name and a type. Whoever publishes on it knows nobody who listens, and who
+            listens does not know who publishes: so nodes can be exchanged. Red are the intervals
+            between arrivals, blue those between stamps.
+            """
+        return show(
+            image,
+            _draw_intervals(by_stamp, by_clock),
+            text,
+            _Counted(self._number),
+            number=self._number,
+            count=len(self._stamps),
+            stamped=_rate(by_stamp),
+            arrived=_rate(by_clock),
+        )
+
+
+@dataclass(frozen=True)
+class SlowParams:
+    """How slow."""
+
+    busy_ms: int = param(100, "so long it works on each message, milliseconds", min=0, max=2000,
+                         slider=(0, 500))  # fmt: skip
+
+
+@node("slow", params=SlowParams, inputs=TAKES, outputs=GIVES)
+class Slow:
+    """A node that is too slow: messages are dropped."""
+
+    def __init__(self, _: SlowParams) -> None:
+        self._taken = self._first = 0
+
+    def step(self, image: Image, params: SlowParams) -> dict[str, Message]:
+        """It takes its time."""
+        number = work_of(image, _Counted).number
+        self._first = self._first or number
+        self._taken += 1
+        sleep(params.busy_ms / 1000)
+        came = number - self._first + 1
+        text = """
+            This node works {busy} ms on each message, so it can do {most} a second. While it
+            works, newer ones replace the one that waits: it gets the latest, not an old one. Of
+            {came} it took {taken}; {dropped} were dropped, {share:.0f} %.
+
+            That is right for who looks on or steers. A recording must not lose anything: there the
+            source waits for the slowest. Drops are counted in the table of topics.
+            """
+        most = f"{1000 / params.busy_ms:.1f}" if params.busy_ms else "as many as come"
+        return show(
+            image,
+            _draw_share(self._taken, came),
+            text,
+            busy=params.busy_ms,
+            most=most,
+            came=came,
+            taken=self._taken,
+            dropped=came - self._taken,
+            share=100 * (came - self._taken) / came,
+        )
+
+
+@node("nodes", inputs=TAKES, outputs=GIVES)
+def nodes(image: Image, params: object) -> dict[str, Message]:
+    """The graph: nodes, and the topics between them."""
+    text = """
+        Each box is a node, which does one thing; each arrow a topic, with its name. Here all nodes
+        are threads of one process, and messages pass by reference; on a ROS graph the same nodes
+        may be processes on several machines. The graph that is running, with all its topics, is in
+        the main panel under graph; the rates and drops are in its table of topics.
+        """
+    return show(image, _draw_graph(), text)
+
+
+LESSON = Lesson(
+    "graph",
+    "nodes, topics and messages, publish and subscribe, rates and drops, on the running graph",
+    """
+    A robot's program is many small ones, nodes, that send each other messages. These windows are
+    nodes themselves, and tell of the messages that they get: pictures of {width} x {height} pixels.
+    Play, pause and change the rate.
+    """,
+    [
+        Step(message),
+        Step(Rate, "picture"),
+        Step(Slow, "rate"),
+        Step(nodes, "picture"),
+    ],
+    plays=True,
+    export_s=3.0,
+)
+
+
+def _rate(intervals_ms: Floats) -> str:
+    if not len(intervals_ms) or not intervals_ms.sum():
+        return "one message so far"
+    mean, spread = intervals_ms.mean(), intervals_ms.std()
+    return f"{1000 / mean:.2f} a second, every {mean:.1f} ± {spread:.1f} ms"
+
+
+def _draw_intervals(by_stamp: Floats, by_clock: Floats) -> Figure:
+    figure = Figure(_WIDTH, 360)
+    top = max([1.0, *by_stamp, *by_clock])
+    high = np.array([max(len(by_stamp), 2) - 1.0, top])
+    axes = Axes(figure, (70, 30, _WIDTH - 90, 270), np.zeros(2), high)
+    axes.draw("message", "interval (ms)")
+    for values, color in ((by_clock, RED), (by_stamp, BLUE)):
+        axes.curve(np.stack([np.arange(len(values)), values], axis=1), color)
+    return figure
+
+
+def _draw_share(taken: int, came: int) -> Figure:
+    figure = Figure(_WIDTH, 120)
+    across = (_WIDTH - 40) * taken / came
+    figure.area(_box(20, 40, _WIDTH - 40, 40), (235, 200, 195))
+    figure.area(_box(20, 40, across, 40), GREEN)
+    figure.text(20, 30, f"taken: {taken}", 14)
+    figure.text(_WIDTH - 20, 100, f"dropped: {came - taken}", 14, "end", RED)
+    return figure
+
+
+def _draw_graph() -> Figure:
+    """The nodes of this lesson, each right of the one whose topic it takes."""
+    befores = {step.declared.name: step.after or "picture" for step in LESSON.steps}
+    columns = {"source": 0, "picture": 1}
+    for name, before in befores.items():
+        columns[name] = columns[before] + 1
+    rows = dict.fromkeys(columns, 0)
+    for column in set(columns.values()):
+        for number, name in enumerate(n for n in columns if columns[n] == column):
+            rows[name] = number
+    figure = Figure(_WIDTH, 90 * (max(rows.values()) + 1))
+    step = (_WIDTH - 20) / (max(columns.values()) + 1)
+    for name, before in {"picture": "source", **befores}.items():
+        start = np.array([10 + step * columns[before] + 92, 40 + 90 * rows[before]])
+        end = np.array([10 + step * columns[name], 40 + 90 * rows[name]])
+        figure.line(np.array([start, end]), BLUE, 1.5)
+        topic = "/image_raw" if before == "source" else f"/{before}"
+        x, y = (start + end) / 2
+        figure.text(x, y - 6, topic, 11, "middle", BLUE)
+    for name, column in columns.items():
+        left, top = 10 + step * column, 22 + 90 * rows[name]
+        figure.area(_box(left, top, 92, 36), (240, 240, 240))
+        frame(figure, (left, top, 92, 36), INK, 1.2)
+        figure.text(left + 46, top + 23, name, 14, "middle", INK)
+    return figure
+
+
+def _box(left: float, top: float, width: float, height: float) -> Floats:
+    right, bottom = left + width, top + height
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])

@@ -1,0 +1,121 @@
+"""Lessons on what a robot's sensors send, and on the graph that runs."""
+
+import numpy as np
+import pytest
+from made_mcaps import numbered, write_mcap
+
+from ros_visualise.cli import main
+from ros_visualise.data import Header, Imu, Odometry, Transforms, TransformStamped
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.rotations import from_rpy
+from ros_visualise.lessons.lesson import Shown
+from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
+from ros_visualise.lessons.topics import frames, graph, sensors
+
+UP = np.array([0.0, 0, 0, 1])
+
+
+def stamped(seconds):
+    return Header(round(seconds * 1e9), "map")
+
+
+def test_a_constant_heading_error_leads_astray_by_its_chord():
+    way = np.stack([np.linspace(0, 50, 400), np.zeros(400)], axis=1)
+    error = error_by_heading(way, np.full(400, 0.03))
+    assert error[-1] == pytest.approx(2 * 50 * np.sin(0.015))
+    growing = error_by_heading(way, np.linspace(0, 0.04, 400))
+    assert growing[-1] == pytest.approx(50 * 0.04 / 2, rel=1e-3)
+    closed = np.stack([np.cos(t := np.linspace(0, 2 * np.pi, 500)), np.sin(t)], axis=1)
+    assert error_by_heading(closed, np.full(500, 0.3))[-1] == pytest.approx(0, abs=1e-9)
+
+
+def test_paths_are_aligned_by_their_beginnings():
+    way = np.array([[1.0, 1], [2, 1], [2, 3]])
+    turned = aligned(way, np.zeros(3), np.array([5.0, 5]), np.pi / 2)
+    assert turned == pytest.approx(np.array([[5.0, 5], [5, 6], [3, 6]]))
+    assert wrapped(np.array([3 * np.pi, -0.1, 2 * np.pi + 0.2])) == pytest.approx(
+        [-np.pi, -0.1, 0.2]
+    )
+
+
+def test_drift_is_told_of_odometry_that_turns_too_far():
+    drift = frames.Drift.declared.make(None)
+    answers = []
+    for t in np.arange(0, 10.01, 0.05):
+        true = Odometry(np.array([t, 0, 0]), UP, header=stamped(t))
+        wrong = np.array([t * np.cos(0.1) + 7, t * np.sin(0.1), 0])
+        heading = from_rpy(np.array([0, 0, 0.1 if t else 0.0]))
+        drift.step(None, truth=true)
+        answers.append(drift.step(None, odom=Odometry(wrong, heading, header=stamped(t))))
+    told = [answer["text"].text for answer in answers if answer]
+    assert len(told) == 10  # once a second, from the second pose on
+    assert "off by +5.73°" in told[-1]
+    expected = 2 * 9.05 * np.sin(0.05)
+    assert f"{expected:.3f} m from the truth" in told[-1]
+
+
+def test_the_tree_tells_what_tf_answers():
+    tree, known = frames.Tree.declared.make(None), FrameTree()
+    links = [
+        ("map", "odom", [1, 0, 0]),
+        ("odom", "base_link", [0, 2, 0]),
+        ("map", "tag", [0, 0, 3]),
+    ]
+    tf = Transforms(tuple(
+        TransformStamped(child, np.array(xyz, float), UP, Header(10**9, parent))
+        for parent, child, xyz in links
+    ))  # fmt: skip
+    known.add(tf)
+    answer = tree.step(tf, frames.TreeParams(), known)["text"].text
+    assert "4 frames" in answer
+    assert "T(map ← base_link) = T(map ← odom) · T(odom ← base_link)" in answer
+    assert "base_link is at (1.000, 2.000, 0.000) m in map" in answer
+    assert tree.step(tf, frames.TreeParams(), known) is None  # within a second
+    tree.reset()
+    asked = frames.TreeParams(target="tag", source="{count}")
+    assert "there is no frame '{count}'" in tree.step(tf, asked, known)["text"].text
+
+
+def test_an_imu_is_told_by_its_numbers():
+    random = np.random.default_rng(0)
+    measured, allan = (one.declared.make(None) for one in (sensors.Measured, sensors.Allan))
+    for number in range(3000):
+        turn, force = random.normal(0, 0.02, 3), random.normal((0, 0, 9.81), 0.3)
+        imu = Imu(UP, turn, force, header=stamped(number / 100))
+        said = measured.step(imu, sensors.MeasuredParams()), allan.step(imu, None)
+        if all(said):
+            texts = [answer["text"].text for answer in said]
+    assert "100 measurements a second" in texts[0]
+    density = float(texts[1].partition("gyroscope       N = ")[2].split()[0])
+    assert density == pytest.approx(0.02 / 10, rel=0.05)
+
+
+def test_a_slow_node_counts_what_it_did_not_get():
+    slow = graph.Slow.declared.make(None)
+    pixels = np.zeros((4, 4), np.uint8)
+    for number in (5, 6, 9, 14):
+        image = Shown(pixels, "mono8", work=graph._Counted(number))
+        text = slow.step(image, graph.SlowParams(busy_ms=0))["text"].text
+    assert "10 it took 4; 6 were dropped, 60 %" in " ".join(text.split())
+
+
+def test_a_rate_is_told_by_stamps_and_by_the_clock(monkeypatch):
+    arrivals = iter(range(0, 10**10, 10**8))
+    monkeypatch.setattr(graph, "monotonic_ns", lambda: next(arrivals))
+    rate = graph.Rate.declared.make(None)
+    pixels = np.zeros((4, 4), np.uint8)
+    for number in range(11):
+        image = Shown(pixels, "mono8", stamped(number / 20))
+        text = rate.step(image, None)["text"].text
+    assert "20.00 a second, every 50.0 ± 0.0 ms" in text
+    assert "10.00 a second, every 100.0 ± 0.0 ms" in text
+
+
+def test_a_recording_without_what_is_needed_is_refused_in_one_line(tmp_path, capsys):
+    words = tmp_path / "words.mcap"
+    write_mcap(words, numbered(range(5)))
+    for topic, kind in (("sensors", "Imu"), ("frames", "Transforms")):
+        assert main(["explain", topic, str(words), "--view", "none"]) == 2
+        err = capsys.readouterr().err
+        assert f"no topic of {kind}" in err
+        assert len(err.splitlines()) == 1
