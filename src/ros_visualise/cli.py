@@ -231,6 +231,12 @@ def _add_landmarks(commands: Any) -> None:
     landmarks.add_argument(
         "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
     )
+    landmarks.add_argument(
+        "--survey",
+        default="",
+        metavar="FILE.yaml",
+        help="places of tags, or distances between them, that were measured: for --map",
+    )
     landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
     landmarks.add_argument("--json", action="store_true", help="print it as one JSON object")
     add_memory_option(landmarks)

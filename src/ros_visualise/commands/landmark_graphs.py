@@ -18,7 +18,6 @@ from ros_visualise.landmark_pipelines import (
     OBJECTS,
     RECORDED_TAGS,
     TAGS,
-    has_frames,
     tags_of_world,
     with_landmarks,
 )
@@ -53,10 +52,6 @@ def landmark_graph(args: Namespace) -> Graph:
         graph, topic = _source(args, undo)
         detectors = _detectors(args, is_image=graph.topics[topic].type is Image)
         graph = with_landmarks(graph, topic, detectors, _settings(args))
-        if args.map is not None and not has_frames(graph):
-            raise UsageError(
-                f"--map {args.map}: {args.input} does not tell where the camera is; leave it out"
-            )
         graph = with_settings(graph, args)
         undo.pop_all()  # a recording is the graph's now
         return graph

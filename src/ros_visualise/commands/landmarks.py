@@ -11,11 +11,15 @@ import numpy as np
 
 from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.landmark_graphs import landmark_graph
+from ros_visualise.commands.mapping import Mapper
 from ros_visualise.commands.sightings import Sightings, image_json, landmarks_json, listen
 from ros_visualise.commands.wording import counted
+from ros_visualise.data import Header
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
+from ros_visualise.landmarks.localization.shown import Shown
+from ros_visualise.nodes.landmark_localizer import write_map
 from ros_visualise.printing import answer, say, shown
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
@@ -26,6 +30,7 @@ from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
 
 _SPIN_S = 0.05
+MAP_FRAME = "map"
 
 
 def run(args: Namespace) -> int:
@@ -41,13 +46,17 @@ def run(args: Namespace) -> int:
     found = listen(graph, DETECTORS, LOCALIZER)
     for topic, listener in found.topics.items():
         runtime.topic(topic).connect(listener)
+    mapper = Mapper(graph, args) if args.map is not None else None
+    for topic, taker in (mapper.listeners if mapper else {}).items():
+        runtime.topic(topic).connect(taker)
     with noticed() as wish:
         with in_time(wish, lambda: runtime.steps):
             stopped = _run(runtime, wish)
-        if args.map is not None:
-            _save_map(runtime, found, args, stopped)
+        if mapper:
+            interruptible(lambda: mapper.finish(found.map, lambda: bool(wish.asked)))
+            _save_map(runtime, mapper, found, args, stopped)
         report = runtime.report()
-        _tell(graph, found, report, args)
+        _tell(graph, found, mapper, report, args)
         for node in report.nodes.values():
             for note in node.unread:
                 say(f"ros-visualise: {args.input}: {note}")
@@ -66,8 +75,16 @@ def _run(runtime: LocalRuntime, wish: Wish) -> bool:
         runtime.stop()
 
 
-def _save_map(runtime: LocalRuntime, found: Sightings, args: Namespace, stopped: bool) -> None:
+def _save_map(
+    runtime: LocalRuntime, mapper: Mapper, found: Sightings, args: Namespace, stopped: bool
+) -> None:
     """Write the map; of a run that was stopped, as far as there is one."""
+    if mapper.map is not None and mapper.map.tracks:
+        header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
+        landmarks = mapper.landmarks(found.map, found.last_ns)
+        found.map = Shown().detections(landmarks, header)
+        write_map(args.map, header.frame_id, landmarks)
+        return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:
         say(f"ros-visualise: {args.map}: not written, as no landmark has a place in the map yet")
@@ -80,22 +97,25 @@ def _save_map(runtime: LocalRuntime, found: Sightings, args: Namespace, stopped:
     runtime.act(LOCALIZER, "save_map")
 
 
-def _tell(graph: Graph, found: Sightings, report: RunReport, args: Namespace) -> None:
+def _tell(
+    graph: Graph, found: Sightings, mapper: Mapper | None, report: RunReport, args: Namespace
+) -> None:
     paths = _paths(graph)
     images = [image_json(image, paths.get(image.stamp_ns)) for image in found.images]
     localizer = report.nodes.get(LOCALIZER)
     landmarks = landmarks_json(found, localizer.own["seen"] if localizer else {})
     if args.json:
-        answer([json.dumps({"images": images, "landmarks": landmarks}, allow_nan=False)])
+        values: dict[str, Any] = {"images": images, "landmarks": landmarks}
+        values |= {"smoothing": mapper.values()} if mapper else {}
+        answer([json.dumps(values, allow_nan=False)])
         return
     if paths:
         rows = _of_pictures(images)
     else:
         heads = ("landmark", "seen", "position, metres", "+-", "frame")
         rows = [heads, *((*_named(one), *_placed(one)) for one in landmarks)]
-    answer(
-        _table(rows, f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}")
-    )
+    total = f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}"
+    answer([*_table(rows, total), *(mapper.lines() if mapper else [])])
 
 
 def _paths(graph: Graph) -> dict[int, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import logging
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,7 @@ class LandmarkLocalizer:
             return
         path = Path(self._params.save_to)
         frame_id = self._frame or self._params.fixed_frame
-        _write(path, map_file.to_text(frame_id, landmarks.values()).encode())
+        write_map(path, frame_id, landmarks.values())
         log.info("%d landmarks are in %s", len(landmarks), path.absolute())
 
     def step(
@@ -245,8 +246,9 @@ class LandmarkLocalizer:
         return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
 
 
-def _write(path: Path, data: bytes) -> None:
-    """Write a file; it takes the place of what is there when all of it is written."""
+def write_map(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
+    """Write a map; it takes the place of what is there when all of it is written."""
+    data = map_file.to_text(frame_id, landmarks).encode()
     if path.suffix != ".yaml":
         raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
     target = TargetFile(path, overwrite=True)

@@ -1,0 +1,91 @@
+"""What the smoothing of a map found, in words and as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ros_visualise.commands.wording import counted
+from ros_visualise.landmarks.mapping.mapping import Map
+from ros_visualise.landmarks.mapping.terms import LARGER
+from ros_visualise.printing import shown
+
+_WORST = 3  # views that are named
+
+
+def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
+    """For a person."""
+    found = made.smoothed
+    refused = int((~found.inliers).sum())
+    lines = [
+        f"smoothed: {counted(len(found.views.t), 'view')} of {counted(len(found.tags.t), 'tag')},"
+        f" {counted(len(found.inliers), 'sighting')}, {refused} of them refused"
+    ]
+    larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
+    lines.append(
+        f"corners: {_rms(found.residuals_px[found.inliers]):.2f} px off (rms), and tags are seen"
+        f" {larger:.2f} +- {sigma:.2f} px too large"
+    )
+    lines += [f"{shown(one.name)}: {one.text}" for one in made.outliers]
+    lines += [
+        f"{shown(name)}: the views do not tell which of two poses it has"
+        for name, open_ in zip(found.problem.names, found.undecided, strict=True)
+        if open_
+    ]
+    lines += [
+        f"the view at {one['stamp']:.2f} s: {one['refused']} of its {one['sightings']} sightings"
+        " do not fit"
+        for one in _views(made)
+        if one["refused"] * 2 > one["sightings"] > 1
+    ][:_WORST]
+    lines += [f"left out: {number} {reason}" for reason, number in left_out.items()]
+    return lines
+
+
+def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
+    """For a program."""
+    found = made.smoothed
+    tags = np.array([one.tag for one in found.problem.sightings])
+    return {
+        "views": _views(made),
+        "landmarks": [
+            {
+                "name": name,
+                "sightings": int((tags == tag).sum()),
+                "refused": int((~found.inliers[tags == tag]).sum()),
+                "rms_px": _rms(found.residuals_px[(tags == tag) & found.inliers]),
+                "two_poses": bool(found.undecided[tag]),
+            }
+            for tag, name in enumerate(found.problem.names)
+        ],
+        "outliers": [
+            {"name": one.name, "kind": one.kind, "text": one.text} for one in made.outliers
+        ],
+        "too_large_px": {
+            "value": float(found.shared[LARGER]),
+            "sigma": float(np.sqrt(found.shared_covariance[LARGER, LARGER])),
+        },
+        "left_out": dict(left_out),
+    }
+
+
+def _views(made: Map) -> list[dict[str, Any]]:
+    found = made.smoothed
+    views = np.array([one.view for one in found.problem.sightings])
+    return [
+        {
+            "stamp": int(stamp_ns) / 1e9,
+            "sightings": int((views == view).sum()),
+            "refused": int((~found.inliers[views == view]).sum()),
+            "rms_px": _rms(found.residuals_px[(views == view) & found.inliers]),
+        }
+        for view, stamp_ns in enumerate(found.problem.stamps_ns)
+        if (views == view).any()
+    ]
+
+
+def _rms(residuals_px: Any) -> float | None:
+    """Of what there is, None where there is nothing."""
+    return float(np.sqrt((residuals_px**2).mean())) if len(residuals_px) else None

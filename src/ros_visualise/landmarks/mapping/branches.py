@@ -1,0 +1,125 @@
+"""Tags and views that fit better turned over: a small square's picture has two readings.
+
+The likelier reading of one picture is often the wrong one, and the search for the least sum never
+leaves it. So each tag is tried in the other pose that one of its pictures may show, over all of its
+views, and each view likewise.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.mapping.minimising import GATE, robust
+from ros_visualise.landmarks.mapping.problem import Poses
+from ros_visualise.landmarks.mapping.terms import (
+    LARGER,
+    State,
+    Terms,
+    between,
+    in_view,
+    logarithms,
+)
+from ros_visualise.landmarks.pose.refinement import linearise, moved
+
+_APART_RAD = 0.1
+_ROUNDS = 15
+_GAIN = 1.0  # of the sum, from which on the other pose is better
+
+
+class Turned(NamedTuple):
+    """The better poses, how many changed, and what the sums of the others were more (B,)."""
+
+    state: State
+    changed: int
+    worse: Floats
+
+
+def turn_tags(terms: Terms, state: State) -> Turned:
+    """Tags in the poses that all of their views agree on best, the views being what they are."""
+    other = _others(terms, state, tags=True)
+    tried = _refit(terms, state._replace(tags=other), tags=True)
+    return _better(terms, state, tried, tags=True)
+
+
+def turn_views(terms: Terms, state: State) -> Turned:
+    """Views in the poses that all of their tags agree on best, the tags being what they are."""
+    other = _others(terms, state, tags=False)
+    tried = _refit(terms, state._replace(views=other), tags=False)
+    return _better(terms, state, tried, tags=False)
+
+
+def _others(terms: Terms, state: State, tags: bool) -> Poses:
+    """For each tag, or view, of the poses that its pictures may show the one most turned."""
+    now = state.tags if tags else state.views
+    numbers, R, t = [], [], []
+    for one in terms.problem.sightings:
+        for hypothesis in one.hypotheses:
+            turned = rotations.to_matrix(hypothesis.quat_xyzw)
+            if tags:
+                numbers.append(one.tag)
+                R.append(state.views.R[one.view] @ turned)
+                t.append(
+                    state.views.R[one.view] @ hypothesis.position_xyz + state.views.t[one.view]
+                )
+            else:
+                numbers.append(one.view)
+                R.append(state.tags.R[one.tag] @ turned.T)
+                t.append(state.tags.t[one.tag] - R[-1] @ hypothesis.position_xyz)
+    number, there, place = np.array(numbers, int), np.array(R), np.array(t)
+    apart = np.linalg.norm(logarithms(np.swapaxes(now.R[number], 1, 2) @ there), axis=1)
+    found = Poses(now.R.copy(), now.t.copy())
+    for row in np.argsort(apart):
+        found.R[number[row]], found.t[number[row]] = there[row], place[row]
+    return found
+
+
+def _refit(terms: Terms, state: State, tags: bool) -> State:
+    """Gauss-Newton of each tag alone, or of each view: all others stay where they are."""
+    of_view, of_tag = terms.corners.views, terms.corners.tags
+    number = of_tag if tags else of_view
+    for _ in range(_ROUNDS):
+        bodies = state.tags if tags else state.views
+        residuals, by_pose = _seen(terms, state)
+        weights = robust(9 * GATE)((residuals**2).sum(axis=1))[0]
+        by = between(by_pose, state.views, state.tags, of_view, of_tag)[int(tags)]
+        by = by * np.sqrt(weights)[:, None, None]
+        information = np.tile(1e-6 * np.eye(6), (len(bodies.t), 1, 1))
+        slope = np.zeros((len(bodies.t), 6))
+        np.add.at(information, number, np.swapaxes(by, 1, 2) @ by)
+        weighted = (residuals * np.sqrt(weights)[:, None])[..., None]
+        np.add.at(slope, number, (np.swapaxes(by, 1, 2) @ weighted)[..., 0])
+        step = -np.linalg.solve(information, slope[..., None])[..., 0]
+        size = np.linalg.norm(step[:, 3:], axis=1, keepdims=True)
+        new = Poses(*moved(*bodies, step / np.maximum(1, size / 0.3)))
+        state = state._replace(tags=new) if tags else state._replace(views=new)
+    return state
+
+
+def _seen(terms: Terms, state: State) -> tuple[Floats, Floats]:
+    views, tags, points, rays, _, outward = terms.corners
+    sigma = terms.sigma_px()
+    R, t = in_view(state.views, state.tags, views, tags)
+    residuals, by_pose = linearise(R, t, points, rays, np.repeat(sigma[:, None], 4, axis=1))
+    residuals = residuals + state.shared[LARGER] * outward.reshape(len(views), 8) / sigma[:, None]
+    bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
+    return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by_pose)
+
+
+def _better(terms: Terms, state: State, tried: State, tags: bool) -> Turned:
+    """Of each tag, or view, the pose with the smaller sum."""
+    number = terms.corners.tags if tags else terms.corners.views
+    now, then = (state.tags, tried.tags) if tags else (state.views, tried.views)
+    sums = []
+    for one in (state, tried):
+        loss = robust(GATE)((_seen(terms, one)[0] ** 2).sum(axis=1))[1]
+        sums.append(np.bincount(number, loss, minlength=len(now.t)))
+    apart = np.linalg.norm(logarithms(np.swapaxes(now.R, 1, 2) @ then.R), axis=1)
+    is_other = apart > _APART_RAD
+    take = is_other & (sums[1] < sums[0] - _GAIN)
+    R, t = np.where(take[:, None, None], then.R, now.R), np.where(take[:, None], then.t, now.t)
+    chosen = state._replace(tags=Poses(R, t)) if tags else state._replace(views=Poses(R, t))
+    return Turned(chosen, int(take.sum()), np.where(is_other, np.abs(sums[1] - sums[0]), np.inf))

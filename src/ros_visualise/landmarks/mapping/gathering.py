@@ -1,0 +1,145 @@
+"""What a recording holds that a map is made of, gathered while it is played."""
+
+from __future__ import annotations
+
+import threading
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from ros_visualise.data import Detection, Detections, Floats, Transforms
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry.frames import FrameTree, WrongTransforms
+from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting
+
+_FOR_EVER_S = 1e9
+_MOST_VIEWS = 3000
+"""Views that are taken at once; of more, every second or third is enough for the map."""
+
+
+class Gathered:
+    """Detections and frames of a recording; may be filled from any thread.
+
+    Attributes:
+        frames: where all was to one another, at all times.
+        left_out: how many sightings or images are not in the problem, by reason.
+    """
+
+    def __init__(self) -> None:
+        self.frames = FrameTree(_FOR_EVER_S)
+        self.left_out: Counter[str] = Counter()
+        self.messages: list[Detections] = []
+        self._lock = threading.Lock()
+
+    @property
+    def tag_names(self) -> set[str]:
+        """The classes of all that was seen with the corners of a tag."""
+        return {o.class_id for m in self.messages for o in m.detections if is_tag(o)}
+
+    def add_found(self, message: Detections) -> None:
+        """What was found in one image."""
+        with self._lock:
+            self.messages.append(message)
+
+    def add_frames(self, message: Transforms, static: bool) -> None:
+        """Transforms; those that are none are left out, as whoever reads them says."""
+        try:
+            self.frames.add(message, static)
+        except WrongTransforms:
+            return
+
+    def problem(self, size_of: Callable[[Detection], float], frame_id: str) -> Problem:
+        """The problem: images with tags, and where the frames say that the camera was.
+
+        Args:
+            size_of: the side of a tag's square in metres; 0 where nobody knows.
+            frame_id: the fixed frame; empty where there is none.
+        """
+        self.left_out.clear()
+        T_fixed: list[Floats] = []
+        stamps: list[int] = []
+        found: list[list[tuple[Detection, Detections]]] = []
+        for message in self._thinned(sorted(self._with_tags(), key=_stamp)):
+            T = self.place(frame_id, message) if frame_id else np.eye(4)
+            if T is None:
+                self.left_out["images at whose time the frames are not known"] += 1
+                continue
+            T_fixed.append(T)
+            stamps.append(message.header.stamp_ns)
+            found.append([(one, message) for one in self._usable(message, size_of)])
+        names = sorted({one.class_id for view in found for one, _ in view})
+        sightings = [
+            _sighting(view, names, one, message, size_of(one))
+            for view, several in enumerate(found)
+            for one, message in several
+        ]
+        odometry = Odometry(np.array(T_fixed)) if frame_id and T_fixed else None
+        problem = Problem(np.array(stamps, np.int64), names, sightings, odometry)
+        return problem if odometry else _together(problem, self.left_out)
+
+    def place(self, frame_id: str, message: Detections) -> Floats | None:
+        """T_fixed_camera (4, 4) by the frames; None where they do not tell."""
+        header = message.header
+        try:
+            return self.frames.lookup(frame_id, header.frame_id, header.stamp_ns, 0.05)
+        except NoTransform:
+            return None
+
+    def _with_tags(self) -> list[Detections]:
+        with self._lock:
+            return [one for one in self.messages if any(map(is_tag, one.detections))]
+
+    def _thinned(self, messages: list[Detections]) -> list[Detections]:
+        every = -(-len(messages) // _MOST_VIEWS) if messages else 1
+        kept = messages[::every]
+        if len(kept) < len(messages):
+            self.left_out["images between others, as there are so many"] = len(messages) - len(kept)
+        return kept
+
+    def _usable(
+        self, message: Detections, size_of: Callable[[Detection], float]
+    ) -> list[Detection]:
+        tags = [one for one in message.detections if is_tag(one)]
+        known = [one for one in tags if one.hypotheses[0].covariance.any() and size_of(one) > 0]
+        if len(known) < len(tags):
+            self.left_out["tags without a pose"] += len(tags) - len(known)
+        return known if message.camera_info else []
+
+
+def is_tag(one: Detection) -> bool:
+    """Whether it is a square of which there is one."""
+    return len(one.corners_uv) == 4 and bool(one.hypotheses)
+
+
+def _stamp(message: Detections) -> int:
+    return message.header.stamp_ns
+
+
+def _sighting(
+    view: int, names: list[str], one: Detection, message: Detections, size_m: float
+) -> Sighting:
+    assert message.camera_info is not None
+    poses = [h for h in one.hypotheses if h.class_id == one.class_id and h.covariance.any()]
+    tag = names.index(one.class_id)
+    return Sighting(view, tag, one.corners_uv, size_m, message.camera_info, poses)
+
+
+def _together(problem: Problem, left_out: Counter[str]) -> Problem:
+    """Without frames, a view of one tag tells nothing of where others are."""
+    tags: dict[int, set[int]] = {}
+    for one in problem.sightings:
+        tags.setdefault(one.view, set()).add(one.tag)
+    several = np.array(
+        [len(tags.get(view, ())) > 1 for view in range(len(problem.stamps_ns))], bool
+    )
+    if not several.any():
+        several[[one.view for one in problem.sightings[:1]]] = True
+    seen = {one.tag for one in problem.sightings if several[one.view]}
+    if not several.all():
+        left_out["images of one tag alone, without frames"] = int((~several).sum())
+    kept = problem.restricted(
+        several, np.array([n in seen for n in range(len(problem.names))], bool)
+    )
+    return replace(kept)

@@ -1,0 +1,91 @@
+"""The whole way from what was recorded to a map: smoothed, outliers named and set right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.landmarks.localization.estimate import known
+from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.mapping.outliers import SIZE, Outlier, corrected, outliers
+from ros_visualise.landmarks.mapping.problem import Problem
+from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
+from ros_visualise.landmarks.mapping.terms import UNKNOWN, Prior
+
+_LEAST_SEEN = 3  # sightings, that make a landmark
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """What was smoothed, what was found wrong with tags, and the tags as landmarks."""
+
+    smoothed: Smoothed
+    outliers: Sequence[Outlier]
+    tracks: Sequence[Track]
+
+    def correction(self, stamp_ns: int) -> Floats:
+        """T_map_fixed (4, 4): by how much the frames were wrong about the camera at a time."""
+        problem = self.smoothed.problem
+        if problem.odometry is None:
+            return np.eye(4)
+        view = int(np.abs(problem.stamps_ns - stamp_ns).argmin())
+        smoothed = from_parts(self.smoothed.views.R[view], self.smoothed.views.t[view])
+        return smoothed @ inverse(problem.odometry.T_fixed_camera[view])
+
+
+def map_of(
+    problem: Problem, prior: Prior = UNKNOWN, is_over: Callable[[], bool] = bool
+) -> Map | None:
+    """A map of the tags of a recording; None where nothing hangs together.
+
+    Args:
+        is_over: whether somebody asked for the end.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+    """
+    found = smooth(problem, prior=prior, is_over=is_over)
+    if found is None:
+        return None
+    named = outliers(found)
+    if any(one.kind == SIZE or one.sightings for one in named) and not is_over():
+        again = smooth(corrected(found.problem, named), prior=prior, is_over=is_over)
+        found = again or found
+    return Map(found, named, tracks_of(found))
+
+
+def tracks_of(found: Smoothed) -> list[Track]:
+    """Tags as landmarks, as the localizer has them."""
+    tracks: list[Track] = []
+    numbers = np.array([one.tag for one in found.problem.sightings], int)
+    views = np.array([one.view for one in found.problem.sightings], int)
+    for tag, name in enumerate(found.problem.names):
+        rows = np.flatnonzero((numbers == tag) & found.inliers)
+        if len(rows) < _LEAST_SEEN or " " in name:
+            continue
+        size = found.problem.sightings[rows[0]].size_m
+        covariance = (found.covariances[tag] + found.covariances[tag].T) / 2
+        estimate = known(found.tags.t[tag], found.tags.R[tag], covariance)
+        tracks.append(
+            Track(
+                name,
+                _number(name),
+                True,
+                (Branch(estimate, 0.0),),
+                int(found.problem.stamps_ns[views[rows]].max()),
+                number=len(tracks) + 1,
+                size_xyz=np.array([size, size, 0.0]),
+                sizes=len(rows),
+                seen=len(rows),
+            )
+        )
+    return tracks
+
+
+def _number(name: str) -> int:
+    tail = name.rpartition("_")[2]
+    return int(tail) if tail.isdecimal() else -1

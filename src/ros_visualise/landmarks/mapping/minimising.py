@@ -1,0 +1,89 @@
+"""Levenberg-Marquardt over all poses, with sightings that do not fit left out by degrees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.mapping.normal import Normal, Solution, solve
+from ros_visualise.landmarks.mapping.problem import Flags
+from ros_visualise.landmarks.mapping.terms import SHARED, State, Terms
+
+Weigh = Callable[[Floats], tuple[Floats, Floats]]
+"""Of squared residuals (S,): weights (S,), and what each sighting adds to the sum."""
+
+GATE = 26.12
+"""Squared residual of eight numbers that 999 of 1000 right sightings are below: chi-square."""
+
+_DAMPING, _MOST_DAMPING = 1e-5, 1e8
+_CONVERGED = 1e-7  # of the sum, that a step still gains
+
+
+def robust(scale: float) -> Weigh:
+    """Geman and McClure's weights: what fits far worse than ``scale`` counts for little.
+
+    Source: S. Geman, D. McClure, Statistical methods for tomographic image reconstruction, 1987.
+    """
+
+    def weigh(chi2: Floats) -> tuple[Floats, Floats]:
+        share = scale / (scale + chi2)
+        return share**2, scale * (1 - share)
+
+    return weigh
+
+
+def kept(inliers: Flags) -> Weigh:
+    """Those sightings alone (S,), each with its whole weight."""
+
+    def weigh(chi2: Floats) -> tuple[Floats, Floats]:
+        return inliers.astype(float), np.where(inliers, chi2, 0.0)
+
+    return weigh
+
+
+def chi2_of(terms: Terms, state: State) -> Floats:
+    """(S,) squared residuals of the sightings by their deviations; huge behind the camera."""
+    residuals = terms.residuals_px(state) / terms.sigma_px()[:, None]
+    return np.where(np.isfinite(residuals).all(axis=1), (residuals**2).sum(axis=1), 1e12)
+
+
+def minimise(terms: Terms, state: State, weigh: Weigh, rounds: int = 30) -> State:
+    """The state that makes the sum of squares least, near the one to begin with.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+    """
+    damping = _DAMPING
+    normal, cost = linearised(terms, state, weigh)
+    for _ in range(rounds):
+        step = solve(normal, damping)
+        new = state.moved(step.views, step.rest)
+        new_normal, new_cost = linearised(terms, new, weigh)
+        if new_cost <= cost:
+            gain, state, normal, cost = cost - new_cost, new, new_normal, new_cost
+            damping = max(damping / 10, 1e-12)
+            if gain <= _CONVERGED * cost:
+                break
+        else:
+            damping *= 10
+            if damping > _MOST_DAMPING:
+                break
+    return state
+
+
+def linearised(terms: Terms, state: State, weigh: Weigh) -> tuple[Normal, float]:
+    """The normal equations at a state, and the sum that is to become least."""
+    views, tags = terms.problem.counts
+    normal = Normal(views, tags, SHARED)
+    weights, losses = weigh(chi2_of(terms, state))
+    terms.add_seen(normal, state, weights)
+    of_odometry = terms.add_gone(normal, state)
+    known = terms.add_known(normal, state)
+    return normal, float(losses.sum() + (of_odometry**2).sum() + known)
+
+
+def final(terms: Terms, state: State, inliers: Flags) -> Solution:
+    """The covariance of tags and shared numbers."""
+    return solve(linearised(terms, state, kept(inliers))[0])

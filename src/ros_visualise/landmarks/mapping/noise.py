@@ -1,0 +1,77 @@
+"""How much corners and odometry deviate, by what is left of them where all fits best."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ros_visualise.landmarks.mapping.minimising import kept, linearised
+from ros_visualise.landmarks.mapping.normal import solve
+from ros_visualise.landmarks.mapping.problem import Flags, Problem
+from ros_visualise.landmarks.mapping.terms import Noise, State, Terms
+
+_MOST_PX = 100.0
+_PROBES = 8
+_LEAST_VIEWS = 10  # from which on an odometry tells of its noise
+
+
+def extra_of_corners(terms: Terms, state: State) -> float:
+    """What the camera adds to the noise of corners, in pixels.
+
+    So much that the median of the squared residuals is what it is expected to be. Each sighting
+    has eight numbers; those that are unknown are shared among all sightings.
+    """
+    residuals = (terms.residuals_px(state) ** 2).sum(axis=1)
+    left = _left(terms.problem)
+    median = left * (1 - 2 / (9 * left)) ** 3  # of chi-square, by Wilson and Hilferty
+    low, high = 0.0, _MOST_PX
+    for _ in range(40):
+        extra = (low + high) / 2
+        chi2 = residuals / (terms.corners.sigma_px**2 + extra**2)
+        if np.median(np.where(np.isfinite(chi2), chi2, np.inf)) > median:
+            low = extra
+        else:
+            high = extra
+    return high
+
+
+def _left(problem: Problem) -> float:
+    """Numbers that a sighting has more than there are unknowns for each."""
+    views, tags = problem.counts
+    known = 6 * max(views - 1, 0) if problem.odometry is not None else 0
+    unknown = 6 * (views + tags) - known
+    return max(8 - unknown / len(problem.sightings), 1.0)
+
+
+def scales_of_odometry(terms: Terms, state: State, inliers: Flags) -> Noise:
+    """Its noise, such that what is left of it is as large as it should be.
+
+    Of ways, tilts and headings apart. How many numbers each has more than are needed is told by a
+    trace, which random signs estimate.
+
+    Source: W. Foerstner, Ein Verfahren zur Schaetzung von Varianz- und Kovarianzkomponenten, 1979;
+    M. Hutchinson, A stochastic estimator of the trace of the influence matrix, 1989.
+    """
+    residuals = terms.gone(state)[0]
+    if len(residuals) < _LEAST_VIEWS or not inliers.any():
+        return terms.noise
+    normal, _ = linearised(terms, state, kept(inliers))
+    parts = {"way_m": [0, 1, 2], "tilt_rad": [3, 4], "heading_rad": [5]}
+    random = np.random.default_rng(0)
+    signs = random.choice([-1.0, 1.0], (_PROBES, *residuals.shape))
+    probes = []
+    for rows in parts.values():
+        only = np.zeros(6)
+        only[rows] = 1
+        probes += [terms.probe(state, one * only, normal) for one in signs]
+    of_views, of_rest = np.stack([p[0] for p in probes], 2), np.stack([p[1] for p in probes], 1)
+    traces = (
+        solve(normal, 0.0, (of_views, of_rest)).traced.reshape(len(parts), _PROBES).mean(axis=1)
+    )
+    found = {}
+    for (name, rows), trace in zip(parts.items(), traces, strict=True):
+        redundancy = max(residuals[:, rows].size - trace, 1.0)
+        factor = np.sqrt((residuals[:, rows] ** 2).sum() / redundancy)
+        found[name] = float(getattr(terms.noise, name) * np.clip(factor, 0.1, 10))
+    return replace(terms.noise, **found)

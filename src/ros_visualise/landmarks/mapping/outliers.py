@@ -1,0 +1,103 @@
+"""Tags that are not what was thought: moved, there twice, or of another size."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ros_visualise.data import Hypothesis
+from ros_visualise.landmarks.mapping.normal import Numbers
+from ros_visualise.landmarks.mapping.problem import Problem, Sighting
+from ros_visualise.landmarks.mapping.refitting import refit
+from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.terms import State, Terms
+
+SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
+
+_REFUSED, _LEAST = 0.2, 4  # of a tag's sightings, and how many: from here on it is looked at
+_AGREE = 0.7  # of those sightings, that fit where the tag may be as well
+_RESIZED = 0.03  # of its size, from which on that is not what was given
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A tag, what is wrong with it (`SIZE`, `MOVED`, `TWICE` or `UNSTEADY`), and in words.
+
+    ``value`` is its size by that which was given, or how far it moved or is apart, in metres;
+    ``sightings`` are those that are of the other place.
+    """
+
+    name: str
+    kind: str
+    text: str
+    value: float = 0.0
+    sightings: Sequence[int] = ()
+
+
+def outliers(found: Smoothed) -> list[Outlier]:
+    """Tags of whose sightings many do not fit, and what explains that."""
+    terms = Terms(found.problem, found.noise)
+    state = State(found.views, found.tags, found.shared)
+    named = []
+    for tag, name in enumerate(found.problem.names):
+        rows = np.flatnonzero(terms.corners.tags == tag)
+        refused = rows[~found.inliers[rows]]
+        if len(refused) >= max(_LEAST, _REFUSED * len(rows)):
+            named.append(_explained(terms, state, name, rows, refused))
+    return named
+
+
+def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
+    share = f"{len(refused)} of its {len(rows)} sightings do not fit"
+    sized = refit(terms, state, rows, sized=True)
+    if sized and sized.fits.mean() > _AGREE and abs(np.log(sized.size)) > _RESIZED:
+        given = terms.problem.sightings[rows[0]].size_m
+        text = f"its side is {sized.size * given:.3f} m, not {given:.3f} m: the map has it so"
+        return Outlier(name, SIZE, text, sized.size)
+    other = refit(terms, state, refused, sized=False)
+    if other is None or other.fits.mean() < _AGREE:
+        return Outlier(name, UNSTEADY, f"{share}, and no other place explains them")
+    there, here = refused[other.fits], np.setdiff1d(rows, refused)
+    stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
+    apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
+    first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
+    if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
+        text = f"it was moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"
+        return Outlier(
+            name, MOVED, f"{text}: the map has it where it was last", apart, first.tolist()
+        )
+    text = f"there are two of it, {apart:.2f} m apart: the map has the one that is seen more often"
+    return Outlier(name, TWICE, text, apart, there.tolist())
+
+
+def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
+    """The problem with other sizes, and with a tag of its own for each other place."""
+    names = [*problem.names]
+    sightings = list(problem.sightings)
+    for one in named:
+        tag = problem.names.index(one.name)
+        if one.kind == SIZE:
+            sightings = [
+                replace(s, size_m=s.size_m * one.value, hypotheses=_scaled(s, one.value))
+                if s.tag == tag
+                else s
+                for s in sightings
+            ]
+        elif one.sightings:
+            names.append(f"{one.name} elsewhere")
+            for row in one.sightings:
+                sightings[row] = replace(sightings[row], tag=len(names) - 1)
+    return replace(problem, names=names, sightings=sightings)
+
+
+def seen_twice(problem: Problem) -> Counter[str]:
+    """Name -> in how many images it is there more than once."""
+    each = Counter((one.view, one.tag) for one in problem.sightings)
+    return Counter(problem.names[tag] for (_, tag), times in each.items() if times > 1)
+
+
+def _scaled(sighting: Sighting, by: float) -> Sequence[Hypothesis]:
+    return [replace(h, position_xyz=h.position_xyz * by) for h in sighting.hypotheses]

@@ -1,0 +1,181 @@
+"""What a recording tells of its tags, as arrays, and the poses that are looked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import CameraInfo, Floats, Hypothesis
+from ros_visualise.landmarks.mapping.normal import Numbers
+from ros_visualise.landmarks.mapping.outward import outward_steps
+from ros_visualise.landmarks.pose import corner_sigma
+from ros_visualise.landmarks.pose.rays import Rays, rays_of
+
+Flags = npt.NDArray[np.bool_]
+"""Which views, tags or sightings."""
+
+SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+"""Corners of a tag whose side is 1, in its frame: x right, y up, z towards the viewer."""
+
+
+class Poses(NamedTuple):
+    """R_map_body (N, 3, 3) and where the bodies are in the map, t (N, 3) metres."""
+
+    R: Floats
+    t: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """One tag in one image.
+
+    Attributes:
+        view, tag: the numbers of both.
+        corners_uv: (4, 2) pixels, anticlockwise from the lower left.
+        size_m: side of its square.
+        info: the camera's calibration.
+        hypotheses: the poses in the camera's frame that it may have, the likeliest first.
+    """
+
+    view: int
+    tag: int
+    corners_uv: Floats
+    size_m: float
+    info: CameraInfo
+    hypotheses: Sequence[Hypothesis]
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry:
+    """How the camera went from each view to the next, as the frames tell.
+
+    Attributes:
+        T_fixed_camera: (N, 4, 4) where it was.
+        R_fixed: (3, 3) turns the fixed frame so that its z axis is upright: tilts and headings
+            have errors of different size.
+    """
+
+    T_fixed_camera: Floats
+    R_fixed: Floats = field(default_factory=lambda: np.eye(3))
+
+
+@dataclass(frozen=True, eq=False)
+class TagPrior:
+    """A tag that was surveyed: its position, and its orientation unless that is None.
+
+    Standard deviations are (3,) metres along the axes of the map, and (3,) radians about them.
+    """
+
+    tag: int
+    position_xyz: Floats
+    position_sigma: Floats
+    R: Floats | None = None
+    R_sigma: Floats = field(default_factory=lambda: np.full(3, 0.01))
+
+
+@dataclass(frozen=True, eq=False)
+class DistancePrior:
+    """A distance between the centres of two tags that was measured, metres."""
+
+    tags: tuple[int, int]
+    distance_m: float
+    sigma_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All that is known; see `Sighting`, `Odometry` and the priors.
+
+    Attributes:
+        stamps_ns: (N,) of the views.
+        names: of the tags.
+        anchor: the tag whose frame is the map, where no odometry and no survey fixes that.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    names: Sequence[str]
+    sightings: Sequence[Sighting]
+    odometry: Odometry | None = None
+    surveyed: Sequence[TagPrior] = ()
+    distances: Sequence[DistancePrior] = ()
+    anchor: int = 0
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """How many views there are, and tags."""
+        return len(self.stamps_ns), len(self.names)
+
+    def restricted(self, views: Flags, tags: Flags) -> Problem:
+        """The same of some views (N,) and tags (M,) alone, which are told by truth values."""
+        view, tag = np.cumsum(views) - 1, np.cumsum(tags) - 1
+        odometry = self.odometry
+        return Problem(
+            self.stamps_ns[views],
+            [name for name, is_in in zip(self.names, tags, strict=True) if is_in],
+            [
+                replace(one, view=int(view[one.view]), tag=int(tag[one.tag]))
+                for one in self.sightings
+                if views[one.view] and tags[one.tag]
+            ],
+            odometry and replace(odometry, T_fixed_camera=odometry.T_fixed_camera[views]),
+            [replace(one, tag=int(tag[one.tag])) for one in self.surveyed if tags[one.tag]],
+            [
+                replace(one, tags=(int(tag[one.tags[0]]), int(tag[one.tags[1]])))
+                for one in self.distances
+                if tags[list(one.tags)].all()
+            ],
+            int(tag[self.anchor]) if tags[self.anchor] else 0,
+        )
+
+
+class Corners(NamedTuple):
+    """The corners of S sightings."""
+
+    views: Numbers
+    """(S,) numbers of the views."""
+    tags: Numbers
+    """(S,) numbers of the tags."""
+    points: Floats
+    """(S, 4, 3) metres in the tag's frame."""
+    rays: Rays
+    """In which they are seen, (S, 4, ...)."""
+    sigma_px: Floats
+    """(S,) standard deviation of each coordinate, by the tag's size in the image."""
+    outward: Floats
+    """(S, 4, 2) by how much a corner moves in a picture whose tags are a pixel too large."""
+
+
+def corners_of(sightings: Sequence[Sighting]) -> Corners:
+    """The sightings as arrays.
+
+    Raises:
+        UnsupportedImage: the model of distortion of a camera is not known.
+    """
+    views = np.array([one.view for one in sightings], int)
+    tags = np.array([one.tag for one in sightings], int)
+    corners = np.array([one.corners_uv for one in sightings]).reshape(-1, 4, 2)
+    sizes = np.array([one.size_m for one in sightings])
+    directions, to_pixels = np.empty((len(views), 4, 3)), np.empty((len(views), 4, 2, 3))
+    for info, rows in _by_camera(sightings):
+        directions[rows], to_pixels[rows] = rays_of(corners[rows], info)
+    return Corners(
+        views,
+        tags,
+        SQUARE * sizes[:, None, None],
+        Rays(directions, to_pixels),
+        corner_sigma(corners),
+        outward_steps(corners),
+    )
+
+
+def _by_camera(sightings: Sequence[Sighting]) -> list[tuple[CameraInfo, list[int]]]:
+    rows: dict[tuple[bytes, ...], tuple[CameraInfo, list[int]]] = {}
+    for row, one in enumerate(sightings):
+        info = one.info
+        key = (info.K.tobytes(), info.D.tobytes(), info.R.tobytes())
+        rows.setdefault(key, (info, []))[1].append(row)
+    return list(rows.values())

@@ -1,0 +1,84 @@
+"""One tag again, the views being where they are: where else, and how large, it may be."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.mapping.minimising import GATE
+from ros_visualise.landmarks.mapping.normal import Numbers
+from ros_visualise.landmarks.mapping.problem import Flags, Poses
+from ros_visualise.landmarks.mapping.terms import State, Terms, between, in_view
+from ros_visualise.landmarks.pose.rays import Rays
+from ros_visualise.landmarks.pose.refinement import linearise, moved
+
+_ROUNDS = 12
+_BEGINNINGS = 5
+_LOOSE = 9.0  # times the gate: what the views add, which are not wholly where they seem
+
+
+class Refit(NamedTuple):
+    """A tag's pose (3, 3) and (3,), its size by that which was given, and which sightings fit."""
+
+    R: Floats
+    t: Floats
+    size: float
+    fits: Flags
+
+
+def refit(terms: Terms, state: State, rows: Numbers, sized: bool) -> Refit | None:
+    """The pose, and the size where ``sized``, that most of a tag's sightings (R,) agree on."""
+    best = None
+    scales = (1.0, 0.5, 0.7, 1.4, 2.0) if sized else (1.0,)
+    for row in rows[:: max(1, len(rows) // _BEGINNINGS)]:
+        for hypothesis in terms.problem.sightings[row].hypotheses:
+            for scale in scales:
+                view = terms.corners.views[row]
+                R = state.views.R[view] @ rotations.to_matrix(hypothesis.quat_xyzw)
+                away = state.views.R[view] @ hypothesis.position_xyz
+                t = state.views.t[view] + scale * away
+                found = _fitted(terms, state, rows, Refit(R, t, scale, rows > 0), sized)
+                if best is None or found.fits.sum() > best.fits.sum():
+                    best = found
+    return best
+
+
+def _fitted(terms: Terms, state: State, rows: Numbers, start: Refit, sized: bool) -> Refit:
+    R, t, size = start.R, start.t, start.size
+    residuals, by = _seen(terms, state, rows, R, t, size)
+    for _ in range(_ROUNDS):
+        chi2 = (residuals**2).sum(axis=1)
+        scale = max(_LOOSE * GATE, float(np.median(chi2)))
+        weights = (scale / (scale + chi2))[:, None]
+        J = (by * weights[..., None]).reshape(-1, 7)[:, : 6 + sized]
+        information = J.T @ J + 1e-6 * np.eye(J.shape[1])
+        step = -np.linalg.solve(information, J.T @ (residuals * weights).ravel())
+        step /= max(1.0, float(np.abs(step[3:6]).max()) / 0.3)
+        R, t = moved(R, t, step[:6])
+        if sized:
+            size = max(size * float(np.exp(np.clip(step[6], -0.5, 0.5))), 1e-3)
+        residuals, by = _seen(terms, state, rows, R, t, size)
+    return Refit(R, t, size, (residuals**2).sum(axis=1) < _LOOSE * GATE)
+
+
+def _seen(
+    terms: Terms, state: State, rows: Numbers, R: Floats, t: Floats, size: float
+) -> tuple[Floats, Floats]:
+    """Residuals (R, 8), and derivatives (R, 8, 7) by the pose and the logarithm of the size."""
+    views, _, points, rays, _, _ = terms.corners
+    body, none = Poses(R[None], t[None]), np.zeros(len(rows), int)
+    in_camera = in_view(state.views, body, views[rows], none)
+    sigma = np.repeat(terms.sigma_px()[rows, None], 4, axis=1)
+    seen = Rays(rays.directions[rows], rays.to_pixels[rows])
+    residuals, by_pose = linearise(*in_camera, points[rows] * size, seen, sigma)
+    larger, _ = linearise(*in_camera, points[rows] * size * (1 + 1e-6), seen, sigma)
+    with np.errstate(invalid="ignore"):
+        by_size = (larger - residuals)[..., None] / 1e-6
+    by = np.concatenate(
+        [between(by_pose, state.views, body, views[rows], none)[1], by_size], axis=2
+    )
+    bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
+    return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by)

@@ -1,0 +1,150 @@
+"""A map from all views at once: the poses of camera and tags that fit them best.
+
+Source: W. Triggs and others, Bundle Adjustment - A Modern Synthesis, 2000.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.mapping.branches import turn_tags, turn_views
+from ros_visualise.landmarks.mapping.minimising import (
+    GATE,
+    chi2_of,
+    final,
+    kept,
+    minimise,
+    robust,
+)
+from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
+from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
+from ros_visualise.landmarks.mapping.starting import begin, poses
+from ros_visualise.landmarks.mapping.terms import SHARED, UNKNOWN, Noise, Prior, State, Terms
+
+_SCALES = (100.0, 10.0, 3.0, 1.0)  # of the robust weights: from the start, which is far, to the end
+_TURNS = 4
+_SETTLED = 5
+DECIDED = 12.0
+"""Twice the log-likelihood ratio from which on one of two poses is right."""
+
+
+@dataclass(frozen=True, eq=False)
+class Smoothed:
+    """What was found.
+
+    Attributes:
+        problem: what hangs together of that which was recorded.
+        views, tags: the poses in the map.
+        covariances: (M, 6, 6) of the tags: x, y, z and the rotations about them, in the map.
+        shared, shared_covariance: (8,) and (8, 8), see `terms`.
+        inliers: (S,) which sightings fit.
+        residuals_px: (S,) the root of the mean squared distance of a sighting's corners.
+        noise: what corners and odometry were found to deviate.
+        undecided: (M,) tags that the views may show in another pose as well.
+    """
+
+    problem: Problem
+    views: Poses
+    tags: Poses
+    covariances: Floats
+    shared: Floats
+    shared_covariance: Floats
+    inliers: Flags
+    residuals_px: Floats
+    noise: Noise
+    undecided: Flags
+
+
+def smooth(
+    problem: Problem,
+    noise: Noise | None = None,
+    prior: Prior = UNKNOWN,
+    is_over: Callable[[], bool] = bool,
+) -> Smoothed | None:
+    """The poses that fit best; None where no two things hang together.
+
+    Args:
+        problem: what was recorded.
+        noise: of what is measured; None: it is estimated from what does not fit.
+        prior: of the shared numbers.
+        is_over: whether somebody asked for the end: then what is found by then is told.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+    """
+    begun = begin(problem)
+    problem = problem.restricted(begun.views, begun.tags)
+    if not problem.sightings:
+        return None
+    state = State(
+        poses(begun.T_views[begun.views]), poses(begun.T_tags[begun.tags]), np.zeros(SHARED)
+    )
+    terms = Terms(problem, noise or Noise(), prior)
+    for scale in _SCALES:
+        if noise is None:
+            _estimate_px(terms, state)
+        state = minimise(terms, state, robust(9 * scale * GATE), 10)
+    state, worse = _turned(terms, state, noise is None, is_over)
+    state, inliers = _settled(terms, state, noise is None, is_over)
+    return _told(terms, state, inliers, worse < DECIDED)
+
+
+def _estimate_px(terms: Terms, state: State) -> None:
+    terms.with_noise(extra_px=extra_of_corners(terms, state))
+
+
+def _turned(
+    terms: Terms, state: State, estimated: bool, is_over: Callable[[], bool]
+) -> tuple[State, Floats]:
+    """With tags and views turned over that fit better so, until none does."""
+    worse = np.full(terms.problem.counts[1], np.inf)
+    for _ in range(_TURNS):
+        of_views = turn_views(terms, state)
+        of_tags = turn_tags(terms, of_views.state)
+        worse = of_tags.worse
+        if not of_views.changed + of_tags.changed or is_over():
+            break
+        state = minimise(terms, of_tags.state, robust(9 * GATE), 10)
+        if estimated:
+            _estimate_px(terms, state)
+    return state, worse
+
+
+def _settled(
+    terms: Terms, state: State, estimated: bool, is_over: Callable[[], bool]
+) -> tuple[State, Flags]:
+    """With those sightings alone that fit, and noise as large as what is left."""
+    inliers = np.zeros(len(terms.corners.views), bool)
+    for _ in range(_SETTLED):
+        if estimated:
+            _estimate_px(terms, state)
+            terms.noise = scales_of_odometry(terms, state, inliers)
+        before, inliers = inliers, chi2_of(terms, state) < GATE
+        state = minimise(terms, state, kept(inliers), 10)
+        if (before == inliers).all() or is_over():
+            break
+    return state, inliers
+
+
+def _told(terms: Terms, state: State, inliers: Flags, undecided: Flags) -> Smoothed:
+    covariance = final(terms, state, inliers).covariance
+    tags = terms.problem.counts[1]
+    blocks = covariance[: 6 * tags, : 6 * tags].reshape(tags, 6, tags, 6)
+    every = np.arange(tags)
+    residuals = terms.residuals_px(state)
+    return Smoothed(
+        terms.problem,
+        state.views,
+        state.tags,
+        blocks[every, :, every],
+        state.shared,
+        covariance[6 * tags :, 6 * tags :],
+        inliers,
+        np.sqrt((residuals**2).sum(axis=1) / 4),
+        terms.noise,
+        undecided,
+    )
