@@ -249,7 +249,10 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
         (["{photo}", "--calibration", "{bad}"], "bad.yaml: no camera calibration"),
         (["{photo}", "--tags", "{bad}"], "bad.yaml"),
         (["{photo}", "--families", "tag99"], "no family of tags 'tag99'; there is tag36h11"),
-        (["{photo}", "--map", "map.yaml"], "does not tell where the camera is"),
+        (
+            ["{photo}", "--map", "{folder}/map.yaml", "--survey", "none.yaml"],
+            "none.yaml: no such file",
+        ),
         (["{photo}", "--topic", "/image"], "only a recording has several topics"),
         (["{bad}"], "bad.yaml: not a video that FFmpeg can read"),
         (["{folder}"], "a folder with no pictures and no recording in it"),

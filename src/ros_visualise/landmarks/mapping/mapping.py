@@ -11,11 +11,12 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.landmarks.mapping.outliers import SIZE, Outlier, corrected, outliers
+from ros_visualise.landmarks.mapping.outliers import UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
 from ros_visualise.landmarks.mapping.terms import UNKNOWN, Prior
 
+_ROUNDS = 3
 _LEAST_SEEN = 3  # sightings, that make a landmark
 
 
@@ -51,11 +52,16 @@ def map_of(
     found = smooth(problem, prior=prior, is_over=is_over)
     if found is None:
         return None
-    named = outliers(found)
-    if any(one.kind == SIZE or one.sightings for one in named) and not is_over():
-        again = smooth(corrected(found.problem, named), prior=prior, is_over=is_over)
-        found = again or found
-    return Map(found, named, tracks_of(found))
+    explained: list[Outlier] = []
+    for _ in range(_ROUNDS):
+        named = outliers(found)
+        new = [one for one in named if one.kind != UNSTEADY]
+        if not new or is_over():
+            break
+        explained += new
+        found = smooth(corrected(found.problem, new), prior=prior, is_over=is_over) or found
+    rest = [one for one in outliers(found) if one.kind == UNSTEADY]
+    return Map(found, [*explained, *rest], tracks_of(found))
 
 
 def tracks_of(found: Smoothed) -> list[Track]:

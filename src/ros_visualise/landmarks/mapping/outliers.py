@@ -18,7 +18,7 @@ from ros_visualise.landmarks.mapping.terms import State, Terms
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
 
 _REFUSED, _LEAST = 0.2, 4  # of a tag's sightings, and how many: from here on it is looked at
-_AGREE = 0.7  # of those sightings, that fit where the tag may be as well
+_AGREE = 0.6  # of those sightings, that fit where the tag may be as well
 _RESIZED = 0.03  # of its size, from which on that is not what was given
 
 
@@ -45,7 +45,7 @@ def outliers(found: Smoothed) -> list[Outlier]:
     for tag, name in enumerate(found.problem.names):
         rows = np.flatnonzero(terms.corners.tags == tag)
         refused = rows[~found.inliers[rows]]
-        if len(refused) >= max(_LEAST, _REFUSED * len(rows)):
+        if len(refused) >= max(_LEAST, _REFUSED * len(rows)) and " " not in name:
             named.append(_explained(terms, state, name, rows, refused))
     return named
 
@@ -53,7 +53,8 @@ def outliers(found: Smoothed) -> list[Outlier]:
 def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
     sized = refit(terms, state, rows, sized=True)
-    if sized and sized.fits.mean() > _AGREE and abs(np.log(sized.size)) > _RESIZED:
+    explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
+    if sized and explains and abs(np.log(sized.size)) > _RESIZED:
         given = terms.problem.sightings[rows[0]].size_m
         text = f"its side is {sized.size * given:.3f} m, not {given:.3f} m: the map has it so"
         return Outlier(name, SIZE, text, sized.size)
@@ -63,6 +64,8 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
     there, here = refused[other.fits], np.setdiff1d(rows, refused)
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
+    if apart < terms.problem.sightings[rows[0]].size_m / 2:
+        return Outlier(name, UNSTEADY, f"{share}, though it is there")
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
     if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
         text = f"it was moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"

@@ -32,7 +32,11 @@ LARGER, LONGER, MOUNTING = 0, 1, slice(2, 8)
 """Which of the shared numbers is which."""
 
 _STEP = 1e-6  # of derivatives by differences
-_ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)  # metres, radians: that fix the map
+_ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
+"""Metres and radians, that fix the map to a tag."""
+_FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
+"""How far the frames are trusted where the first view is: its tilt may be off more than its heading,
+from which the map has its own."""
 
 
 @dataclass(frozen=True)
@@ -216,11 +220,11 @@ class Terms:
         def residuals(shared: Floats) -> Floats:
             R_x, t_x = _mounting(shared)
             given = Poses(T[:, :3, :3] @ R_x, T[:, :3, 3] + T[:, :3, :3] @ t_x)
-            off: Floats = _off(first, given) / _ANCHOR
+            off: Floats = _off(first, given) / _FIRST
             return off
 
         by_shared = _differences(residuals, state.shared)
-        J = np.diag(1 / _ANCHOR)[None]
+        J = np.diag(1 / _FIRST)[None]
         there = residuals(state.shared)
         normal.add(there, by_shared, (np.array([0]), J))
         return float((there**2).sum())
