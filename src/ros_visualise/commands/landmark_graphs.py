@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise.commands.graphs import with_settings
-from ros_visualise.data import Detections, Image, Odometry, Transforms
+from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.landmark_pipelines import (
@@ -36,7 +36,7 @@ _NONE = "none"
 _FIELD = "field"
 _OWN = "default"  # mission of a robot
 _MAPPED = (Transforms, Odometry)
-"""What a map of landmarks needs beside the detections."""
+"""What a map of landmarks needs beside the detections; an IMU tells how the camera is mounted."""
 
 
 def landmark_graph(args: Namespace) -> Graph:
@@ -107,10 +107,11 @@ def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
         there = ", ".join([*images, *found]) or "none"
         what = f"--topic {args.topic}: no such topic" if args.topic else f"{args.input}: no topic"
         raise UsageError(f"{what} of images or of detections in images; there is {there}")
+    wanted = _MAPPED if args.map is None else (*_MAPPED, Imu)
     beside = [
         name
         for name, kind in kinds.items()
-        if kind in _MAPPED and name not in MADE and not recording.topics[name].unreadable
+        if kind in wanted and name not in MADE and not recording.topics[name].unreadable
     ]
     declared = player(recording, [topic, *beside], camera_info_url=args.calibration)
     outputs = {name: name for name in declared.outputs}

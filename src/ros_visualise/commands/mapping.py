@@ -15,6 +15,7 @@ from ros_visualise.data import (
     Detections,
     Detections3D,
     Floats,
+    Imu,
     Transforms,
 )
 from ros_visualise.data.frames import is_static
@@ -74,10 +75,13 @@ class Mapper:
             if made.type is Detections
         ]
         assert graph.source is not None
-        frames = [name for name, made in graph.source.topics.items() if made.type is Transforms]
+        given = graph.source.topics.items()
+        frames = [name for name, made in given if made.type is Transforms]
+        imus = [name for name, made in given if made.type is Imu][:1]
         self.listeners: Mapping[str, Listener] = {
             **{topic: Listener(self._gathered.add_found) for topic in found},
             **{topic: Listener(self._frames(topic)) for topic in frames},
+            **{topic: Listener(self._gathered.add_imu) for topic in imus},
         }
 
     def finish(self, told: Detections3D | None, is_over: Callable[[], bool]) -> None:
@@ -91,7 +95,7 @@ class Mapper:
         problem = self._gathered.problem(self._sizes, frame_id)
         problem, self._unseen = self._survey.added_to(problem)
         try:
-            self.map = map_of(problem, is_over=is_over) if problem.sightings else None
+            self.map = map_of(problem, self._gathered.gyro, is_over) if problem.sightings else None
         except np.linalg.LinAlgError:
             say("ros-visualise: the map is not smoothed: too little was seen to tell all poses")
 

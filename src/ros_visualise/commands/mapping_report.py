@@ -28,6 +28,7 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
         f"corners: {_rms(found.residuals_px[found.inliers]):.2f} px off (rms), and tags are seen"
         f" {larger:.2f} +- {sigma:.2f} px too large"
     )
+    lines += [one.text for one in made.mountings]
     lines += [f"{shown(one.name)}: {one.text}" for one in made.outliers]
     lines += [
         f"{shown(name)}: the views do not tell which of two poses it has"
@@ -67,6 +68,16 @@ def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
             "value": float(found.shared[LARGER]),
             "sigma": float(np.sqrt(found.shared_covariance[LARGER, LARGER])),
         },
+        "mountings": [
+            {
+                "what": one.what,
+                "wrong": one.is_wrong,
+                "turn_degrees": one.turn_deg.tolist(),
+                "turn_sigma_degrees": one.turn_sigma_deg.tolist(),
+                "text": one.text,
+            }
+            for one in made.mountings
+        ],
         "left_out": dict(left_out),
     }
 

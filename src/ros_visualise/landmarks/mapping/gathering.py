@@ -5,13 +5,14 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
-from ros_visualise.data import Detection, Detections, Floats, Transforms
+from ros_visualise.data import Detection, Detections, Floats, Imu, Transforms
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
+from ros_visualise.landmarks.mapping.mounting import Gyro
 from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting
 
 _FOR_EVER_S = 1e9
@@ -31,6 +32,8 @@ class Gathered:
         self.frames = FrameTree(_FOR_EVER_S)
         self.left_out: Counter[str] = Counter()
         self.messages: list[Detections] = []
+        self._turns: list[tuple[float, ...]] = []
+        self._imu_frame = ""
         self._lock = threading.Lock()
 
     @property
@@ -49,6 +52,27 @@ class Gathered:
             self.frames.add(message, static)
         except WrongTransforms:
             return
+
+    def add_imu(self, message: Imu) -> None:
+        """A measurement of an IMU; one that has no turn rates is left out."""
+        if message.angular_covariance[0, 0] != -1:
+            with self._lock:
+                self._imu_frame = message.header.frame_id
+                self._turns.append((message.header.stamp_ns, *message.angular_xyz))
+
+    def gyro(self, stamps_ns: npt.NDArray[np.int64]) -> Gyro | None:
+        """What the IMU measured; None where there is none, or its frame is not known."""
+        camera = next((one.header.frame_id for one in self._with_tags()), "")
+        with self._lock:
+            turns = sorted(self._turns)
+        if not turns:
+            return None
+        try:
+            T = [self.frames.lookup(self._imu_frame, camera, int(t), 0.05) for t in stamps_ns]
+        except NoTransform:
+            return None
+        times = np.array([one[0] for one in turns], np.int64)
+        return Gyro(times, np.array([one[1:] for one in turns]), np.array(T)[:, :3, :3])
 
     def problem(self, size_of: Callable[[Detection], float], frame_id: str) -> Problem:
         """The problem: images with tags, and where the frames say that the camera was.
@@ -139,7 +163,6 @@ def _together(problem: Problem, left_out: Counter[str]) -> Problem:
     seen = {one.tag for one in problem.sightings if several[one.view]}
     if not several.all():
         left_out["images of one tag alone, without frames"] = int((~several).sum())
-    kept = problem.restricted(
+    return problem.restricted(
         several, np.array([n in seen for n in range(len(problem.names))], bool)
     )
-    return replace(kept)

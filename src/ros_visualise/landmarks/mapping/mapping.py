@@ -6,15 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.mapping.mounting import Gyro, Mounting, camera_mounting, imu_mounting
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
-from ros_visualise.landmarks.mapping.terms import UNKNOWN, Prior
 
 _ROUNDS = 3
 _LEAST_SEEN = 3  # sightings, that make a landmark
@@ -22,11 +23,12 @@ _LEAST_SEEN = 3  # sightings, that make a landmark
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """What was smoothed, what was found wrong with tags, and the tags as landmarks."""
+    """What was smoothed, what is wrong with tags, the tags as landmarks, and how cameras sit."""
 
     smoothed: Smoothed
     outliers: Sequence[Outlier]
     tracks: Sequence[Track]
+    mountings: Sequence[Mounting]
 
     def correction(self, stamp_ns: int) -> Floats:
         """T_map_fixed (4, 4): by how much the frames were wrong about the camera at a time."""
@@ -39,17 +41,20 @@ class Map:
 
 
 def map_of(
-    problem: Problem, prior: Prior = UNKNOWN, is_over: Callable[[], bool] = bool
+    problem: Problem,
+    gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None,
+    is_over: Callable[[], bool] = bool,
 ) -> Map | None:
     """A map of the tags of a recording; None where nothing hangs together.
 
     Args:
+        gyro: of the stamps of views, what an IMU measured.
         is_over: whether somebody asked for the end.
 
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
-    found = smooth(problem, prior=prior, is_over=is_over)
+    found = smooth(problem, is_over=is_over)
     if found is None:
         return None
     explained: list[Outlier] = []
@@ -59,9 +64,17 @@ def map_of(
         if not new or is_over():
             break
         explained += new
-        found = smooth(corrected(found.problem, new), prior=prior, is_over=is_over) or found
+        found = smooth(corrected(found.problem, new), is_over=is_over) or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
-    return Map(found, [*explained, *rest], tracks_of(found))
+    mountings = []
+    if problem.odometry is not None and not is_over():
+        mounting, freed = camera_mounting(found)
+        mountings.append(mounting)
+        found = freed if mounting.is_wrong else found
+    measured = gyro(found.problem.stamps_ns) if gyro else None
+    of_imu = imu_mounting(found, measured) if measured else None
+    mountings += [of_imu] if of_imu else []
+    return Map(found, [*explained, *rest], tracks_of(found), mountings)
 
 
 def tracks_of(found: Smoothed) -> list[Track]:

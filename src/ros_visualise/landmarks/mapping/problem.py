@@ -128,7 +128,7 @@ class Problem:
                 for one in self.distances
                 if tags[list(one.tags)].all()
             ],
-            int(tag[self.anchor]) if tags[self.anchor] else 0,
+            int(tag[self.anchor]) if tags[self.anchor : self.anchor + 1].any() else 0,
         )
 
 

@@ -6,7 +6,7 @@ Source: W. Triggs and others, Bundle Adjustment - A Modern Synthesis, 2000.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ros_visualise.landmarks.mapping.minimising import (
 )
 from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
-from ros_visualise.landmarks.mapping.starting import begin, poses
+from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
 from ros_visualise.landmarks.mapping.terms import SHARED, UNKNOWN, Noise, Prior, State, Terms
 
 _SCALES = (100.0, 10.0, 3.0, 1.0)  # of the robust weights: from the start, which is far, to the end
@@ -45,6 +45,7 @@ class Smoothed:
         residuals_px: (S,) the root of the mean squared distance of a sighting's corners.
         noise: what corners and odometry were found to deviate.
         undecided: (M,) tags that the views may show in another pose as well.
+        is_estimated: whether the noise was found here, and not given.
     """
 
     problem: Problem
@@ -57,6 +58,7 @@ class Smoothed:
     residuals_px: Floats
     noise: Noise
     undecided: Flags
+    is_estimated: bool
 
 
 def smooth(
@@ -76,6 +78,9 @@ def smooth(
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
+    if not problem.sightings:
+        return None
+    problem = replace(problem, anchor=anchor_of(problem))
     begun = begin(problem)
     problem = problem.restricted(begun.views, begun.tags)
     if not problem.sightings:
@@ -90,7 +95,7 @@ def smooth(
         state = minimise(terms, state, robust(9 * scale * GATE), 10)
     state, worse = _turned(terms, state, noise is None, is_over)
     state, inliers = _settled(terms, state, noise is None, is_over)
-    return _told(terms, state, inliers, worse < DECIDED)
+    return told(terms, state, inliers, worse < DECIDED, noise is None)
 
 
 def _estimate_px(terms: Terms, state: State) -> None:
@@ -130,7 +135,14 @@ def _settled(
     return state, inliers
 
 
-def _told(terms: Terms, state: State, inliers: Flags, undecided: Flags) -> Smoothed:
+def told(
+    terms: Terms, state: State, inliers: Flags, undecided: Flags, is_estimated: bool
+) -> Smoothed:
+    """What was found, with its covariance.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+    """
     covariance = final(terms, state, inliers).covariance
     tags = terms.problem.counts[1]
     blocks = covariance[: 6 * tags, : 6 * tags].reshape(tags, 6, tags, 6)
@@ -147,4 +159,5 @@ def _told(terms: Terms, state: State, inliers: Flags, undecided: Flags) -> Smoot
         np.sqrt((residuals**2).sum(axis=1) / 4),
         terms.noise,
         undecided,
+        is_estimated,
     )

@@ -35,8 +35,7 @@ _STEP = 1e-6  # of derivatives by differences
 _ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
 """Metres and radians, that fix the map to a tag."""
 _FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
-"""How far the frames are trusted where the first view is: its tilt may be off more than its heading,
-from which the map has its own."""
+"""How far the frames are trusted where the first view is; the map has its heading from there."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,185 @@
+"""How the camera is mounted, checked by how the robot moved: what the frames say may be wrong.
+
+Where the odometry and the views of tags tell of the same motion, they tell, too, how the camera
+sits on the robot: a camera that is turned sees the robot go elsewhere. How it is turned to an IMU
+is told by the axes of turns, which both see. What did not move cannot tell: then the standard
+deviation is as large as before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, kept, minimise, robust
+from ros_visualise.landmarks.mapping.noise import scales_of_odometry
+from ros_visualise.landmarks.mapping.smoothing import Smoothed, told
+from ros_visualise.landmarks.mapping.terms import (
+    MOUNTING,
+    Prior,
+    State,
+    Terms,
+    logarithms,
+    relative,
+)
+from ros_visualise.landmarks.pose.refinement import turn
+
+_FREE_M, _FREE_RAD = 0.2, np.deg2rad(20.0)  # what is known of a mounting before
+_ROUNDS = 4
+_TURNED = 16.27  # squared distance of three numbers: chi-square, 999 of 1000
+_NOTICED_DEG = 0.5  # less is of no matter
+_VAGUE_DEG = 3.0
+_LONGEST_S = 1.0  # between views, for turns that are compared with those of an IMU
+_LEAST_TURNS = 10
+
+
+@dataclass(frozen=True, eq=False)
+class Mounting:
+    """By how much something is turned, and elsewhere, than the frames tell.
+
+    Attributes:
+        what: of what, in words.
+        turn_deg, turn_sigma_deg: (3,) degrees about the camera's x, y and z, and their deviations.
+        distance2: squared distance of the turn from none.
+        shift_m, shift_sigma_m: (3,) metres along these; None where that is not estimated.
+    """
+
+    what: str
+    turn_deg: Floats
+    turn_sigma_deg: Floats
+    distance2: float
+    shift_m: Floats | None = None
+    shift_sigma_m: Floats | None = None
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether what the frames say cannot be."""
+        return self.distance2 > _TURNED and bool(np.linalg.norm(self.turn_deg) > _NOTICED_DEG)
+
+    @property
+    def text(self) -> str:
+        """In words."""
+        angle = float(np.linalg.norm(self.turn_deg))
+        each = ", ".join(
+            f"{axis} {value:+.2f} +- {sigma:.2f}"
+            for axis, value, sigma in zip("xyz", self.turn_deg, self.turn_sigma_deg, strict=True)
+        )
+        if self.is_wrong:
+            return (
+                f"{self.what} is turned by {angle:.1f} degrees from what the frames tell: mend its"
+                f" transform (degrees about the camera's axes: {each})"
+            )
+        far = ", as far as these motions show" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
+        return f"{self.what} is as the frames tell{far} (degrees about the camera's axes: {each})"
+
+
+def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
+    """The camera on its robot, and the same map with what was found of that.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+    """
+    prior = replace(Prior(), mounting_m=_FREE_M, mounting_rad=_FREE_RAD)
+    terms = Terms(found.problem, found.noise, prior)
+    state = State(found.views, found.tags, found.shared)
+    state = minimise(terms, state, robust(9 * GATE), 15)
+    for _ in range(_ROUNDS):
+        inliers = chi2_of(terms, state) < GATE
+        if found.is_estimated:
+            terms.noise = scales_of_odometry(terms, state, inliers)
+        state = minimise(terms, state, kept(inliers), 10)
+    freed = told(terms, state, inliers, found.undecided, found.is_estimated)
+    off, covariance = freed.shared[MOUNTING], freed.shared_covariance[MOUNTING, MOUNTING]
+    sigmas = np.sqrt(np.diag(covariance))
+    mounting = Mounting(
+        "the camera on the robot",
+        np.rad2deg(off[3:]),
+        np.rad2deg(sigmas[3:]),
+        float(off[3:] @ np.linalg.solve(covariance[3:, 3:], off[3:])),
+        off[:3],
+        sigmas[:3],
+    )
+    return mounting, freed
+
+
+@dataclass(frozen=True, eq=False)
+class Gyro:
+    """What an IMU measured.
+
+    Attributes:
+        stamps_ns: (T,) in order.
+        rates_xyz: (T, 3) rad/s in its frame.
+        R_imu_camera: (N, 3, 3) at each view, as the frames tell.
+    """
+
+    stamps_ns: npt.NDArray[np.int64]
+    rates_xyz: Floats
+    R_imu_camera: Floats
+
+
+def imu_mounting(found: Smoothed, gyro: Gyro) -> Mounting | None:
+    """The camera to an IMU, by the turns from view to view; None where there are too few.
+
+    The IMU's bias is estimated with it, as one for all of the recording.
+    """
+    seen = logarithms(relative(found.views).R)
+    turned, elapsed_s = _integrated(gyro, found.problem.stamps_ns)
+    R = gyro.R_imu_camera
+    usable = np.isfinite(turned).all(axis=(1, 2)) & (elapsed_s < _LONGEST_S) & (elapsed_s > 0)
+    if usable.sum() < _LEAST_TURNS:
+        return None
+    by_imu = logarithms(np.swapaxes(R[:-1], 1, 2)[usable] @ turned[usable] @ R[1:][usable])
+    seen, elapsed_s = seen[usable], elapsed_s[usable]
+    by_bias = -np.swapaxes(R[:-1], 1, 2)[usable] * elapsed_s[:, None, None]
+    off, bias = np.eye(3), np.zeros(3)
+    weights = np.ones(len(seen))
+    for _ in range(10):
+        believed = (by_imu + by_bias @ bias) @ off
+        left = seen - believed
+        J = np.concatenate([_cross(believed), np.swapaxes(off, 0, 1) @ by_bias], axis=2)
+        size = np.linalg.norm(left, axis=1)
+        weights = 1 / np.maximum(1, size / max(2 * np.median(size), 1e-9))
+        information = np.einsum("n,nki,nkj->ij", weights, J, J) + 1e-12 * np.eye(6)
+        step = np.linalg.solve(information, np.einsum("n,nki,nk->i", weights, J, left))
+        off, bias = off @ turn(step[:3]), bias + step[3:]
+    variance = float((weights * (left**2).sum(axis=1)).sum() / max(3 * weights.sum() - 6, 1))
+    covariance = np.linalg.inv(information)[:3, :3] * variance + 1e-10 * np.eye(3)
+    vector = logarithms(off[None])[0]
+    return Mounting(
+        "the camera to the IMU",
+        np.rad2deg(vector),
+        np.rad2deg(np.sqrt(np.diag(covariance))),
+        float(vector @ np.linalg.solve(covariance, vector)),
+    )
+
+
+def _integrated(gyro: Gyro, stamps_ns: npt.NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """(N - 1, 3, 3) turns of the IMU between views, NaN where it was silent; and seconds."""
+    turns = np.full((len(stamps_ns) - 1, 3, 3), np.nan)
+    elapsed_s = np.diff(stamps_ns) / 1e9
+    for view, (start, end) in enumerate(pairwise(stamps_ns)):
+        first, last = np.searchsorted(gyro.stamps_ns, (start, end))
+        if first == 0 or last >= len(gyro.stamps_ns) or elapsed_s[view] > _LONGEST_S:
+            continue
+        times = np.concatenate([[start], gyro.stamps_ns[first:last], [end]])
+        rates = np.stack(
+            [np.interp(times, gyro.stamps_ns, column) for column in gyro.rates_xyz.T], axis=1
+        )
+        steps = np.diff(times)[:, None] / 1e9 * (rates[:-1] + rates[1:]) / 2
+        R = np.eye(3)
+        for step in turn(steps):
+            R = R @ step
+        turns[view] = R
+    return turns, elapsed_s
+
+
+def _cross(vectors: Floats) -> Floats:
+    """(N, 3, 3) that take b to the cross products of (N, 3) and b."""
+    matrices = np.zeros((len(vectors), 3, 3))
+    x, y, z = vectors.T
+    matrices[:, 0, 1], matrices[:, 0, 2], matrices[:, 1, 2] = -z, y, -x
+    return matrices - np.swapaxes(matrices, 1, 2)

@@ -1,0 +1,73 @@
+"""Whether a camera that is turned is noticed, by motions of which all is known."""
+
+import numpy as np
+import pytest
+from made_worlds import drifting, flight, floor, turn, world
+
+from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.landmarks.mapping.mapping import map_of
+from ros_visualise.landmarks.mapping.mounting import Gyro, camera_mounting, imu_mounting
+from ros_visualise.landmarks.mapping.smoothing import smooth
+from ros_visualise.landmarks.mapping.terms import Noise, logarithms, relative
+
+NOISE = Noise(extra_px=0.1, way_m=0.005, tilt_rad=5e-4, heading_rad=1e-3)
+OFF = np.deg2rad([2.0, -1.5, 1.6])  # 3 degrees
+
+
+@pytest.fixture
+def random():
+    return np.random.default_rng(2)
+
+
+def seen_by(random, off, noise=NOISE, sigma_px=0.1):
+    """The problem of a robot whose camera is turned by this from what the frames tell."""
+    cameras, tags = flight(random, 30, 4.0), floor(random, 6, 4.0)
+    told = drifting(random, cameras, noise)
+    misled = told @ inverse(from_parts(turn(off), np.zeros(3)))
+    return world(random, cameras, tags, sigma_px, odometry=misled)
+
+
+def test_a_camera_that_is_turned_by_three_degrees_is_noticed(random):
+    made = map_of(seen_by(random, OFF))
+    mounting = made.mountings[0]
+    assert mounting.is_wrong
+    assert "3.0 degrees" in mounting.text or "2.9" in mounting.text or "3.1" in mounting.text
+    off = mounting.turn_deg - np.rad2deg(OFF)
+    assert (np.abs(off) < 4 * mounting.turn_sigma_deg).all()
+    assert (mounting.turn_sigma_deg < 0.5).all()
+
+
+def test_a_camera_that_is_as_the_frames_tell_is_not_blamed(random):
+    mounting = map_of(seen_by(random, np.zeros(3))).mountings[0]
+    assert not mounting.is_wrong
+    assert (np.abs(mounting.turn_deg) < 4 * mounting.turn_sigma_deg).all()
+
+
+def test_exact_motion_gives_the_exact_turn(random):
+    cameras, tags = flight(random, 30, 4.0), floor(random, 6, 4.0)
+    misled = cameras @ inverse(from_parts(turn(OFF), np.zeros(3)))
+    found = smooth(world(random, cameras, tags, 1e-3, odometry=misled))
+    mounting, _ = camera_mounting(found)
+    np.testing.assert_allclose(mounting.turn_deg, np.rad2deg(OFF), atol=0.1)
+
+
+def turning(found, off, bias=0.0, random=None):
+    """What a gyroscope measures, of an IMU that the frames take to be elsewhere by a turn."""
+    R_imu_camera = np.tile(turn([0.3, 1.0, -0.5]), (len(found.views.t), 1, 1))
+    steps = R_imu_camera[0] @ turn(off) @ logarithms(relative(found.views).R)[..., None]
+    stamps = found.problem.stamps_ns
+    rates = steps[..., 0] / np.diff(stamps)[:, None] * 1e9 + bias
+    times = np.sort(np.concatenate([stamps[:-1] + 10**5, stamps[1:] - 10**5]))
+    return Gyro(
+        np.concatenate([[stamps[0] - 1], times, [stamps[-1] + 1]]),
+        np.concatenate([rates[:1], np.repeat(rates, 2, axis=0), rates[-1:]]),
+        R_imu_camera,
+    )
+
+
+def test_an_imu_that_is_turned_is_noticed_in_spite_of_its_bias(random):
+    found = smooth(seen_by(random, np.zeros(3)), NOISE)
+    mounting = imu_mounting(found, turning(found, OFF, np.array([0.02, -0.01, 0.03])))
+    assert mounting.is_wrong
+    np.testing.assert_allclose(mounting.turn_deg, np.rad2deg(OFF), atol=0.1)
+    assert not imu_mounting(found, turning(found, np.zeros(3))).is_wrong
