@@ -109,7 +109,7 @@ def _tell(
         values |= {"smoothing": mapper.values()} if mapper else {}
         answer([json.dumps(values, allow_nan=False)])
         return
-    if paths:
+    if paths and not mapper:
         rows = _of_pictures(images)
     else:
         heads = ("landmark", "seen", "position, metres", "+-", "frame")

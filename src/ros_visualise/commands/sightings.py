@@ -157,7 +157,7 @@ def landmarks_json(sightings: Sightings, sighted: Mapping[str, int]) -> list[dic
             "name": one.id or one.class_id,
             "frame_id": sightings.map.header.frame_id,  # type: ignore[union-attr]
             "pose": pose_json(one.hypotheses[0]) if one.hypotheses else None,
-            "seen": sighted.get(one.id, 0),
+            "seen": sighted.get(one.id, seen.get(one.class_id, 0)),
         }
         for one in placed
     ]
