@@ -138,7 +138,8 @@ def test_a_tag_that_was_moved_is_where_it_was_last(random, tags):
     assert not any("elsewhere" in one.name for one in made.tracks)
 
 
-def test_an_id_that_is_there_twice_is_named(random, cameras, tags):
+def test_an_id_that_is_there_twice_is_named(random):
+    tags, cameras = floor(random, TAGS, 4.0), flight(random, VIEWS, 4.0)
     other = tags[3].copy()
     other[:3, 3] += [1.2, 0.6, 0]
     problem = world(

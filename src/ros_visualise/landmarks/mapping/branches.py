@@ -103,7 +103,7 @@ def _seen(terms: Terms, state: State) -> tuple[Floats, Floats]:
     views, tags, points, rays, _, outward = terms.corners
     sigma = terms.sigma_px()
     R, t = in_view(state.views, state.tags, views, tags)
-    residuals, by_pose = linearise(R, t, points, rays, np.repeat(sigma[:, None], 4, axis=1))
+    residuals, by_pose = linearise(R, t, points, rays, np.eye(8) / sigma[:, None, None])
     residuals = residuals + state.shared[LARGER] * outward.reshape(len(views), 8) / sigma[:, None]
     bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
     return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by_pose)

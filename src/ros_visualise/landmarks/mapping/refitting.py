@@ -71,10 +71,10 @@ def _seen(
     views, _, points, rays, _, _ = terms.corners
     body, none = Poses(R[None], t[None]), np.zeros(len(rows), int)
     in_camera = in_view(state.views, body, views[rows], none)
-    sigma = np.repeat(terms.sigma_px()[rows, None], 4, axis=1)
+    whiten = np.eye(8) / terms.sigma_px()[rows, None, None]
     seen = Rays(rays.directions[rows], rays.to_pixels[rows])
-    residuals, by_pose = linearise(*in_camera, points[rows] * size, seen, sigma)
-    larger, _ = linearise(*in_camera, points[rows] * size * (1 + 1e-6), seen, sigma)
+    residuals, by_pose = linearise(*in_camera, points[rows] * size, seen, whiten)
+    larger, _ = linearise(*in_camera, points[rows] * size * (1 + 1e-6), seen, whiten)
     with np.errstate(invalid="ignore"):
         by_size = (larger - residuals)[..., None] / 1e-6
     by = np.concatenate(

@@ -25,7 +25,7 @@ from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
 from ros_visualise.landmarks.mapping.terms import SHARED, UNKNOWN, Noise, Prior, State, Terms
 
-_SCALES = (100.0, 10.0, 3.0, 1.0)  # of the robust weights: from the start, which is far, to the end
+_SCALES = (100.0, 10.0, 1.0, 0.3, 0.1)  # of the robust weights: the start is far
 _TURNS = 4
 _SETTLED = 5
 DECIDED = 12.0

@@ -232,8 +232,8 @@ class Terms:
         """Residuals (S, 8), derivatives by the tag's pose in the camera, and by being too large."""
         views, tags, points, rays, _, outward = self.corners
         R, t = in_view(state.views, state.tags, views, tags)
-        sigmas = np.repeat(sigma_px[:, None], 4, axis=1)
-        residuals, by_pose = linearise(R, t, points, rays, sigmas)
+        whiten = np.eye(8) / sigma_px[:, None, None]
+        residuals, by_pose = linearise(R, t, points, rays, whiten)
         steps = outward.reshape(len(views), 8) / sigma_px[:, None]
         return residuals + state.shared[LARGER] * steps, by_pose, steps
 
