@@ -34,7 +34,7 @@ LARGER, LONGER, MOUNTING = 0, 1, slice(2, 8)
 _STEP = 1e-6  # of derivatives by differences
 _ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
 """Metres and radians, that fix the map to a tag."""
-_FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
+FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
 """How far the frames are trusted where the first view is; the map has its heading from there."""
 
 
@@ -219,11 +219,11 @@ class Terms:
         def residuals(shared: Floats) -> Floats:
             R_x, t_x = _mounting(shared)
             given = Poses(T[:, :3, :3] @ R_x, T[:, :3, 3] + T[:, :3, :3] @ t_x)
-            off: Floats = _off(first, given) / _FIRST
+            off: Floats = _off(first, given) / FIRST
             return off
 
         by_shared = _differences(residuals, state.shared)
-        J = np.diag(1 / _FIRST)[None]
+        J = np.diag(1 / FIRST)[None]
         there = residuals(state.shared)
         normal.add(there, by_shared, (np.array([0]), J))
         return float((there**2).sum())

@@ -1,0 +1,37 @@
+"""Whether the map is as sure as it says: errors of landmarks by their covariances, over worlds."""
+
+import numpy as np
+from made_passes import mean_band
+from made_worlds import drifting, flight, floor, turn, world
+
+from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.landmarks.mapping.smoothing import smooth
+from ros_visualise.landmarks.mapping.terms import FIRST, Noise, logarithm
+
+SEEDS = 16
+NOISE = Noise(extra_px=0.2)
+
+
+def begun_wrong(random, told):
+    """The same frames, as wrong at the first view as they are trusted to be."""
+    error = FIRST * random.standard_normal(6)
+    R, at = turn(error[3:]), told[0, :3, 3]
+    return from_parts(R, at + error[:3] - R @ at) @ told
+
+
+def squared_distance(seed):
+    """Of the error of one tag of a world by its covariance: six numbers."""
+    random = np.random.default_rng(seed)
+    tags, cameras = floor(random, 4, 3.0), flight(random, 12, 3.0)
+    told = begun_wrong(random, drifting(random, cameras, NOISE))
+    found = smooth(world(random, cameras, tags, 0.2, odometry=told), NOISE)
+    number = int(random.integers(len(found.tags.t)))
+    true = tags[int(found.problem.names[number].split("_")[1])]
+    R, t = found.tags.R[number], found.tags.t[number]
+    error = np.concatenate([t - true[:3, 3], logarithm(R @ true[:3, :3].T)])
+    return float(error @ np.linalg.solve(found.covariances[number], error))
+
+
+def test_landmarks_are_as_sure_as_they_say():
+    low, high = mean_band(6, SEEDS)
+    assert low < np.mean([squared_distance(seed) for seed in range(SEEDS)]) < high
