@@ -39,7 +39,7 @@ from ros_visualise.landmarks.localization.track import Track, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.terms import LARGER
+from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED, Prior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
 from ros_visualise.yaml_files import load_yaml
 
@@ -189,13 +189,13 @@ def smoothed(
         if n in names
     ]
     stamps_ns = np.arange(len(several), dtype=np.int64)
-    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known))
+    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), prior=Prior(printed=0.01))
     assert found is not None
     larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
     refused = int((~found.inliers).sum())
     print(
         f"survey +- {position_m} m: {len(sightings)} sightings, {refused} refused, corners off by"
-        f" {found.noise.extra_px:.2f} px, too large by {larger:.2f} +- {sigma:.2f} px"
+        f" {found.noise.extra_px:.2f} px, too large by {larger:.2f} +- {sigma:.2f} px, tags larger by {100 * found.shared[PRINTED]:.2f} %"
     )
     return dict(zip(found.problem.names, found.tags.t, strict=True))
 

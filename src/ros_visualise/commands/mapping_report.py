@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.commands.wording import counted
 from ros_visualise.landmarks.mapping.mapping import Map
-from ros_visualise.landmarks.mapping.terms import LARGER
+from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED
 from ros_visualise.printing import shown
 
 _WORST = 3  # views that are named
@@ -28,6 +28,12 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
         f"corners: {_rms(found.residuals_px[found.inliers]):.2f} px off (rms), and tags are seen"
         f" {larger:.2f} +- {sigma:.2f} px too large"
     )
+    printed, sigma = found.shared[PRINTED], np.sqrt(found.shared_covariance[PRINTED, PRINTED])
+    if found.problem.surveyed or found.problem.distances:
+        lines.append(
+            f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their sizes say,"
+            " by what was measured"
+        )
     lines += [one.text for one in made.mountings]
     lines += [f"{shown(one.name)}: {one.text}" for one in made.outliers]
     lines += [

@@ -8,7 +8,7 @@ from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.mapping.mapping import map_of
 from ros_visualise.landmarks.mapping.problem import DistancePrior, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.terms import LARGER, Noise, logarithm
+from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED, Noise, Prior, logarithm
 
 TAGS, VIEWS, SIGMA_PX = 7, 30, 0.2
 NOISE = Noise(extra_px=SIGMA_PX)
@@ -96,6 +96,14 @@ def test_a_survey_gives_the_map_its_frame_and_bends_it(random, cameras, tags):
     off, _ = errors(found, T @ tags)
     assert np.abs(off[[0, 3, 6], :3]).max() < 0.003
     assert np.abs(off[:, :3]).max() < 0.05
+
+
+def test_a_survey_tells_how_large_tags_were_printed(random, cameras, tags):
+    problem = world(random, cameras, tags, 0.1, size_of=lambda _: 1.02 * SIZE)
+    known = [TagPrior(n, tags[n][:3, 3], np.full(3, 1e-3)) for n in (0, 2, 4, 6)]
+    measured = type(problem)(*_parts(problem), None, known)
+    found = smooth(measured, Noise(extra_px=0.1), Prior(printed=0.05))
+    assert found.shared[PRINTED] == pytest.approx(0.02, abs=0.005)
 
 
 def test_a_distance_that_was_measured_holds(random, cameras, tags):

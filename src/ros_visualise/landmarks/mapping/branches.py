@@ -16,14 +16,12 @@ from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.minimising import GATE, robust
 from ros_visualise.landmarks.mapping.problem import Poses
 from ros_visualise.landmarks.mapping.terms import (
-    LARGER,
     State,
     Terms,
     between,
-    in_view,
     logarithms,
 )
-from ros_visualise.landmarks.pose.refinement import linearise, moved
+from ros_visualise.landmarks.pose.refinement import moved
 
 _APART_RAD = 0.1
 _ROUNDS = 15
@@ -100,11 +98,7 @@ def _refit(terms: Terms, state: State, tags: bool) -> State:
 
 
 def _seen(terms: Terms, state: State) -> tuple[Floats, Floats]:
-    views, tags, points, rays, _, outward = terms.corners
-    sigma = terms.sigma_px()
-    R, t = in_view(state.views, state.tags, views, tags)
-    residuals, by_pose = linearise(R, t, points, rays, np.eye(8) / sigma[:, None, None])
-    residuals = residuals + state.shared[LARGER] * outward.reshape(len(views), 8) / sigma[:, None]
+    residuals, by_pose, _ = terms.seen(state, terms.sigma_px())
     bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
     return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by_pose)
 

@@ -16,8 +16,10 @@ from ros_visualise.landmarks.mapping.mounting import Gyro, Mounting, camera_moun
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
+from ros_visualise.landmarks.mapping.terms import Prior
 
 _ROUNDS = 3
+_PRINTED = 0.01  # by how much all tags may be larger than is said, where a survey can tell
 _LEAST_SEEN = 3  # sightings, that make a landmark
 
 
@@ -54,7 +56,9 @@ def map_of(
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
-    found = smooth(problem, is_over=is_over)
+    is_measured = bool(problem.surveyed or problem.distances)
+    prior = Prior(printed=_PRINTED if is_measured else 0.0)
+    found = smooth(problem, prior=prior, is_over=is_over)
     if found is None:
         return None
     explained: list[Outlier] = []
@@ -64,7 +68,7 @@ def map_of(
         if not new or is_over():
             break
         explained += new
-        found = smooth(corrected(found.problem, new), is_over=is_over) or found
+        found = smooth(corrected(found.problem, new), prior=prior, is_over=is_over) or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     mountings = []
     if problem.odometry is not None and not is_over():

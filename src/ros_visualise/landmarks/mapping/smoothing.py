@@ -40,7 +40,7 @@ class Smoothed:
         problem: what hangs together of that which was recorded.
         views, tags: the poses in the map.
         covariances: (M, 6, 6) of the tags: x, y, z and the rotations about them, in the map.
-        shared, shared_covariance: (8,) and (8, 8), see `terms`.
+        shared, shared_covariance: (9,) and (9, 9), see `terms`.
         inliers: (S,) which sightings fit.
         residuals_px: (S,) the root of the mean squared distance of a sighting's corners.
         noise: what corners and odometry were found to deviate.

@@ -2,8 +2,8 @@
 
 The six numbers of a pose are changes of its position, and a rotation, along and about the axes of
 the map. The shared numbers are, in this order, by how many pixels tags are seen too large, by how
-much the odometry takes ways for too long, and by how much the camera is elsewhere and turned than
-the frames tell, along and about its own axes.
+much the odometry takes ways for too long, by how much the camera is elsewhere and turned than the
+frames tell, along and about its own axes, and by how much all tags are larger than their size.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from ros_visualise.landmarks.mapping.problem import (
 )
 from ros_visualise.landmarks.pose.refinement import linearise, moved, turn
 
-SHARED = 8
-LARGER, LONGER, MOUNTING = 0, 1, slice(2, 8)
+SHARED = 9
+LARGER, LONGER, MOUNTING, PRINTED = 0, 1, slice(2, 8), 8
 """Which of the shared numbers is which."""
 
 _STEP = 1e-6  # of derivatives by differences
@@ -65,12 +65,13 @@ class Prior:
     longer: float = 0.03
     mounting_m: float = 0.0
     mounting_rad: float = 0.0
+    printed: float = 0.0
 
     @property
     def sigmas(self) -> Floats:
-        """(8,)"""
+        """(9,)"""
         mounting = [self.mounting_m] * 3 + [self.mounting_rad] * 3
-        return np.array([self.larger_px, self.longer, *mounting])
+        return np.array([self.larger_px, self.longer, *mounting, self.printed])
 
 
 UNKNOWN = Prior()
@@ -123,19 +124,19 @@ class Terms:
 
     def residuals_px(self, state: State) -> Floats:
         """(S, 8) pixels from where corners are seen to where they should be."""
-        return self._seen(state, np.ones(len(self.corners.views)))[0]
+        return self.seen(state, np.ones(len(self.corners.views)))[0]
 
     def add_seen(self, normal: Normal, state: State, weights: Floats) -> None:
         """The corners, each sighting by its weight (S,)."""
-        residuals, by_pose, outward = self._seen(state, self.sigma_px())
+        residuals, by_pose, by_shared = self.seen(state, self.sigma_px())
         root = np.sqrt(weights)[:, None]
         bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
         residuals, root = np.where(bad[:, None], 0, residuals), np.where(bad[:, None], 0, root)
         views, tags = self.corners.views, self.corners.tags
         by_view, by_tag = between(by_pose * root[..., None], state.views, state.tags, views, tags)
-        shared = np.zeros((*residuals.shape, SHARED))
-        shared[..., LARGER] = outward * root
-        normal.add(residuals * root, shared, (views, by_view), tags=((tags, by_tag),))
+        normal.add(
+            residuals * root, by_shared * root[..., None], (views, by_view), tags=((tags, by_tag),)
+        )
 
     def add_gone(self, normal: Normal, state: State) -> Floats:
         """The odometry; returns its residuals (N - 1, 6) by their deviations."""
@@ -228,14 +229,20 @@ class Terms:
         normal.add(there, by_shared, (np.array([0]), J))
         return float((there**2).sum())
 
-    def _seen(self, state: State, sigma_px: Floats) -> tuple[Floats, Floats, Floats]:
-        """Residuals (S, 8), derivatives by the tag's pose in the camera, and by being too large."""
+    def seen(self, state: State, sigma_px: Floats) -> tuple[Floats, Floats, Floats]:
+        """Residuals (S, 8), derivatives by the tag's pose in the camera, and by shared numbers."""
         views, tags, points, rays, _, outward = self.corners
         R, t = in_view(state.views, state.tags, views, tags)
         whiten = np.eye(8) / sigma_px[:, None, None]
-        residuals, by_pose = linearise(R, t, points, rays, whiten)
-        steps = outward.reshape(len(views), 8) / sigma_px[:, None]
-        return residuals + state.shared[LARGER] * steps, by_pose, steps
+        printed = points * (1 + state.shared[PRINTED])
+        residuals, by_pose = linearise(R, t, printed, rays, whiten)
+        by_shared = np.zeros((*residuals.shape, SHARED))
+        by_shared[..., LARGER] = outward.reshape(len(views), 8) / sigma_px[:, None]
+        by_corner = by_pose[..., :3].reshape(-1, 4, 2, 3)
+        away = points @ np.swapaxes(R, 1, 2)
+        by_shared[..., PRINTED] = (by_corner @ away[..., None]).reshape(-1, 8)
+        residuals = residuals + state.shared[LARGER] * by_shared[..., LARGER]
+        return residuals, by_pose, by_shared
 
 
 def relative(poses: Poses) -> Poses:
@@ -299,7 +306,7 @@ def _carried(told: Poses, shared: Floats) -> Poses:
 
 
 def _differences(residuals: Callable[[Floats], Floats], shared: Floats) -> Floats:
-    """(N, 6, 8) derivatives by the shared numbers."""
+    """(N, 6, 9) derivatives by the shared numbers."""
     columns = [
         (residuals(shared + step) - residuals(shared - step)) / (2 * _STEP)
         for step in _STEP * np.eye(SHARED)
