@@ -191,11 +191,11 @@ def smoothed(
     stamps_ns = np.arange(len(several), dtype=np.int64)
     found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), prior=Prior(printed=0.01))
     assert found is not None
-    larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
+    larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]
     refused = int((~found.inliers).sum())
     print(
         f"survey +- {position_m} m: {len(sightings)} sightings, {refused} refused, corners off by"
-        f" {found.noise.extra_px:.2f} px, too large by {larger:.2f} +- {sigma:.2f} px, tags larger by {100 * found.shared[PRINTED]:.2f} %"
+        f" {found.noise.extra_px:.2f} px, tags too large by {larger:.2f} px and {printed:.2f} %"
     )
     return dict(zip(found.problem.names, found.tags.t, strict=True))
 
