@@ -13,7 +13,7 @@ ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {
         *("errors", "data", "params", "geometry", "rate", "joining"),
-        *("limits", "yaml_files", "printing", "signals"),
+        *("limits", "yaml_files", "printing", "signals", "near"),
     },
     {"messages", "vision"},
     {"landmarks"},
@@ -23,7 +23,7 @@ LAYERS = [
     {"nodes"},
     {"graph"},
     {"topic_names"},
-    {"pipelines", "landmark_pipelines"},
+    {"pipelines", "landmark_pipelines", "presets"},
     {"lessons"},
     {"runtime"},
     {"ui"},

@@ -197,6 +197,13 @@ def _add_nodes(parser: ArgumentParser) -> None:
         help="find tags in the images, and map them where the camera's place is known (default: of"
         " simulated robots)",
     )
+    group.add_argument(
+        "--preset",
+        default="",
+        metavar="NAME",
+        help="parameters of the image nodes: default, seed, soft, strong, automatic, gradient or"
+        " 'black and white'",
+    )
     _add_settings(group)
     group.add_argument(
         "--node",

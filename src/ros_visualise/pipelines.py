@@ -174,9 +174,7 @@ def simulation_pipeline(
     path = place(find_node("path"), {"odom": source.outputs["odom"]})
     if size is not None:
         settings |= {"camera_width": size[0], "camera_height": size[1]}
-    filters = {"threshold_mode": "off"}  # it would level the landmarks, which are bright
-    graph = _told_apart(Graph(source, (*images, path)))
-    graph = graph.configured({robot: settings, "filters": filters})
+    graph = _told_apart(Graph(source, (*images, path))).configured({robot: settings})
     if not landmarks:
         return graph
     tags = {"tags": tags_of_world(settings.get("world", "field"))}

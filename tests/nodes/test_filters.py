@@ -34,9 +34,9 @@ def luma(one):
 
 
 @pytest.mark.parametrize("encoding", PLAIN)
-def test_by_default_it_makes_gray_and_truncates_at_128(encoding):
+def test_truncating_leaves_no_value_above_the_threshold(encoding):
     one = image(encoding)
-    found = filters(one, FiltersParams())
+    found = filters(one, update(FiltersParams(), {"threshold": 128}))
     unit = np.iinfo(one.pixels.dtype).max // 255
     expected = np.minimum(luma(one) if one.is_color else one.pixels, 128 * unit)
     rounding = 0.6 if unit == 1 else 3
@@ -201,7 +201,7 @@ def test_the_declaration():
     assert (list(declared.inputs), list(declared.outputs)) == (["image"], ["image"])
     assert declared.stateless
     defaults = {spec.name: spec.default for spec in specs(FiltersParams)}
-    assert (defaults["gray"], defaults["threshold"]) == (True, 128)
+    assert (defaults["gray"], defaults["threshold"]) == (True, 255)
     assert defaults["threshold_mode"].value == "truncate"
 
 

@@ -43,7 +43,8 @@ def runtime() -> Iterator[LocalRuntime]:
     """The demo through the filters to the edges, paused at its first image."""
     playback = Playback(hold=True)
     playback.pause()
-    running = LocalRuntime(image_pipeline("landscape"), playback)
+    graph = image_pipeline("landscape").configured({"filters": {"threshold": 128}})
+    running = LocalRuntime(graph, playback)
     running.start()
     yield running
     running.stop()

@@ -37,7 +37,8 @@ def bar(pane, name):
     return next((shown, pane) for scale, shown in scales.items() if scale.spec.name == name)
 
 view = Windows()
-runtime = LocalRuntime(image_pipeline("landscape", size="160x120"), Playback(hold=True))
+graph = image_pipeline("landscape", size="160x120").configured({"filters": {"threshold": 128}})
+runtime = LocalRuntime(graph, Playback(hold=True))
 runtime.start()
 view.open(runtime)
 seen = runtime.subscribe("/processed_image")

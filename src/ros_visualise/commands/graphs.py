@@ -24,6 +24,7 @@ from ros_visualise.pipelines import (
     recording_pipeline,
     simulation_pipeline,
 )
+from ros_visualise.presets import preset
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
@@ -75,6 +76,8 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
             last = added.name
+    if args.preset:
+        graph = graph.configured(preset(args.preset, graph))
     graph = with_settings(graph, args)
     _refuse_unfed_pair(graph)
     _refuse_missing_calibration(graph)

@@ -34,12 +34,12 @@ class EdgeParams:
         group="method",
     )
     low: int = param(
-        200,
+        100,
         "lower threshold of the hysteresis; of 16-bit images at 8 bits; swapped if above high",
         min=0,
         max=800,
     )
-    high: int = param(300, "upper threshold of the hysteresis", min=0, max=800)
+    high: int = param(200, "upper threshold of the hysteresis", min=0, max=800)
     auto: bool = param(
         False,
         "choose low and high from the image: low by Otsu's method on the gradient, high twice that",

@@ -135,8 +135,9 @@ class FiltersParams:
         group="threshold mode",
     )
     threshold: int = param(
-        128,
-        "the threshold for each channel (x 257 at 16 bits); otsu and adaptive choose their own",
+        255,
+        "the threshold for each channel (x 257 at 16 bits); truncate changes nothing at 255;"
+        " otsu and adaptive choose their own",
         min=0,
         max=255,
     )

@@ -35,6 +35,9 @@ _FIXED = {
 }
 
 
+_BRIGHTEST = 255
+
+
 def threshold(
     pixels: Pixels,
     order: str,
@@ -50,14 +53,14 @@ def threshold(
         pixels: one or three channels; a fixed threshold holds for each channel by itself, Otsu and
             adaptive make gray of colour first.
         order: of the channels.
-        mode: off returns the same array.
+        mode: off returns the same array, as does truncate at 255.
         level: the fixed threshold, 0-255.
         size: adaptive: width of the window in pixels; even counts as the next odd.
         offset: adaptive: the threshold is the window's mean less this, 0-255.
         into: for a fixed threshold: an array that may be overwritten with the result, such as the
             pixels themselves.
     """
-    if mode is Threshold.OFF:
+    if mode is Threshold.OFF or (mode is Threshold.TRUNCATE and level >= _BRIGHTEST):
         return pixels
     if mode in _FIXED:
         return _apply(pixels, level * unit(pixels), _FIXED[mode], into)

@@ -19,6 +19,7 @@ from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.layout import Choice, arrange
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
+from ros_visualise.ui.page.presets import PresetChoice
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.saver import Saver
 from ros_visualise.ui.page.space import Space
@@ -92,6 +93,7 @@ class Desk:
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
+        self._preset = PresetChoice(gui, self._runtime, self._worker)
         self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._driver)
         self._space_folder = gui.add_folder("3D")
         self._space = Space(
@@ -211,6 +213,7 @@ class Desk:
             window.refresh()
         if self._transport is not None:
             self._transport.refresh()
+        self._preset.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
             self._show_frames()

@@ -1,0 +1,21 @@
+"""What was probably meant by a name that there is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def near(name: str, there: Iterable[str]) -> str:
+    """``; did you mean 'filters'?`` where one of those that there are is close, else all of them.
+
+    Args:
+        name: what was given.
+        there: what could have been; case does not matter.
+    """
+    known = list(there)
+    folded = {one.casefold(): one for one in reversed(known)}
+    found = get_close_matches(name.casefold(), folded, n=1)
+    if found:
+        return f"; did you mean {folded[found[0]]}?"
+    return f"; there is {', '.join(known) or 'none'}"
