@@ -32,11 +32,12 @@ from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.video import Video
 
 SIZES = {"480p": (854, 480), "1080p": (1920, 1080), "4K": (3840, 2160)}
+LOW, HIGH = 200, 300
 SETTINGS = {
     "fps_control": {"enabled": False},
     "filters": {"gray": True, "threshold_mode": "off"},
+    "edge_detector": {"low": LOW, "high": HIGH},
 }
-LOW, HIGH = 200, 300
 
 
 def decode(path: Path, frames: int) -> dict[str, float]:

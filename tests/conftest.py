@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
+
 
 @pytest.fixture(scope="session")
 def recordings() -> Path:

@@ -147,6 +147,11 @@ def _add_viewing(parser: ArgumentParser) -> None:
         "--port", type=_port, default=8080, help="port of the page (default: %(default)s)"
     )
     group.add_argument(
+        "--open",
+        action=BooleanOptionalAction,
+        help="open the page in a browser (default: from a terminal on a desktop)",
+    )
+    group.add_argument(
         "--allow-origin",
         action="append",
         default=[],

@@ -184,7 +184,7 @@ def simulation_pipeline(
 def demo_pipeline(
     source: str | None = None, size: Size | None = None, landmarks: bool = False
 ) -> Graph:
-    """A robot on its default mission, or a source of images that needs no file.
+    """A robot on its default mission, again and again, or a source of images that needs no file.
 
     Args:
         source: its name; None: the quadrotor, or the landscape where MuJoCo is not installed.
@@ -196,7 +196,7 @@ def demo_pipeline(
         if source == "landscape":
             log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
     if find_source(source).velocity_axes:
-        return simulation_pipeline(source, size, landmarks, mission="default")
+        return simulation_pipeline(source, size, landmarks, mission="default", repeat=True)
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
 
 

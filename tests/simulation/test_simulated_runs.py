@@ -67,7 +67,7 @@ def test_messages_come_in_order_of_time_at_their_rates(robot: str):
         "odom": 100,
         "truth": 100,
     }
-    expected |= {"imu": 200, "fix": 10}
+    expected |= {"imu": 200, "fix": 10, "status": 1}
     more = {"points": 20} if robot == "husky" else {"mag": 100, "pressure": 50}
     assert counts == expected | more
     assert set(counts) == set(simulation.outputs)
@@ -92,7 +92,11 @@ def test_every_message_is_in_a_frame_that_hangs_on_map(robot: str):
     parents = frame_tree(messages)
     assert parents["odom"] == "map"
     assert parents["base_link"] == "odom"
-    used = {m[0].header.frame_id for n, m in messages.items() if n not in ("robot_description",)}
+    used = {
+        m[0].header.frame_id
+        for n, m in messages.items()
+        if n not in ("robot_description", "status")
+    }
     for frame in (*used, "camera_optical"):
         while frame != "map":
             frame = parents[frame]

@@ -164,7 +164,7 @@ def test_sought_while_paused_the_image_of_that_time_is_shown():
 def test_steps_go_from_message_to_message_where_there_are_no_images():
     playback = Playback(rate=0, hold=True)
     messages = make("husky", playback).messages()
-    start = [next(messages)[0] for _ in range(8)]
+    start = [next(messages)[0] for _ in range(9)]
     assert start == [
         "robot_description",
         "tf_static",
@@ -174,6 +174,7 @@ def test_steps_go_from_message_to_message_where_there_are_no_images():
         "truth",
         "imu",
         "fix",
+        "status",
     ]
     playback.pause()
     playback.step()
@@ -210,3 +211,42 @@ def test_after_an_action_another_velocity_counts():
     assert heights[5] > 1.5
     assert heights[7] - heights[6] == pytest.approx(0.1, abs=0.05)
     assert heights[6] == pytest.approx(heights[5], abs=0.5)
+
+
+def told_of(source, count):
+    """What a robot says that it does, until it said so much, and when, in seconds."""
+    said = []
+    for name, message in source.messages():
+        if name == "status":
+            said.append(message.text)
+            if len(said) == count:
+                return said
+        elif name == "truth":
+            last_s = message.header.stamp_ns / S
+            assert last_s < 200, said
+    return said
+
+
+def test_it_says_what_it_does_and_begins_again(tmp_path):
+    mission = tmp_path / "hop.yaml"
+    mission.write_text("waypoints: [[1, 0, 1.5], [2, 0, 1.5]]\nspeed: 2\n")
+    playback = Playback(rate=0, hold=True)
+    robot = make("quadrotor", playback, mission=str(mission), repeat=True)
+    once = [
+        "mission: on the way",
+        "mission: way point 2 of 2",
+        "mission: on the way",
+        "landing",
+        "mission over, landed",
+    ]
+    assert told_of(robot, 10) == [*once, *once]
+    playback.close()
+
+
+def test_a_mission_that_failed_is_begun_again_too(blocked):
+    playback = Playback(rate=0, hold=True)
+    said = told_of(make("husky", playback, **blocked, repeat=True), 4)
+    assert said[0].startswith("mission: way point")
+    failed = next(number for number, one in enumerate(said) if one.startswith("failed: husky gave"))
+    assert said[failed + 1].startswith("mission: way point")
+    playback.close()

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
+import os
+import sys
+import time
 from argparse import Namespace
+from collections.abc import Mapping
+from pathlib import Path
 
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import in_time, interruptible
@@ -21,6 +26,8 @@ from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 
 _SPIN_S = 0.05
+_PATIENCE_S = 4.0  # for the first browser
+_SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
 def run(args: Namespace) -> int:
@@ -28,7 +35,14 @@ def run(args: Namespace) -> int:
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
-    options = ViewOptions(args.host, args.port, args.allow_origin, args.record_dir)
+    options = ViewOptions(
+        args.host,
+        args.port,
+        args.allow_origin,
+        args.record_dir,
+        title=title_of(args),
+        browser=has_desktop(os.environ) if args.open is None else args.open,
+    )
     graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, options)
     try:
@@ -65,6 +79,8 @@ def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> boo
     try:
         recordings = _start_recordings(runtime, args.record, args.overwrite)
         view.open(runtime)  # before anything that holds can have passed
+        if not runtime.graph.live:
+            _await_somebody(view, wish)
         runtime.start()
         while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
             if wish.asked:
@@ -74,6 +90,28 @@ def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> boo
     finally:
         view.close()
         runtime.stop()
+
+
+def _await_somebody(view: View, wish: Wish) -> None:
+    """So that nobody misses the beginning; who comes later than that can go back to it."""
+    end_s = time.monotonic() + _PATIENCE_S
+    while view.awaited and not wish.asked and time.monotonic() < end_s:
+        view.spin(_SPIN_S)
+
+
+def has_desktop(environment: Mapping[str, str]) -> bool:
+    """Whether a person at a terminal sees the screen of this machine."""
+    has_screen = sys.platform in ("darwin", "win32") or any(map(environment.get, _SCREENS))
+    return bool(has_screen and sys.stderr.isatty() and not environment.get("SSH_CONNECTION"))
+
+
+def title_of(args: Namespace) -> str:
+    """What is shown, in a few words."""
+    if args.command in ("demo", "sim"):
+        return f"{args.robot if args.command == 'sim' else args.scene or 'demo'} - ros_visualise"
+    if args.command == "camera":  # whose address may hold a password
+        return "camera - ros_visualise"
+    return f"{Path(args.input).resolve().name} - ros_visualise"
 
 
 def _start_recordings(

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from ros_visualise.nodes import source
 from ros_visualise.simulation.settings import HuskyParams, ScenarioParams
-from ros_visualise.simulation.simulator import LATCHED
-from ros_visualise.simulation.source import INPUTS, OUTPUTS, SimulatedRobot
+from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 
@@ -21,7 +20,7 @@ class HuskyNodeParams(ScenarioParams, HuskyParams):
     params=HuskyNodeParams,
     inputs=INPUTS,
     outputs=OUTPUTS,
-    latched=LATCHED,
+    latched=HELD,
     makes_time=True,
     velocity_axes=("linear.x", "angular.z"),
 )

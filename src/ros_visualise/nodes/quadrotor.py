@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from ros_visualise.data import FluidPressure, MagneticField, Odometry
 from ros_visualise.nodes import action, source
 from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
-from ros_visualise.simulation.simulator import LATCHED
-from ros_visualise.simulation.source import INPUTS, OUTPUTS, TARGET, SimulatedRobot
+from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, TARGET, SimulatedRobot
 from ros_visualise.sources.playback import Playback
 
 
@@ -22,7 +21,7 @@ class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
     params=QuadrotorNodeParams,
     inputs={**INPUTS, TARGET: Odometry},
     outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure, "pad": Odometry},
-    latched=LATCHED,
+    latched=HELD,
     makes_time=True,
     velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),
 )

@@ -61,6 +61,13 @@ class Route:
         """The heading at the next point after a distance along the route."""
         return self.yaws[min(self._locate(way_m)[0] + 1, len(self.yaws) - 1)]
 
+    def next_point(self, way_m: float) -> tuple[int, int, int]:
+        """The next point after a distance along the route, from 1; how many; laps until there."""
+        count = len(self.points) - self.closed
+        number = min(self._locate(way_m)[0] + 1, len(self.points) - 1)
+        laps = int(way_m // self.length_m) if self.closed else 0
+        return number % count + 1, count, laps
+
     def _corners(self) -> Iterator[int]:
         """The numbers of the points that are corners; on a closed route also the first may be."""
         ways = [tuple(b - a for a, b in zip(*ends, strict=True)) for ends in pairwise(self.points)]
@@ -113,6 +120,12 @@ class Carrot:
     def yaw(self) -> float | None:
         """The heading asked for where the carrot is."""
         return self.route.yaw_at(self.way_m)
+
+    @property
+    def place(self) -> str:
+        """Where on the route it is, for people: which way point is next, and in which lap."""
+        number, count, laps = self.route.next_point(self.way_m)
+        return f"way point {number} of {count}" + (f", lap {laps + 1}" if laps else "")
 
     def advance(self, follower: Vector, step_m: float) -> Vector:
         """Move on by a step at most, within the lookahead distance; returns the new point."""

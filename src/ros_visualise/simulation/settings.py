@@ -228,6 +228,9 @@ class ScenarioParams:
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",
     )
+    repeat: bool = setting(
+        False, "while somebody looks on, start the mission again a few seconds after its end"
+    )
     seed: int = setting(
         0, "seed of all random errors; the same seed gives the same data", min=0, max=2**31 - 1
     )

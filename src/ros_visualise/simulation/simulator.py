@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.data import Floats, Odometry, PoseStamped, Transforms, Twist
+from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
@@ -79,6 +79,7 @@ class Simulation:
         self._step_ns: int = round(1e9 * self._model.opt.timestep)
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
+        self._told = ""  # of what it does
         gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal
         mount = frames.CameraMount(self._model, self.settings, gimbal)
         self._suite = SensorSuite(
@@ -112,6 +113,16 @@ class Simulation:
         return isinstance(self._robot, quadrotor.Quadrotor) and self._robot.lands_by_sight
 
     @property
+    def upright(self) -> bool:
+        """The robot has not tipped over."""
+        return not self._robot.tip_over.detected
+
+    @property
+    def doing(self) -> str:
+        """What the robot does now, in a few words for people."""
+        return self._robot.doing
+
+    @property
     def actions(self) -> tuple[str, ...]:
         """What `act` knows."""
         return (*self._robot.actions, "start_mission")
@@ -119,13 +130,13 @@ class Simulation:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of all outputs with these settings."""
-        return (*LATCHED, *self._suite.outputs)
+        return (*LATCHED, "status", *self._suite.outputs)
 
     def run(self) -> Generator[Output, None, None]:
         """The messages as (stamp_ns, name, message), without end; call it from one thread.
 
-        Those that are `LATCHED` come first. Called again after it was closed, it goes on from that
-        time.
+        Those that are `LATCHED` come first; ``status``, what the robot does, whenever that changes.
+        Called again after it was closed, it goes on from that time.
         """
         for name, message in zip(LATCHED, self._latched, strict=True):
             yield Output(0, name, message)
@@ -144,8 +155,14 @@ class Simulation:
                 self._steps += 1
                 if schedule.due_ns <= stamp_ns:
                     yield from schedule.take(stamp_ns)
+                    yield from self._tell_change(stamp_ns)
         finally:
             self._suite.close()
+
+    def _tell_change(self, stamp_ns: int) -> Iterator[Output]:
+        if self.doing != self._told:
+            self._told = self.doing
+            yield Output(stamp_ns, "status", Text(self._told))
 
     def command(self, twist: Twist) -> None:
         """Follow a velocity until ``command_timeout`` has passed; this ends a mission.
@@ -216,11 +233,11 @@ class Simulation:
         self._suite.close()
 
     def _obey(self, order: Callable[[], None]) -> None:
-        if not self._robot.tip_over.detected:
+        if self.upright:
             order()
 
     def _check_upright(self) -> None:
-        if self._robot.tip_over.detected:
+        if not self.upright:
             raise UsageError(f"the {self._name} has tipped over: reset it")
 
     def _set_down(self) -> tuple[Vector, Quat]:

@@ -43,9 +43,14 @@ OUTPUTS = {
     "tf_static": Transforms,
     "robot_description": Text,
     "scenery": MarkerArray,
+    "status": Text,
 }
 """What every robot has."""
+HELD = (*LATCHED, "status")
+"""Those whose last message holds until the next."""
+
 _NO_MISSION = "none"
+_REST_NS = 3_000_000_000  # between a mission and the next
 _FRAME = "image"  # what a person steps through
 
 Batch = tuple[Output, ...]
@@ -78,7 +83,8 @@ class SimulatedRobot:
     ) -> None:
         mission = None if scenario.mission == _NO_MISSION else scenario.mission
         self._arguments = robot, scenario.world, scenario.seed, mission, settings
-        self._tf_prefix = scenario.tf_prefix
+        self._tf_prefix, self._repeats = scenario.tf_prefix, scenario.repeat
+        self._over_ns: int | None = None
         self._playback = playback
         self._origin_ns = playback.time_ns() if playback.has_played else 0  # set down anew
         self._look_back_ns = round(1e9 / min(settings.camera_rate, settings.lidar_rate))
@@ -97,7 +103,7 @@ class SimulatedRobot:
         for stamp_ns, batch in self._playback.run(self, self._is_frame):
             for output in batch:
                 self._shift_ns = stamp_ns - batch[-1].stamp_ns
-                shift_ns = stamp_ns if output.name in LATCHED else self._shift_ns
+                shift_ns = stamp_ns if output.name in HELD else self._shift_ns
                 message = restamped(output.message, shift_ns)
                 yield output.name, prefixed(message, self._tf_prefix)
 
@@ -110,7 +116,7 @@ class SimulatedRobot:
             RosVisualiseError: the mission has failed, and nobody watches.
         """
         start_ns -= self._origin_ns
-        simulation = self._begin(start_ns)
+        simulation, self._over_ns = self._begin(start_ns), None
         shown: dict[str, Output] = {}
         for output in simulation.run():
             if output.stamp_ns <= start_ns:
@@ -119,6 +125,7 @@ class SimulatedRobot:
                 yield from self._show(shown)
                 yield output.stamp_ns + self._origin_ns, (output,)
             self._tell(simulation.failure)
+            self._begin_again(simulation)
             if self._playback.closed or self._is_over():
                 break
         yield from self._show(shown)
@@ -128,6 +135,16 @@ class SimulatedRobot:
     def _is_over(self) -> bool:
         """The mission is over, and nobody watches."""
         return self._simulation.finished and not self._playback.holds
+
+    def _begin_again(self, simulation: Simulation) -> None:
+        """Start a mission that is over again, after a rest; put down anew a robot that fell."""
+        if not (self._repeats and simulation.finished):
+            self._over_ns = None
+        elif self._over_ns is None:
+            self._over_ns = simulation.time_ns
+        elif simulation.time_ns - self._over_ns > _REST_NS:
+            self._over_ns = None
+            simulation.act("start_mission") if simulation.upright else self.reset()
 
     def _tell(self, failure: str) -> None:
         """Log a failure once; where it ends the run, the error says it."""

@@ -22,6 +22,10 @@ class View(Protocol):
     def closed(self) -> bool:
         """Whether a person closed it; then the run ends."""
 
+    @property
+    def awaited(self) -> bool:
+        """Whether nobody has looked at it yet, but somebody may come."""
+
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
 
@@ -40,6 +44,8 @@ class ViewOptions:
         host, port: where the page is served.
         origins: other web sites that may use the page.
         record_dir: the only folder in which the page records.
+        title: what is shown, for the browser's tab.
+        browser: whether to open one.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
         flag: how a person gives another of these: its name and its value go in.
 
@@ -51,6 +57,8 @@ class ViewOptions:
     port: int = 8080
     origins: Collection[str] = ()
     record_dir: Path = Path()
+    title: str = "ros_visualise"
+    browser: bool = False
     place: str = ""
     flag: str = "--{} {}"
 
@@ -74,6 +82,8 @@ def open_view(name: str, options: ViewOptions) -> View:
             origins=options.origins,
             record_dir=options.record_dir,
             flag=options.flag,
+            title=options.title,
+            browser=options.browser,
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

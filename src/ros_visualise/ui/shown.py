@@ -45,3 +45,11 @@ def detections_of(graph: Graph, image: str) -> list[str]:
 def _taken_by(member: Member) -> list[str]:
     """The topics of images that a node takes."""
     return [topic for port, topic in member.inputs.items() if member.type.inputs[port] is Image]
+
+
+def teller(graph: Graph) -> tuple[Member | None, str | None]:
+    """The robot that tells what it does, and the topic on which it does so; None without one."""
+    for member in graph.members:
+        if member.outputs.get("status") and member.type.outputs["status"] is Text:
+            return member, member.outputs["status"]
+    return None, None

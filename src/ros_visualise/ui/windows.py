@@ -79,6 +79,8 @@ class Windows:
         for pane in self._panes:
             pane.place()
 
+    awaited = False
+
     @property
     def closed(self) -> bool:
         """Whether a person has quit, or closed the last window with images."""

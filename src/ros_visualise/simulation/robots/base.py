@@ -73,12 +73,17 @@ class Robot(Protocol):
         actions: name -> what it does.
         tip_over: once it has detected a fall, the robot does nothing.
         mission: whether its mission gets on.
+        doing: what it does now, in a few words for people.
     """
 
     actions: Mapping[str, Callable[[], None]]
     tip_over: TipOverDetector
     body: Body
     mission: MissionMonitor
+
+    @property
+    def doing(self) -> str:
+        """See above."""
 
     def control(self, time_s: float) -> None:
         """Set the actuators for the next step."""

@@ -71,6 +71,18 @@ class Husky:
         self.mission = MissionMonitor("husky", params.mission_timeout)
         self.actions: Mapping[str, Callable[[], None]] = {"stop": self.stop}
 
+    @property
+    def doing(self) -> str:
+        """What it does now, in a few words."""
+        if self.mission.failure:
+            return f"failed: {self.mission.failure}"
+        if self._carrot is not None:
+            is_mission = self.mission.under_way
+            return f"mission: {self._carrot.place}" if is_mission else "drives to its goal"
+        if self._wanted != (0.0, 0.0):
+            return "is driven"
+        return "mission over" if self.mission.finished else "waits"
+
     def stop(self) -> None:
         """Stand still, and give up a goal or mission."""
         self._carrot, self._wanted = None, (0.0, 0.0)

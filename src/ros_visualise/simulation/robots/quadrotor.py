@@ -53,6 +53,7 @@ class Quadrotor:
         self._home = state.position
         self._reference = Reference(state.position, yaw_of(state.attitude))
         self._carrot: Carrot | None = None
+        self._route: Route | None = None  # of the mission
         self._cruise = _CLIMB
         self._next: list[Callable[[], None]] = []  # what to do at the end of the way
         self._command = VelocityCommand()
@@ -67,6 +68,23 @@ class Quadrotor:
             "land": self.land,
             "stop": self.stop,
         }
+
+    @property
+    def doing(self) -> str:
+        """What it does now, in a few words."""
+        if self.mission.failure:
+            return f"failed: {self.mission.failure}"
+        if self._mode is Mode.LANDED:
+            return "mission over, landed" if self.mission.finished else "landed"
+        if self._mode is not Mode.FLYING:
+            return "landing" if self._mode is Mode.LANDING else "is driven"
+        return self._flight(self._carrot)
+
+    def _flight(self, carrot: Carrot | None) -> str:
+        if not self.mission.under_way:
+            return "hovers" if carrot is None or carrot.at_end else "flies to its goal"
+        is_there = carrot is not None and carrot.route is self._route
+        return f"mission: {carrot.place}" if carrot and is_there else "mission: on the way"
 
     def take_off(self) -> None:
         """Take off and hover."""
@@ -132,6 +150,7 @@ class Quadrotor:
             self._rise(mission.height)
             return
         route, speed = mission.route(), min(mission.speed, MAX_SPEED)
+        self._route = route
         first = route.points[0]
         self._after_take_off(first[2], lambda: self._fly([first], speed))
         self._next.append(

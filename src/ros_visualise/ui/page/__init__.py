@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 import threading
+import webbrowser
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
@@ -27,6 +28,7 @@ class Page:
         title: of the page.
         origins: other web sites that may use the page, as ``https://robot.example.org``.
         record_dir: the only folder in which it records.
+        browser: whether to open one on this machine.
 
     Attributes:
         url: its address for a browser on this machine.
@@ -46,6 +48,7 @@ class Page:
         origins: Collection[str] = (),
         record_dir: Path = Path(),
         flag: str = "--{} {}",
+        browser: bool = False,
     ) -> None:
         self._record_dir = record_dir
         door = open_door(host, origins)
@@ -53,6 +56,7 @@ class Page:
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
         self._server = open_server(host, port, title, door, flag, self._answer)
         self._looker: Looker | None = None
+        self._opens = browser
         self._desk: Desk | None = None
         self._ended = threading.Event()
 
@@ -61,12 +65,23 @@ class Page:
         """Never: whoever closes the browser may open it again."""
         return False
 
+    @property
+    def awaited(self) -> bool:
+        """Whether no browser shows it."""
+        return not self._server.get_clients()
+
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
         self._looker = Looker(runtime)
         self._desk = Desk(self._server, runtime, self._record_dir, self._looker)
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
+        if self._opens:
+            threading.Thread(target=self._open_browser, daemon=True).start()
+
+    def _open_browser(self) -> None:
+        if not webbrowser.open(self.url):
+            log.warning("no browser could be opened: open %s in one", self.url)
 
     def _answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
         return None if self._looker is None else self._looker.answer(query, headers)

@@ -21,6 +21,7 @@ from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.presets import PresetChoice
 from ros_visualise.ui.page.recorder import Recorder
+from ros_visualise.ui.page.robot import RobotStatus
 from ros_visualise.ui.page.saver import Saver
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
@@ -94,7 +95,9 @@ class Desk:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
         self._preset = PresetChoice(gui, self._runtime, self._worker)
-        self._driving = Driving(gui, gui.add_folder("drive"), self._runtime, self._driver)
+        robot = gui.add_folder("robot")
+        self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
+        self._driving = Driving(gui, robot, self._runtime, self._driver)
         self._space_folder = gui.add_folder("3D")
         self._space = Space(
             self._server, self._space_folder, self._runtime, self._scene, self._worker
@@ -214,6 +217,7 @@ class Desk:
         if self._transport is not None:
             self._transport.refresh()
         self._preset.refresh()
+        self._robot.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
             self._show_frames()

@@ -50,6 +50,8 @@ table.rv-topics td {{ border-top: 1px solid #8883; }}
 table.rv-topics :is(th, td):first-child {{ text-align: left; padding-left: 0;
   white-space: normal; overflow-wrap: anywhere; }}
 table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
+.rv-status {{ padding: .2em .8em .4em; font-size: .85rem; overflow-wrap: anywhere; }}
+.rv-status.rv-failed {{ color: #ff8787; }}
 .rv-pad {{ display: grid; grid-template-columns: repeat(3, 1fr); gap: 4px;
   padding: .3em .8em .5em; }}
 .rv-pad button {{ padding: .45em .2em; border: 1px solid #8886; border-radius: 4px; color: inherit;
