@@ -28,7 +28,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},
-    {"cli", "options", "trajectory_options"},
+    {"cli", "options", "completion", "trajectory_options"},
     {"entry"},
     {"__main__"},
 ]
@@ -37,7 +37,7 @@ RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1"}]
 
 EVERYWHERE = {
     *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "pyulog", "tqdm"),
-    "pyapriltags",
+    *("pyapriltags", "argcomplete"),
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "viser", "websockets", "msgspec", "rich"),
     "onnxruntime",
     *sys.stdlib_module_names,

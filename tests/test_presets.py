@@ -76,5 +76,5 @@ def test_the_defaults_show_edges_on_real_clips(recordings, clip):
         found[name] = (edges > 0).mean()
         if name == "default":
             assert gray.pixels.max() > 200
-    assert found["seed"] < found["strong"] < found["soft"]
+    assert max(found["seed"], found["strong"]) < found["default"]
     assert 0.004 < found["default"] < 0.1

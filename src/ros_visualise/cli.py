@@ -10,9 +10,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ros_visualise.completion import SHELLS, complete
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
+from ros_visualise.near import near
 from ros_visualise.options import (
     MISSION,
     add_calibrate,
@@ -27,6 +29,10 @@ from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
 from ros_visualise.trajectory_options import add_trajectory
 
+_OPTION = re.compile("--[a-z][a-z-]*")
+_CHOICE = re.compile(
+    r"argument (?P<what>.*): invalid choice: '(?P<given>.*?)' \(choose from (?P<there>.*)\)"
+)
 _RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
   ros-visualise demo
@@ -51,7 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         KeyboardInterrupt: stopped before there was anything to close.
     """
     try:
-        args = _parser().parse_args(arguments)
+        parser = _parser()
+        complete(parser)
+        args = parser.parse_args(arguments)
+        if args.command is None:
+            parser.print_help()
+            return 0
         set_max_memory(args.max_memory)
         check_installation()
         command = import_module(f"ros_visualise.commands.{args.module}")
@@ -67,10 +78,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 class _Parser(argparse.ArgumentParser):
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does it; an option that there is not is said first, with what was meant."""
+        options = [name for name in self._option_string_actions if name.startswith("--")]
+        for text in args or () if self._subparsers is None else ():  # of a command, that is
+            name = text.partition("=")[0]
+            if _OPTION.fullmatch(name) and not any(one.startswith(name) for one in options):
+                self.error(f"no option {name}{near(name, options, listed=False)}")
+        return super().parse_known_args(args, namespace)
+
     def error(self, message: str) -> NoReturn:
-        found = re.search("invalid choice: '(.*?)'", message)
-        if found and os.path.exists(found[1]):
-            message = f"to play {found[1]}: {self.prog} {_command_for(Path(found[1]))} {found[1]}"
+        found = _CHOICE.search(message)
+        if found and os.path.exists(found["given"]):
+            path = found["given"]
+            message = f"to play {path}: {self.prog} {_command_for(Path(path))} {path}"
+        elif found:
+            there = re.findall(r"[^', ]+", found["there"])
+            message = f"{found['what']}: no {found['given']!r}{near(found['given'], there)}"
         say(f"{self.prog}: {message}; see {self.prog} --help")
         self.exit(2)
 
@@ -89,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action=_Version, help="show the version and exit")
     parser.set_defaults(max_memory=DEFAULT_MEMORY)  # of commands that read nothing
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_playing(commands)
     _add_asking(commands)
     return parser
@@ -213,6 +237,11 @@ def _add_asking(commands: Any) -> None:
         "nodes", help="list all nodes with their topics, actions and parameters"
     )
     nodes.set_defaults(module="nodes")
+    completion = commands.add_parser(
+        "completion", help="print what a shell needs to complete commands and options"
+    )
+    completion.set_defaults(module="completion")
+    completion.add_argument("shell", choices=SHELLS, help='for bash and zsh: eval "$(...)"')
     nodes.add_argument("--json", action="store_true", help="print it as one JSON object")
 
 

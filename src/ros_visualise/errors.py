@@ -19,6 +19,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from ros_visualise.near import near
+
 
 class RosVisualiseError(Exception):
     """Base of all that this package raises on purpose."""
@@ -65,6 +67,15 @@ class OpenError(UsageError):
 
     @classmethod
     def missing(cls, path: str | Path, advice: str = "check the path") -> OpenError:
-        """There is no such file; of a relative path it tells where it was looked for."""
+        """There is no such file; it tells one that was probably meant, else where it looked."""
         folder = "" if os.path.isabs(path) else f" in {os.getcwd()}"
-        return cls(f"{path}: no such file{folder}; {advice}")
+        meant = _near_file(Path(path))
+        return cls(f"{path}: no such file{folder}{meant or f'; {advice}'}")
+
+
+def _near_file(path: Path) -> str:
+    try:
+        there = sorted(os.listdir(path.parent))
+    except (OSError, ValueError):
+        return ""
+    return near(path.name, there, listed=False)

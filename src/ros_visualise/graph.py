@@ -13,6 +13,7 @@ from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.near import near
 from ros_visualise.nodes import NodeType, SourceType
 
 M = TypeVar("M", bound="Member")
@@ -153,8 +154,8 @@ class Graph:
         for member in self.members:
             if member.name == name:
                 return member
-        there = ", ".join(member.name for member in self.members)
-        raise UsageError(f"no node {name!r} here; there is {there}")
+        there = [member.name for member in self.members]
+        raise UsageError(f"no node {name!r} here{near(name, there)}")
 
     def changed(self, change: Change) -> Graph:
         """The same graph with another in place of each node and of the source."""
@@ -248,7 +249,7 @@ class Graph:
     ) -> dict[str, str]:
         """Input -> topic of a node that is to come after another, whose main output this is."""
         for port in topics.keys() - added.inputs.keys():
-            raise UsageError(f"{added.name}: no input {port!r}; there is {', '.join(added.inputs)}")
+            raise UsageError(f"{added.name}: no input {port!r}{near(port, added.inputs)}")
         found = dict(topics)
         free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
         found |= {port: main for port in free[:1]}

@@ -6,16 +6,19 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
-def near(name: str, there: Iterable[str]) -> str:
-    """``; did you mean 'filters'?`` where one of those that there are is close, else all of them.
+def near(name: str, there: Iterable[str], listed: bool = True) -> str:
+    """``; did you mean filters?`` where one of those that there are is close, else all of them.
 
     Args:
         name: what was given.
         there: what could have been; case does not matter.
+        listed: whether to tell all of them where none is close.
     """
     known = list(there)
     folded = {one.casefold(): one for one in reversed(known)}
     found = get_close_matches(name.casefold(), folded, n=1)
     if found:
         return f"; did you mean {folded[found[0]]}?"
+    if not listed:
+        return ""
     return f"; there is {', '.join(known) or 'none'}"

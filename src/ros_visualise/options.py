@@ -202,13 +202,14 @@ def _add_nodes(parser: ArgumentParser) -> None:
         help="find tags in the images, and map them where the camera's place is known (default: of"
         " simulated robots)",
     )
-    group.add_argument(
+    preset = group.add_argument(
         "--preset",
         default="",
         metavar="NAME",
         help="parameters of the image nodes: default, seed, soft, strong, automatic, gradient or"
         " 'black and white'",
     )
+    preset.completer = _presets  # type: ignore[attr-defined]  # of argcomplete
     _add_settings(group)
     group.add_argument(
         "--node",
@@ -218,6 +219,12 @@ def _add_nodes(parser: ArgumentParser) -> None:
         help="insert a node, a built-in one or your own as FILE.py:NAME, by default after filters,"
         " or after the source where there are none; repeatable",
     )
+
+
+def _presets(**_: object) -> tuple[str, ...]:
+    from ros_visualise.presets import NAMES
+
+    return NAMES
 
 
 def _add_output(parser: ArgumentParser) -> None:

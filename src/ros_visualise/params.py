@@ -18,6 +18,7 @@ from enum import Enum
 from typing import Any, Generic, TypeVar
 
 from ros_visualise.errors import ParameterError
+from ros_visualise.near import near
 
 Value = int | float | bool | str | Enum
 P = TypeVar("P")
@@ -155,7 +156,7 @@ def update(params: P, changes: Mapping[str, Any]) -> P:
     known = {spec.name: spec for spec in specs(params)}
     for name in changes:
         if name not in known:
-            raise ParameterError(f"no parameter {name!r}; there are {', '.join(known) or 'none'}")
+            raise ParameterError(f"no parameter {name!r}{near(name, known)}")
     values = {name: known[name].coerce(value) for name, value in changes.items()}
     return dataclasses.replace(params, **values)  # type: ignore[type-var]
 

@@ -21,6 +21,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
+from ros_visualise.near import near
 from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
@@ -209,7 +210,7 @@ def robots() -> dict[str, SourceType]:
 def _find_robot(name: str) -> SourceType:
     there = robots()
     if name not in there:
-        raise UsageError(f"no robot {name!r}: choose {' or '.join(there)}")
+        raise UsageError(f"no robot {name!r}{near(name, there)}")
     return there[name]
 
 
@@ -253,9 +254,8 @@ def _choose(
     if wanted is None:
         return next(iter(fitting), None)
     if wanted and wanted not in fitting:
-        there = ", ".join(fitting) or "none"
         names = " or ".join(kind.__name__ for kind in kinds)
-        raise UsageError(f"{option} {wanted}: no such topic of {names}; there is {there}")
+        raise UsageError(f"{option} {wanted}: no such topic of {names}{near(wanted, fitting)}")
     return wanted or None
 
 

@@ -71,6 +71,7 @@ from ros_visualise.declarations import (
     source,
 )
 from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.near import near
 
 __all__ = [
     "NoParams",
@@ -98,7 +99,7 @@ def find(name: str) -> NodeType | SourceType:
     """
     there = [module.name for module in pkgutil.iter_modules(__path__)]
     if name not in there:
-        raise UsageError(f"no node {name!r}; there is {', '.join(there)}")
+        raise UsageError(f"no node {name!r}{near(name, there)}")
     module = importlib.import_module(f"{__name__}.{name}")
     return _declared_in(module)[name]
 
@@ -166,8 +167,8 @@ def load(path: str, name: str) -> NodeType | SourceType:
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:
-        there = ", ".join(sorted(declared)) or "none: decorate a function with @node"
-        raise UsageError(f"{path} declares no node {name!r}; there is {there}")
+        there = sorted(declared) or ["none: decorate a function with @node"]
+        raise UsageError(f"{path} declares no node {name!r}{near(name, there)}")
     return declared[name]
 
 

@@ -11,6 +11,7 @@ from typing import Any
 from ros_visualise.data import Detections, Image
 from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages.recorded import content
+from ros_visualise.near import near
 from ros_visualise.nodes import NoParams, Source, SourceType, find_source, source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.playback import Playback
@@ -125,7 +126,7 @@ def _played(
     there = recording.topics
     for name in wanted:
         if name not in there:
-            raise UsageError(f"no topic {name}; there is {', '.join(there)}")
+            raise UsageError(f"no topic {name}{near(name, there)}")
         if there[name].unreadable:
             raise UsageError(f"{name} cannot be played: {there[name].unreadable}")
     readable = [name for name, topic in there.items() if not topic.unreadable]

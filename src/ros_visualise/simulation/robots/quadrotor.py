@@ -32,6 +32,11 @@ _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, something holds the robot
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
+_DOING = {
+    Mode.COMMANDED: "is driven",
+    Mode.LANDING: "landing",
+    Mode.HOMING: "mission: landing on what it has seen",
+}
 
 
 class Quadrotor:
@@ -76,9 +81,7 @@ class Quadrotor:
             return f"failed: {self.mission.failure}"
         if self._mode is Mode.LANDED:
             return "mission over, landed" if self.mission.finished else "landed"
-        if self._mode is not Mode.FLYING:
-            return "landing" if self._mode is Mode.LANDING else "is driven"
-        return self._flight(self._carrot)
+        return _DOING.get(self._mode) or self._flight(self._carrot)
 
     def _flight(self, carrot: Carrot | None) -> str:
         if not self.mission.under_way:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from ros_visualise.errors import OpenError
+from ros_visualise.near import near
 from ros_visualise.simulation.landmarks import Landmark
 from ros_visualise.simulation.worlds.field import build_field
 from ros_visualise.simulation.worlds.mjcf import WorldBuilder

@@ -1,0 +1,35 @@
+"""Completing commands and options in a shell, by argcomplete.
+
+The shell calls the program itself at each TAB, with ``_ARGCOMPLETE`` in its environment.
+"""
+
+from __future__ import annotations
+
+import os
+from argparse import ArgumentParser
+
+from ros_visualise.errors import OpenError
+
+SHELLS = ("bash", "zsh", "fish")
+_PROGRAM = "ros-visualise"
+
+
+def complete(parser: ArgumentParser) -> None:
+    """Answer a shell that asks, and leave; else nothing."""
+    if "_ARGCOMPLETE" in os.environ:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+
+
+def shell_code(shell: str) -> str:
+    """What a shell runs at its start so that it asks.
+
+    Raises:
+        OpenError: argcomplete is not installed.
+    """
+    try:
+        from argcomplete.shell_integration import shellcode
+    except ImportError:
+        raise OpenError("not installed: argcomplete; pip install argcomplete") from None
+    return shellcode([_PROGRAM], shell=shell)

@@ -1,0 +1,81 @@
+"""What the command line answers where it was not asked rightly, and what shells learn from it."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ros_visualise import cli
+
+PROGRAM = Path(sys.executable).with_name("ros-visualise")
+
+
+def answer_to(capsys, *words):
+    try:
+        status = cli.main([*map(str, words)])
+    except SystemExit as end:
+        status = end.code
+    said = capsys.readouterr()
+    return status, said.out, said.err
+
+
+def test_without_a_command_it_shows_help(capsys):
+    status, out, err = answer_to(capsys)
+    assert (status, err) == (0, "")
+    assert "ros-visualise video flight.mp4" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["vido", "x.mp4"], "COMMAND: no 'vido'; did you mean video?"),
+        (["demo", "--vew", "none"], "no option --vew; did you mean --view?"),
+        (["demo", "--view", "wb"], "--view: no 'wb'; did you mean web?"),
+        (["demo", "huski"], "scene: no 'huski'; did you mean husky?"),
+        (["sim", "huskey"], "no robot 'huskey'; did you mean husky?"),
+        (["demo", "landscape", "--set", "filter.gray=1"], "no node 'filter' here; did you mean"),
+        (
+            ["demo", "landscape", "--set", "filters.grey=1"],
+            "no parameter 'grey'; did you mean gray",
+        ),
+        (["demo", "landscape", "--node", "edge_detecter"], "no node 'edge_detecter'; did you mean"),
+        (["demo", "landscape", "--preset", "stron"], "no preset 'stron'; did you mean strong?"),
+    ],
+)
+def test_it_says_what_was_probably_meant(capsys, words, meant):
+    status, out, err = answer_to(capsys, *words, *(["--view", "none"] if len(words) > 3 else []))
+    assert (status, out) == (2, "")
+    assert meant in err
+    assert err.count("\n") == 1
+
+
+def test_of_a_file_it_tells_the_one_that_is_there(capsys, tmp_path):
+    (tmp_path / "flight.mp4").write_bytes(b"")
+    status, _, err = answer_to(capsys, "video", tmp_path / "flight.avi", "--view", "none")
+    assert status == 2
+    assert err.endswith("flight.avi: no such file; did you mean flight.mp4?\n")
+
+
+def completions(line):
+    """What argcomplete offers at the end of a line, asked as bash does."""
+    asked = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "COMP_LINE": line}
+    asked |= {"COMP_POINT": str(len(line)), "_ARGCOMPLETE_STDOUT_FILENAME": "/dev/stdout"}
+    done = subprocess.run([PROGRAM], env={**os.environ, **asked}, capture_output=True, text=True)
+    return [word.strip() for word in done.stdout.replace("\v", "\n").split("\n") if word.strip()]
+
+
+def test_shells_complete():
+    assert completions("ros-visualise vid") == ["video"]
+    assert completions("ros-visualise demo --prese") == ["--preset"]
+    assert set(completions("ros-visualise demo --view ")) == {"web", "windows", "none"}
+    assert {"seed", "soft"} <= set(completions("ros-visualise demo --preset s"))
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_each_shell_gets_what_it_needs(capsys, shell):
+    status, out, _ = answer_to(capsys, "completion", shell)
+    assert status == 0
+    assert "ros-visualise" in out
+    assert "_ARGCOMPLETE" in out
