@@ -77,4 +77,4 @@ def test_the_defaults_show_edges_on_real_clips(recordings, clip):
         if name == "default":
             assert gray.pixels.max() > 200
     assert max(found["seed"], found["strong"]) < found["default"]
-    assert 0.004 < found["default"] < 0.1
+    assert 0.0015 < found["default"] < 0.1
