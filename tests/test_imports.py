@@ -13,7 +13,7 @@ ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {
         *("errors", "data", "params", "geometry", "rate", "joining"),
-        *("limits", "yaml_files", "printing", "signals", "near"),
+        *("limits", "yaml_files", "printing", "signals", "near", "completion"),
     },
     {"messages", "vision"},
     {"landmarks"},
@@ -28,7 +28,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},
-    {"cli", "options", "completion", "trajectory_options"},
+    {"cli", "options", "trajectory_options"},
     {"entry"},
     {"__main__"},
 ]
