@@ -116,9 +116,9 @@ def test_what_is_not_there_is_answered_with_what_is(own):
     graph = image_pipeline("landscape")
     with pytest.raises(UsageError, match=r"no node 'blur' here; there is landscape, fps_control"):
         graph.configured({"blur": {}})
-    with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; there are fps"):
+    with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; there is fps"):
         graph.configured({"fps_control": {"rate": 1}})
-    with pytest.raises(UsageError, match=r"declares no node 'Positive'; there is Negative"):
+    with pytest.raises(UsageError, match=r"declares no node 'Positive'; did you mean Negative"):
         load(str(own), "Positive")
     with pytest.raises(OpenError, match="no such file"):
         load("missing.py", "Positive")
@@ -142,7 +142,7 @@ def test_an_unknown_built_in_name_is_answered_with_those_that_there_are():
 
 def test_an_unknown_robot_is_answered_with_those_that_there_are():
     for name in "rover", "landscape":
-        with pytest.raises(UsageError, match=f"no robot '{name}': choose husky or quadrotor"):
+        with pytest.raises(UsageError, match=f"no robot '{name}'; there is husky, quadrotor"):
             simulation_pipeline(name)
 
 
