@@ -118,7 +118,7 @@ def test_what_is_not_there_is_answered_with_what_is(own):
         graph.configured({"blur": {}})
     with pytest.raises(ParameterError, match=r"fps_control: no parameter 'rate'; there is fps"):
         graph.configured({"fps_control": {"rate": 1}})
-    with pytest.raises(UsageError, match=r"declares no node 'Positive'; did you mean Negative"):
+    with pytest.raises(UsageError, match=r"declares no node 'Positive'; there is Negative"):
         load(str(own), "Positive")
     with pytest.raises(OpenError, match="no such file"):
         load("missing.py", "Positive")
