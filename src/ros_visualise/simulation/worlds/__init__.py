@@ -51,7 +51,7 @@ def check_world(name: str) -> str:
         OpenError: there is no such world.
     """
     if name not in _BUILDERS:
-        raise OpenError(f"no world {name!r}: choose one of {', '.join(WORLDS)}")
+        raise OpenError(f"no world {name!r}{near(name, WORLDS)}")
     return name
 
 
