@@ -15,7 +15,8 @@ from ros_visualise.nodes import find_node
 from ros_visualise.topic_names import known_topics
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
-LOCALIZER, LANDING = "landmark_localizer", "landing_target"
+LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
+LANDING = "landing_target"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
 
@@ -35,7 +36,11 @@ Settings = Mapping[str, Mapping[str, Any]]
 
 
 def with_landmarks(
-    graph: Graph, topic: str, detectors: Sequence[str], settings: Settings = MappingProxyType({})
+    graph: Graph,
+    topic: str,
+    detectors: Sequence[str],
+    settings: Settings = MappingProxyType({}),
+    navigate: bool = False,
 ) -> Graph:
     """The same graph with nodes that find landmarks; where there are frames, also in a map.
 
@@ -46,17 +51,20 @@ def with_landmarks(
         topic: of images, or of detections that somebody made elsewhere.
         detectors: the nodes that take it.
         settings: node -> its parameters.
+        navigate: tell where the robot is in the map, instead of taking the frames' word for it.
 
     Raises:
-        UsageError: one of their topics is there already, there is no such parameter, or a value
-            is out of its range.
+        UsageError: one of their topics is there already, there is no odometry to correct, there is
+            no such parameter, or a value is out of its range.
     """
     found = [_placed(name, topic) for name in detectors]
-    if has_frames(graph):
-        detectors_there = tuple(found)
+    detectors_there = tuple(found)
+    if navigate:
+        found.append(_navigator(graph, detectors_there))
+    elif has_frames(graph):
         found.append(_fed(LOCALIZER, graph, detectors_there))
-        if graph.source is not None and LANDING_INPUT in graph.source.inputs:
-            found.append(_fed(LANDING, graph, detectors_there))
+    if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
+        found.append(_fed(LANDING, graph, detectors_there))
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(f"{made} is recorded already: name others by --topics, or no --landmarks")
     whole = replace(graph, nodes=(*graph.nodes, *found)).with_frames()
@@ -89,7 +97,23 @@ def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
         "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
         for one in detectors
     }
-    odometry = graph.topics.get("/odom")
-    if odometry is not None and odometry.type is Odometry:
-        inputs["odom"] = "/odom"
+    if odometry := _odometry(graph):
+        inputs["odom"] = odometry
     return place(declared, inputs, known_topics(declared))
+
+
+def _navigator(graph: Graph, detectors: Sequence[Node]) -> Node:
+    """It takes what the first of them finds, and corrects the odometry."""
+    declared = find_node(NAVIGATOR)
+    odometry = _odometry(graph)
+    if odometry is None or not has_frames(graph):
+        what = "odometry" if odometry is None else "tf, which tells where the camera is,"
+        raise UsageError(f"--navigate: there is no {what} here; leave it out")
+    inputs = {"detections": detectors[0].outputs["detections"], "odometry": odometry}
+    return place(declared, inputs, known_topics(declared))
+
+
+def _odometry(graph: Graph) -> str | None:
+    """The topic of the odometry, if there is one: by its name, else the first that is no truth."""
+    several = [name for name, topic in graph.topics.items() if topic.type is Odometry]
+    return next((name for name in ("/odom", *several) if name in several), None)

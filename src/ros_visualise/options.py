@@ -210,6 +210,13 @@ def _add_nodes(parser: ArgumentParser) -> None:
         " 'black and white'",
     )
     preset.completer = _presets  # type: ignore[attr-defined]  # of argcomplete
+    group.add_argument(
+        "--navigate",
+        nargs="?",
+        const="",
+        metavar="MAP.yaml",
+        help="tell by tags where the robot is, in a map as it was saved, or in a new one",
+    )
     _add_settings(group)
     group.add_argument(
         "--node",

@@ -157,7 +157,11 @@ def _kept_apart(
 
 
 def simulation_pipeline(
-    robot: str, size: Size | None = None, landmarks: bool = False, **settings: Any
+    robot: str,
+    size: Size | None = None,
+    landmarks: bool = False,
+    navigate: bool = False,
+    **settings: Any,
 ) -> Graph:
     """A simulated robot, its images through the image nodes, and its odometry to path.
 
@@ -165,6 +169,7 @@ def simulation_pipeline(
         robot: name of a declared source that simulates one.
         size: (width, height) of its images; None: its own.
         landmarks: look for tags in them, and put them into a map.
+        navigate: look for tags, and tell by them where the robot is.
         settings: its parameters.
 
     Raises:
@@ -176,28 +181,33 @@ def simulation_pipeline(
     if size is not None:
         settings |= {"camera_width": size[0], "camera_height": size[1]}
     graph = _told_apart(Graph(source, (*images, path))).configured({robot: settings})
-    if not landmarks:
+    if not (landmarks or navigate):
         return graph
     tags = {"tags": tags_of_world(settings.get("world", "field"))}
-    return with_landmarks(graph, source.outputs["image"], [TAGS], {TAGS: tags})
+    return with_landmarks(graph, source.outputs["image"], [TAGS], {TAGS: tags}, navigate)
 
 
 def demo_pipeline(
-    source: str | None = None, size: Size | None = None, landmarks: bool = False
+    source: str | None = None,
+    size: Size | None = None,
+    landmarks: bool = False,
+    navigate: bool = False,
 ) -> Graph:
     """A robot on its default mission, again and again, or a source of images that needs no file.
 
     Args:
         source: its name; None: the quadrotor, or the landscape where MuJoCo is not installed.
         size: (width, height) of the images; None: the source's own.
-        landmarks: of a robot, as with `simulation_pipeline`.
+        landmarks, navigate: of a robot, as with `simulation_pipeline`.
     """
     if source is None:
         source = "quadrotor" if find_spec("mujoco") else "landscape"
         if source == "landscape":
             log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
     if find_source(source).velocity_axes:
-        return simulation_pipeline(source, size, landmarks, mission="default", repeat=True)
+        return simulation_pipeline(
+            source, size, landmarks, navigate, mission="default", repeat=True
+        )
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
 
 

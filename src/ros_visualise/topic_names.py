@@ -21,12 +21,19 @@ OUTPUTS = {
         "markers": "/landmark_markers",
         "tf_static": "/landmarks/tf_static",
     },
+    "landmark_navigator": {
+        "pose": "/navigation/pose",
+        "tf": "/navigation/tf",
+        "landmarks": "/landmarks",
+        "markers": "/landmark_markers",
+        "diagnostics": "/navigation/diagnostics",
+    },
     "pose_error": {"nees": "/nees", "error": "/position_error"},
 }
 """Node -> output -> topic.
 
-What a node gives to all of ROS on ``tf_static`` has a topic of its own in one process, where the
-node would hear itself.
+What a node gives to all of ROS on ``tf`` or ``tf_static`` has a topic of its own in one process,
+where the node would hear itself.
 """
 
 MADE = {topic for topics in OUTPUTS.values() for topic in topics.values()}

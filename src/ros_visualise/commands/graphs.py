@@ -10,10 +10,10 @@ from typing import Any
 
 from ros_visualise.commands.insertion import parse_insertion
 from ros_visualise.commands.lesson_graphs import lesson_graph
-from ros_visualise.data import Image
+from ros_visualise.data import Detections, Image
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.graph import Graph
-from ros_visualise.landmark_pipelines import TAGS, with_landmarks
+from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.pipelines import (
@@ -49,21 +49,31 @@ def graph_of(args: Namespace) -> Graph:
             graph = _recording(recording, args)
         else:
             graph = _GRAPHS[args.command](args)
-        if args.landmarks:
-            graph = _with_tags(graph)
+        if args.landmarks or args.navigate is not None:
+            graph = _with_tags(graph, args.navigate)
         graph = _with_options(graph, args)
         undo.pop_all()  # the recording is the graph's now
         return graph
 
 
-def _with_tags(graph: Graph) -> Graph:
-    """The same with nodes that look for tags in the images that are processed, if not there."""
+def _with_tags(graph: Graph, navigate: str | None) -> Graph:
+    """The same with nodes that look for tags in the images that are processed, if not there.
+
+    Args:
+        navigate: the map to navigate by, an empty text for a new one; None: do not.
+    """
+    there = {node.name for node in graph.nodes}
     first = next((node for node in graph.nodes if node.name == IMAGE_NODES[0]), None)
-    if first is None:
-        raise UsageError("--landmarks: there are no images to look for them in; leave it out")
-    if any(node.name == TAGS for node in graph.nodes):
-        return graph
-    return with_landmarks(graph, first.inputs["image"], [TAGS])
+    found = [name for name, topic in graph.topics.items() if topic.type is Detections]
+    if first is None and (navigate is None or not found):
+        option = "--landmarks" if navigate is None else "--navigate"
+        raise UsageError(f"{option}: there are no images to look for them in; leave it out")
+    if TAGS not in there:
+        topic, detector = (first.inputs["image"], TAGS) if first else (found[0], RECORDED_TAGS)
+        graph = with_landmarks(graph, topic, [detector], navigate=navigate is not None)
+    if navigate:
+        return graph.configured({NAVIGATOR: {"map": navigate, "mode": "frozen"}})
+    return graph
 
 
 def _with_options(graph: Graph, args: Namespace) -> Graph:
@@ -121,7 +131,9 @@ def stepped_topic(graph: Graph) -> str:
 
 
 def _demo(args: Namespace) -> Graph:
-    return demo_pipeline(args.scene, parse_size(args.size), args.landmarks is not False)
+    return demo_pipeline(
+        args.scene, parse_size(args.size), args.landmarks is not False, args.navigate is not None
+    )
 
 
 def _sim(args: Namespace) -> Graph:
@@ -131,8 +143,8 @@ def _sim(args: Namespace) -> Graph:
             "the robot would stand for ever: add --mission lawn_mower or --duration 60"
         )
     scenario = {"world": args.world, "mission": mission, "seed": args.seed}
-    landmarks = args.landmarks is not False
-    return simulation_pipeline(args.robot, parse_size(args.size), landmarks, **scenario)
+    landmarks, navigate = args.landmarks is not False, args.navigate is not None
+    return simulation_pipeline(args.robot, parse_size(args.size), landmarks, navigate, **scenario)
 
 
 def _video(args: Namespace) -> Graph:

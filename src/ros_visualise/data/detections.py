@@ -27,8 +27,9 @@ class Detection(Found):
     empty; those of a tag go anticlockwise from its lower left. ``id`` is the same for the same
     thing in other images; empty where nobody knows. ``point_uv`` (2,) is where it stands or what
     it is aimed at: the centre of a pad or a tag, the foot of a post; None where nobody knows. Its
-    covariance (2, 2), in square pixels, is zero where nobody knows. Of what was recorded without
-    its pixels, the box is NaN.
+    covariance (2, 2), in square pixels, is zero where nobody knows. ``side_m`` is the side of a
+    tag's square in metres, as its detector was told; 0 where nobody knows. Of what was recorded
+    without its pixels, the box is NaN.
     """
 
     center_uv: Floats
@@ -39,6 +40,7 @@ class Detection(Found):
     corners_uv: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     point_uv: Floats | None = None
     point_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
+    side_m: float = 0.0
 
     def __post_init__(self) -> None:
         keep(self, center_uv=(2,), size_uv=(2,), corners_uv=(len(self.corners_uv), 2))
@@ -107,8 +109,8 @@ class Detections(FoundArray):
     """What was found in one image: the header is that of the image.
 
     ``camera_info`` is the image's calibration, None where nobody knows. In messages of ROS 1 a
-    class is a number, and there is no ``id``; none has ``corners_uv``, ``point_uv`` or a
-    calibration.
+    class is a number, and there is no ``id``; none has ``corners_uv``, ``point_uv``,
+    ``side_m`` or a calibration.
     """
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"

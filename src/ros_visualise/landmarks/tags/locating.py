@@ -41,7 +41,8 @@ def locate(
     alone = [tag for tag in tags if tag.id not in members or tag.id in known.sizes]
     sizes = [known.sizes.get(tag.id, size_m) for tag in alone]
     poses = _poses(alone, sizes, info, floor_px)
-    found = [_of_tag(tag, known, one) for tag, one in zip(alone, poses, strict=True)]
+    several = zip(alone, sizes, poses, strict=True)
+    found = [_of_tag(tag, known, size, one) for tag, size, one in several]
     if info:
         for bundle in bundles:
             found += _of_bundle(tags, bundle, info, floor_px)
@@ -90,11 +91,11 @@ def _noise(tags: Sequence[Tag]) -> Floats:
     return np.array([unknown if tag.covariance_px2 is None else tag.covariance_px2 for tag in tags])
 
 
-def _of_tag(tag: Tag, known: KnownTags, poses: Sequence[PoseEstimate]) -> Detection:
+def _of_tag(tag: Tag, known: KnownTags, size_m: float, poses: Sequence[PoseEstimate]) -> Detection:
     name = known.names.get(tag.id, tag.name)
     hypotheses = _hypotheses(name, _score(tag), tag.id, poses)
     found = Detection.of_corners(tag.corners_uv, hypotheses, str(tag.id))
-    return replace(found, point_uv=tag.center_uv)
+    return replace(found, point_uv=tag.center_uv, side_m=size_m)
 
 
 def _of_bundle(

@@ -1,0 +1,177 @@
+"""The landmarks of the filter: those of a map, those that are new, and those that are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+from ros_visualise.landmarks.navigation.landmark import Known, Landmark, begin, told_covariance
+from ros_visualise.landmarks.navigation.measuring import Pair
+from ros_visualise.landmarks.navigation.sights import Sight, View
+from ros_visualise.landmarks.navigation.state import CORE, State
+from ros_visualise.landmarks.navigation.updating import fits, update
+
+_SIDES = 0.1  # by which two sides of one tag may differ, as a part
+_MOVED = 8  # images in a row in which it is not where it should be, while others are
+_MOST_CONSIDERED = 60  # landmarks of a map that does not change, that the state holds
+
+
+class Mode(Enum):
+    """What is done with the map: begun, gone on with, or left as it is."""
+
+    BUILD = "build"
+    EXTEND = "extend"
+    FROZEN = "frozen"
+
+
+@dataclass(frozen=True)
+class Rules:
+    """When a new landmark may correct the robot.
+
+    Attributes:
+        mode: see `Mode`.
+        sightings: it was seen so often,
+        reach: from places that are apart by this part of its range.
+    """
+
+    mode: Mode = Mode.BUILD
+    sightings: int = 5
+    reach: float = 0.1
+
+
+@dataclass
+class Judged:
+    """What became of the sights of an image: names, and why they are refused."""
+
+    used: list[str] = field(default_factory=list)
+    watched: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+class Chart:
+    """The landmarks that are in the state.
+
+    Attributes:
+        landmarks: by name.
+        known: those of the map that was given, by name.
+    """
+
+    def __init__(self, rules: Rules, known: Mapping[str, Known]) -> None:
+        self.landmarks: dict[str, Landmark] = {}
+        self.known = dict(known)
+        self._rules = rules
+        self._is_frozen = rules.mode is Mode.FROZEN
+
+    def take(self, state: State, view: View) -> tuple[State, Judged]:
+        """Correct the state by an image."""
+        judged = Judged(refused=dict(view.left_out))
+        tags = [sight for sight in view.sights if sight.is_turned]
+        tags = [sight for sight in tags if self._has_its_side(sight, judged)]
+        for sight in tags:
+            if sight.name in self.known and sight.name not in self.landmarks:
+                self._enter(state, sight, view)
+        there = [one for one in tags if one.name in self.landmarks]
+        state = self._correct(state, view, there, judged)
+        for sight in there:
+            landmark = self.landmarks[sight.name]
+            if not landmark.is_used:
+                state = self._watch(state, view, sight, landmark, judged)
+        if not self._is_frozen:
+            self._begin(state, view, tags, judged)
+        else:
+            self._thin_out(state)
+        return state, judged
+
+    def map_of(self, state: State) -> dict[str, Known]:
+        """All that is known by now of landmarks that may be used, by name."""
+        known = dict(self.known)
+        for name, one in self.landmarks.items():
+            if one.is_used:
+                (place,) = state.indices([one.key])
+                R, p = state.landmarks_R[place], state.landmarks_p[place]
+                known[name] = Known.of(R, p, told_covariance(state, one.key), one.side_m)
+        return known
+
+    def _has_its_side(self, sight: Sight, judged: Judged) -> bool:
+        """Whether its detector and the map agree on how large it is."""
+        known = self.known.get(sight.name) or self.landmarks.get(sight.name)
+        sides = (sight.side_m, known.side_m) if known else (0.0, 0.0)
+        if min(sides) <= 0 or abs(sides[0] - sides[1]) <= _SIDES * max(sides):
+            return True
+        judged.refused[sight.name] = f"is {sides[0]:g} m wide here and {sides[1]:g} m in the map"
+        return False
+
+    def _enter(self, state: State, sight: Sight, view: View) -> None:
+        """Take a landmark of the map into the state."""
+        known = self.known[sight.name]
+        state.add(sight.name, known.R, known.p, known.covariance, to_robot=False)
+        one = Landmark(sight.name, sight.number, known.side_m, [sight.name], [0.0], True, 0, 0)
+        self.landmarks[sight.name] = one
+
+    def _correct(self, state: State, view: View, sights: list[Sight], judged: Judged) -> State:
+        """By all that fit of those that may be used."""
+        pairs = [
+            Pair(sight, self.landmarks[sight.name].key)
+            for sight in sights
+            if self.landmarks[sight.name].is_used
+        ]
+        good: list[Pair] = []
+        for pair, fit in zip(pairs, fits(view, pairs, state), strict=True):
+            landmark = self.landmarks[pair.sight.name]
+            if fit.is_inlier:
+                good.append(pair)
+                landmark.seen += 1
+                landmark.refused, landmark.last_ns = 0, view.stamp_ns
+                judged.used.append(landmark.name)
+            else:
+                landmark.refused += 1
+                why = f"is not where the map has it: {fit.distance2 / fit.size:.0f} times too far"
+                judged.refused[landmark.name] = why
+        if not good:
+            return state
+        state = update(state, view, good, [slice(0, CORE if self._is_frozen else None)])
+        self._let_go_of_moved(state, judged)
+        return state
+
+    def _let_go_of_moved(self, state: State, judged: Judged) -> None:
+        """A landmark that others contradict, image after image, is not there any more."""
+        if self._is_frozen:
+            return
+        for name in list(judged.refused):
+            landmark = self.landmarks.get(name)
+            if landmark and landmark.is_used and landmark.refused >= _MOVED:
+                self._drop(state, landmark)
+                self.known.pop(name, None)
+                judged.refused[name] = "was moved: it begins anew"
+
+    def _watch(
+        self, state: State, view: View, sight: Sight, landmark: Landmark, judged: Judged
+    ) -> State:
+        """A view of one that is not used yet."""
+        state = landmark.watch(state, view, sight)
+        if landmark.is_contradictory:
+            self._drop(state, landmark)
+            judged.refused[landmark.name] = "its views do not fit together: moved, or another size?"
+            return state
+        if landmark.may_be_used(self._rules.sightings, self._rules.reach):
+            landmark.is_used = True
+        judged.watched.append(landmark.name)
+        return state
+
+    def _begin(self, state: State, view: View, sights: list[Sight], judged: Judged) -> None:
+        for sight in sights:
+            if sight.name not in self.landmarks and sight.name not in judged.refused:
+                self.landmarks[sight.name] = begin(state, view, sight)
+                judged.watched.append(sight.name)
+
+    def _drop(self, state: State, landmark: Landmark) -> None:
+        for key in landmark.keys:
+            state.remove(key)
+        del self.landmarks[landmark.name]
+
+    def _thin_out(self, state: State) -> None:
+        """Let go of what was not seen for long: the map still has it."""
+        several = sorted(self.landmarks.values(), key=lambda one: one.last_ns)
+        for landmark in several[: max(len(several) - _MOST_CONSIDERED, 0)]:
+            self._drop(state, landmark)

@@ -1,0 +1,185 @@
+"""One landmark of the navigator: where it is in the state, and whether it may correct the robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.track import DECIDED, log_score
+from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
+from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
+from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.twists import about_itself, about_origin, carried
+from ros_visualise.landmarks.navigation.updating import Fit, fits, update
+
+_SAME = 1.0  # squared distance of readings that have become one
+_WORST = -40.0  # a view's part in the evidence: one outlier decides nothing alone
+_SURPRISE = 3.1  # deviations of a sum of squared distances, 999 of 1000 sums are below
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A landmark of a map: its pose, the covariance (6, 6) of its twist, its side in metres."""
+
+    R: Floats
+    p: Floats
+    covariance: Floats
+    side_m: float
+
+    @classmethod
+    def of(cls, R: Floats, p: Floats, covariance: Floats, side_m: float) -> Known:
+        """By the covariance (6, 6) that messages and maps tell, which is about itself."""
+        change = about_origin(p)
+        return cls(R, p, change @ covariance @ change.T, side_m)
+
+
+@dataclass(eq=False)
+class Landmark:
+    """What is known of one landmark beside its place in the state.
+
+    Attributes:
+        name, number: its class.
+        side_m: of its square; 0 of what is no tag.
+        keys: its readings in the state, the likeliest first.
+        evidence: the logarithm of how likely the views are under each.
+        is_used: whether it corrects the robot. Before, it is only estimated itself.
+        seen, last_ns: how often, and when last.
+        refused: how often in a row it was not where it should be.
+    """
+
+    name: str
+    number: int
+    side_m: float
+    keys: list[str]
+    evidence: list[float]
+    is_used: bool
+    last_ns: int
+    seen: int = 1
+    refused: int = 0
+    is_turned: bool = True
+    _from_p: Floats = field(default_factory=lambda: np.zeros(3))
+    _reach: float = 0.0  # of its views, as a part of the range
+    _surprise: float = 0.0  # squared distances of all views, less what they are expected to be
+    _numbers: int = 0
+
+    @property
+    def key(self) -> str:
+        """Its likelier reading."""
+        return self.keys[0]
+
+    @property
+    def weights(self) -> list[float]:
+        """How probable each reading is."""
+        likely = [math.exp(one - self.evidence[0]) for one in self.evidence]
+        return [one / sum(likely) for one in likely]
+
+    def watch(self, state: State, view: View, sight: Sight) -> State:
+        """Take a view of one that is not used yet: it is estimated, and the robot is not."""
+        found = [fits(view, [Pair(sight, key)], state)[0] for key in self.keys]
+        best = max(found, key=lambda one: one.evidence)
+        if not best.is_inlier:
+            self.refused += 1
+            return state
+        for key, one in zip(self.keys, found, strict=True):
+            if one.is_inlier:
+                state = update(state, view, [Pair(sight, key)], [state.rows(key)])
+        self._note(best, view, state)
+        several = zip(self.evidence, found, strict=True)
+        self.evidence = [before + max(one.evidence, _WORST) for before, one in several]
+        self.decide(state)
+        return state
+
+    def decide(self, state: State) -> None:
+        """Drop readings that the views make unlikely, and those that have become one."""
+        order = sorted(range(len(self.keys)), key=lambda n: -self.evidence[n])
+        kept: list[int] = []
+        for n in order:
+            is_likely = not kept or self.evidence[n] > self.evidence[kept[0]] - DECIDED
+            same = any(self._are_same(state, self.keys[n], self.keys[k]) for k in kept)
+            if is_likely and not same:
+                kept.append(n)
+            else:
+                state.remove(self.keys[n])
+        self.keys, self.evidence = [self.keys[n] for n in kept], [self.evidence[n] for n in kept]
+
+    def may_be_used(self, sightings: int, reach: float) -> bool:
+        """Whether views from places apart enough agree that it is there."""
+        return len(self.keys) == 1 and self.seen >= sightings and self._reach >= reach
+
+    @property
+    def is_contradictory(self) -> bool:
+        """Whether its views do not fit together."""
+        return self.refused > 3 or self._surprise > _SURPRISE * math.sqrt(2 * self._numbers)
+
+    def _note(self, fit: Fit, view: View, state: State) -> None:
+        """Count a view."""
+        self.seen += 1
+        self.refused = 0
+        self.last_ns = view.stamp_ns
+        self._surprise += fit.distance2 - fit.size
+        self._numbers += fit.size
+        camera = camera_of(view, state.R, state.p).p
+        (place,) = state.indices([self.key])
+        range_m = float(np.linalg.norm(state.landmarks_p[place] - camera))
+        self._reach = max(self._reach, float(np.linalg.norm(camera - self._from_p)) / range_m)
+
+    @staticmethod
+    def _are_same(state: State, one: str, other: str) -> bool:
+        a, b = state.indices([one, other])
+        ahead = carried(state.landmarks_R[a], state.landmarks_p[a])
+        back = np.linalg.inv(ahead)
+        p = state.landmarks_R[a].T @ (state.landmarks_p[b] - state.landmarks_p[a])
+        R = state.landmarks_R[a].T @ state.landmarks_R[b]
+        axis = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
+        off = np.concatenate([p, axis])
+        P = state.covariance
+        rows_a, rows_b = state.rows(one), state.rows(other)
+        spread = back @ (P[rows_a, rows_a] + P[rows_b, rows_b]) @ back.T
+        return bool(np.trace(R) > 1 and off @ np.linalg.solve(spread, off) < _SAME)
+
+
+def begin(state: State, view: View, sight: Sight) -> Landmark:
+    """Put what is seen for the first time into a state, with each reading of its picture."""
+    camera = camera_of(view, state.R, state.p)
+    keys = [f"{sight.name}/{n}" for n, pose in enumerate(sight.poses) if pose.R is not None]
+    poses = [pose for pose in sight.poses if pose.R is not None]
+    for key, pose in zip(keys, poses, strict=True):
+        assert pose.R is not None
+        noise = seen_noise(pose, camera.R, camera.p)
+        state.add(key, camera.R @ pose.R, camera.R @ pose.t + camera.p, noise, to_robot=True)
+    evidence = [log_score(pose.score) for pose in poses]
+    landmark = Landmark(
+        sight.name, sight.number, sight.side_m, keys, evidence, False, view.stamp_ns
+    )
+    landmark._from_p = camera.p
+    landmark.decide(state)
+    return landmark
+
+
+def seen_noise(pose: SeenPose, R: Floats, p: Floats) -> Floats:
+    """(6, 6) covariance of the twist in the map that a reading leaves between camera and landmark.
+
+    Args:
+        R, p: of the camera in the map.
+    """
+    change = carried(R, p) @ about_origin(pose.t)
+    noise: Floats = change @ pose.covariance @ change.T
+    return noise
+
+
+def told_covariance(state: State, key: str) -> Floats:
+    """(6, 6) of a landmark, as messages have it: of its position, and of turns about itself."""
+    (place,) = state.indices([key])
+    rows = state.rows(key)
+    change = about_itself(state.landmarks_p[place])
+    told: Floats = change @ state.covariance[rows, rows] @ change.T
+    return told
+
+
+def sights_by_name(sights: Sequence[Sight]) -> dict[str, Sight]:
+    """Tags by what they are called: each is the only one of its name."""
+    return {sight.name: sight for sight in sights if sight.is_turned}

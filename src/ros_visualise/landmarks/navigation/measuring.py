@@ -1,0 +1,124 @@
+"""Where landmarks are expected in an image, and how that depends on the errors of a state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
+from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.twists import cross
+
+SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+_NEAR = 1e-3  # of its distance, that a corner has to lie in front of the camera
+
+
+class Pair(NamedTuple):
+    """A sight, and the key of the landmark in the state that it is of."""
+
+    sight: Sight
+    key: str
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """One pair, of k numbers, to first order.
+
+    Attributes:
+        residual: (k,) what was measured, less what was expected; NaN behind the camera.
+        of_landmark, of_robot: (k, 6) how what is expected depends on their twists.
+        noise: (k, k) covariance.
+    """
+
+    residual: Floats
+    of_landmark: Floats
+    of_robot: Floats
+    noise: Floats
+
+
+class Camera(NamedTuple):
+    """Where the camera is in the map: (3, 3) and (3,)."""
+
+    R: Floats
+    p: Floats
+
+
+def camera_of(view: View, R: Floats, p: Floats) -> Camera:
+    """The camera of a robot at a pose."""
+    return Camera(R @ view.R_base_camera, R @ view.p_base_camera + p)
+
+
+def measure(view: View, pairs: Sequence[Pair], state: State) -> list[Measured]:
+    """What each pair says, by the state's estimates."""
+    camera = camera_of(view, state.R, state.p)
+    by_corners = [n for n, pair in enumerate(pairs) if pair.sight.has_corners]
+    corners = _corners(camera, [pairs[n] for n in by_corners], state)
+    found = dict(zip(by_corners, corners, strict=True))
+    for n, pair in enumerate(pairs):
+        if n not in found:
+            found[n] = _best_pose(camera, pair, state)
+    return [found[n] for n in range(len(pairs))]
+
+
+def _corners(camera: Camera, pairs: Sequence[Pair], state: State) -> list[Measured]:
+    """Eight numbers each, in pixels; all tags at once."""
+    if not pairs:
+        return []
+    places = state.indices([pair.key for pair in pairs])
+    sights = [pair.sight for pair in pairs]
+    points = SQUARE * np.array([sight.side_m for sight in sights])[:, None, None]
+    R, p = state.landmarks_R[places], state.landmarks_p[places]
+    at = points @ np.swapaxes(R, -1, -2) + p[:, None]
+    rays = [sight.rays for sight in sights if sight.rays is not None]
+    directions = np.array([one.directions for one in rays])
+    to_pixels = np.array([one.to_pixels for one in rays])
+    seen = (at - camera.p) @ camera.R
+    depth = (directions * seen).sum(axis=-1)
+    hidden = depth < _NEAR * np.linalg.norm(seen, axis=-1)
+    depth = np.where(hidden, 1.0, depth)
+    offset = (to_pixels @ seen[..., None])[..., 0] / depth[..., None]
+    by_point = to_pixels - offset[..., None] * directions[..., None, :]
+    by_point = by_point / depth[..., None, None] @ camera.R.T
+    by_turn = -by_point @ cross(at)
+    H = np.concatenate([by_point, by_turn], axis=-1).reshape(len(pairs), 8, 6)
+    residual = np.where(hidden[..., None], np.nan, -offset).reshape(len(pairs), 8)
+    return [
+        Measured(residual[n], H[n], -H[n], np.eye(8) * sight.sigma_px**2)
+        for n, sight in enumerate(sights)
+    ]
+
+
+def _best_pose(camera: Camera, pair: Pair, state: State) -> Measured:
+    """What that reading says that fits best by its own covariance."""
+    (place,) = state.indices([pair.key])
+    R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
+    several = [_pose(camera, pose, R, p, first) for pose in pair.sight.poses]
+    return min(several, key=lambda one: one.residual @ np.linalg.solve(one.noise, one.residual))
+
+
+def _pose(camera: Camera, pose: SeenPose, R: Floats, p: Floats, first: Floats) -> Measured:
+    """Six numbers of a pose, three of a place, or two of a direction."""
+    back = camera.R.T
+    away = back @ (p - camera.p)
+    if pose.R is not None:
+        turn = turn_between(pose.R, back @ R)
+        H = np.zeros((6, 6))
+        H[:3, :3] = H[3:, 3:] = back
+        H[:3, 3:] = -back @ cross(p)
+        return Measured(np.concatenate([pose.t - away, turn]), H, -H, pose.covariance)
+    # no turn of its own: it is where it is by the first estimate's Jacobian (`twists`)
+    of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
+    of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)
+    noise, residual = pose.covariance[:3, :3], pose.t - away
+    if pose.has_range:
+        return Measured(residual, of_landmark, of_robot, noise)
+    ray = pose.t / np.linalg.norm(pose.t)
+    across = np.linalg.svd(ray[None])[2][1:]
+    project = across / max(float(ray @ away), 1e-6)
+    lateral = across @ noise @ across.T / float(pose.t @ pose.t)
+    return Measured(-project @ away, project @ of_landmark, project @ of_robot, lateral)

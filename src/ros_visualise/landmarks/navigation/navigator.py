@@ -1,0 +1,272 @@
+"""The navigator: carries the robot's pose on by its odometry, and corrects it by landmarks.
+
+An image is seen later than the odometry has gone on. So the state stays at the last image, and what
+is told now is that state carried on by the odometry since; an image that comes is put in at its own
+time, and nothing has to be taken back.
+"""
+
+from __future__ import annotations
+
+import logging
+from bisect import insort
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
+from ros_visualise.geometry.transforms import inverse
+from ros_visualise.landmarks.navigation.chart import Chart, Judged, Mode, Rules
+from ros_visualise.landmarks.navigation.landmark import Known
+from ros_visualise.landmarks.navigation.motion import Carried, OdometryNoise, begin, predict, up_of
+from ros_visualise.landmarks.navigation.odometer import Odometer
+from ros_visualise.landmarks.navigation.search import Prior, Search
+from ros_visualise.landmarks.navigation.sights import View
+from ros_visualise.landmarks.navigation.state import CORE, POSE, State
+from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
+
+log = logging.getLogger(__name__)
+
+_BACK_NS = 1_000_000_000  # a stamp so much older than the last one: the clock was set back
+_LOST_AFTER = 3  # images in a row that contradict all that is known
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the navigator works.
+
+    Attributes:
+        rules: of the landmarks.
+        odometry: what it does wrong.
+        level_rad: standard deviation of how level the odometry's frame is.
+        delay_s: so long an image may be on its way.
+        fastest: m/s; an odometry that is faster has jumped.
+    """
+
+    rules: Rules = field(default_factory=Rules)
+    odometry: OdometryNoise = field(default_factory=OdometryNoise)
+    level_rad: float = np.radians(0.5)
+    delay_s: float = 0.5
+    fastest: float = 30.0
+
+
+@dataclass(frozen=True, eq=False)
+class Now:
+    """Where the robot is at the time of an odometry.
+
+    ``covariance`` (6, 6) is of the position and of turns there, in the map; ``T_map_odom`` (4, 4)
+    is what the odometry is wrong by. Where ``is_located`` is false, they are of the last time that
+    it was known.
+    """
+
+    stamp_ns: int
+    T_map_base: Floats
+    T_map_odom: Floats
+    covariance: Floats
+    is_located: bool
+
+
+class Navigator:
+    """The robot in a map of landmarks.
+
+    Attributes:
+        state: at the time of the last image, or of an odometry that none came after for long.
+        chart: the landmarks.
+        judged: what became of the sights of the last image.
+        is_located: whether it is known where the robot is.
+        trouble: why it is not, in words; empty while it is.
+        counts: images by what became of them.
+        at_ns: the time of the state.
+        has_news: an image was put in; whoever has told of it sets it back.
+
+    Args:
+        settings: see there.
+        known: the landmarks of a map, by name.
+        start: T_map_odom where a map begins to be built.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        known: Mapping[str, Known] | None = None,
+        start: Pose = IDENTITY,
+    ) -> None:
+        self.settings = settings
+        self._known, self._start = dict(known or {}), start
+        self.counts = {"images": 0, "late": 0, "frozen": 0, "lost": 0, "recovered": 0}
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin anew: time has jumped."""
+        self.state = State()
+        self.chart = Chart(self.settings.rules, self._known)
+        self.judged = Judged()
+        self.is_located = False
+        self.trouble = "looks for the landmarks of the map"
+        self._search = Search()
+        self._odometer = Odometer()
+        self._ahead = Carried(self.state)
+        self._waiting: list[tuple[int, int, View]] = []
+        self._count = 0
+        self.at_ns = 0
+        self.has_news = False
+        self._contradicted = 0
+        self._last_print: bytes = b""
+        self._has_pose = False
+
+    def odometry(self, stamp_ns: int, pose: Pose) -> Now | None:
+        """Go on by an odometry, T_odom_base; None while nothing is known of where the robot is."""
+        newest_ns = self._odometer.newest_ns
+        if newest_ns is not None and stamp_ns <= newest_ns:
+            if stamp_ns < newest_ns - _BACK_NS:
+                self.reset()
+            else:
+                return None
+        step = self._odometer.add(stamp_ns, pose)
+        if step is None:
+            self._begin(stamp_ns, pose)
+        elif np.hypot(*step.motion[:2]) > self.settings.fastest * max(step.seconds, 0.02):
+            self._jump(stamp_ns, pose)
+        else:
+            self._ahead.go(step, self.settings.odometry)
+        self._work()
+        self._keep_up(stamp_ns)
+        return self._now(stamp_ns) if self._has_pose else None
+
+    def see(self, view: View) -> bool:
+        """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
+        self._count += 1
+        insort(self._waiting, (view.stamp_ns, self._count, view))
+        return self._work()
+
+    def _begin(self, stamp_ns: int, pose: Pose) -> None:
+        """Where a map is begun, the odometry's frame is known in it, but for how level it is."""
+        self.at_ns = stamp_ns
+        if self.settings.rules.mode is Mode.BUILD:
+            T = to_matrix(self._start) @ to_matrix(pose)
+            tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
+            change = about_origin(T[:3, 3])
+            begin(self.state, T[:3, :3], T[:3, 3], change @ tilt @ change.T, self.settings.odometry)
+            self._locate()
+        self._ahead = Carried(self.state)
+
+    def _locate(self) -> None:
+        self.is_located = self._has_pose = True
+        self.trouble = ""
+        self._contradicted = 0
+        self._search.clear()
+
+    def _jump(self, stamp_ns: int, pose: Pose) -> None:
+        """The odometry begins anew elsewhere: the robot is where it was, as far as is known."""
+        self._work()
+        self.state.R, self.state.p = self._ahead.R, self._ahead.p
+        self._odometer = Odometer()
+        self._odometer.add(stamp_ns, pose)
+        self.at_ns = stamp_ns
+        self._ahead = Carried(self.state)
+        self._search.clear()
+        if self._has_pose:
+            self._lose("the odometry has jumped")
+
+    def _lose(self, why: str) -> None:
+        self.is_located, self.trouble = False, f"lost: {why}"
+        self.counts["lost"] += 1
+        log.warning("%s; looks for the landmarks of the map", self.trouble)
+
+    def _work(self) -> bool:
+        """Put in the images whose odometry is there; whether there were any."""
+        newest_ns = self._odometer.newest_ns
+        worked = False
+        while newest_ns is not None and self._waiting and self._waiting[0][0] <= newest_ns:
+            view = self._waiting.pop(0)[2]
+            worked = self._put_in(view) or worked
+        if worked and newest_ns is not None:
+            self._catch_up(newest_ns)
+        return worked
+
+    def _put_in(self, view: View) -> bool:
+        self.counts["images"] += 1
+        is_same = bool(view.sights) and view.print == self._last_print
+        if view.stamp_ns < self.at_ns or is_same:
+            self.counts["frozen" if is_same else "late"] += 1
+            if is_same:
+                self.judged = Judged(refused={one.name: "the same image" for one in view.sights})
+            return is_same
+        self._last_print = view.print
+        self._advance(view.stamp_ns)
+        self.has_news = True
+        if self.is_located:
+            self.state, self.judged = self.chart.take(self.state, view)
+            self._doubt(view)
+        else:
+            self.judged = Judged(refused=dict(view.left_out))
+            self._search.look(view, self.chart.map_of(self.state), self._prior(view))
+            self._recover(1 if not self._has_pose else 2)
+        return True
+
+    def _doubt(self, view: View) -> None:
+        """Look for another place while all that is seen of the map contradicts this one."""
+        if self.judged.used:
+            self._contradicted = 0
+            self._search.clear()
+            return
+        known = self.chart.map_of(self.state)
+        if any(sight.name in known for sight in view.sights):
+            self._contradicted += 1
+            self._search.look(view, known, self._prior(view))
+            if self._contradicted >= _LOST_AFTER and self._search.found(min(2, len(known))):
+                self._lose("all landmarks contradict where the robot should be")
+                self._recover(2)
+
+    def _recover(self, least_names: int) -> None:
+        """Go on where the search has found the robot."""
+        known = self.chart.map_of(self.state)
+        found = self._search.found(min(least_names, len(known)))
+        if found is None:
+            return
+        if self._has_pose:
+            self.counts["recovered"] += 1
+            log.warning("recovered: found by %s", ", ".join(found.keys))
+        begin(self.state, found.R, found.p, found.covariance[POSE, POSE], self.settings.odometry)
+        self.state.scales = found.scales
+        self.state.covariance[6:CORE, 6:CORE] = found.covariance[6:CORE, 6:CORE]
+        self.judged = Judged(used=[])
+        self._locate()
+
+    def _prior(self, view: View) -> Prior:
+        """What is known of any place where the robot may be at an image."""
+        up = up_of(self._odometer.at(view.stamp_ns))
+        return Prior(up, self.settings.level_rad, self.settings.odometry)
+
+    def _advance(self, stamp_ns: int) -> None:
+        """Carry the state on to a time."""
+        if stamp_ns == self.at_ns:
+            return
+        steps = self._odometer.steps(self.at_ns, stamp_ns)
+        predict(self.state, steps, self.settings.odometry)
+        self._search.predict(steps, self.settings.odometry)
+        self.at_ns = stamp_ns
+
+    def _keep_up(self, newest_ns: int) -> None:
+        """Leave behind what no image can come for any more."""
+        oldest_ns = newest_ns - round(self.settings.delay_s * 1e9)
+        if self.at_ns < oldest_ns:
+            self._advance(oldest_ns)
+            self._catch_up(newest_ns)
+        self._odometer.forget(self.at_ns)
+
+    def _catch_up(self, newest_ns: int) -> None:
+        """What is known now, by the state and the odometry since."""
+        self._ahead = Carried(self.state)
+        if newest_ns > self.at_ns:
+            for step in self._odometer.steps(self.at_ns, newest_ns):
+                self._ahead.go(step, self.settings.odometry)
+
+    def _now(self, stamp_ns: int) -> Now:
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = self._ahead.R, self._ahead.p
+        change = about_itself(self._ahead.p)
+        covariance = change @ self._ahead.covariance(self.state)[POSE, POSE] @ change.T
+        T_map_odom = T @ inverse(to_matrix(self._odometer.newest))
+        return Now(stamp_ns, T, T_map_odom, covariance, self.is_located)

@@ -1,0 +1,64 @@
+"""The last seconds of an odometry: images are seen later than it has gone on."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+
+from ros_visualise.geometry.rigid import Pose, interpolate
+from ros_visualise.landmarks.navigation.motion import Step, step_between
+
+
+class Odometer:
+    """Poses of the robot in the odometry's frame, by time."""
+
+    def __init__(self) -> None:
+        self._stamps_ns: list[int] = []
+        self._poses: list[Pose] = []
+
+    @property
+    def newest_ns(self) -> int | None:
+        """The time of the last pose."""
+        return self._stamps_ns[-1] if self._stamps_ns else None
+
+    @property
+    def newest(self) -> Pose:
+        """The last pose."""
+        return self._poses[-1]
+
+    @property
+    def oldest_ns(self) -> int | None:
+        """The time from which on poses are known."""
+        return self._stamps_ns[0] if self._stamps_ns else None
+
+    def add(self, stamp_ns: int, pose: Pose) -> Step | None:
+        """Take a pose that is newer than all others; the motion to it from the last one."""
+        step = None
+        if self._stamps_ns:
+            step = step_between(self._poses[-1], pose, (stamp_ns - self._stamps_ns[-1]) / 1e9)
+        self._stamps_ns.append(stamp_ns)
+        self._poses.append(pose)
+        return step
+
+    def at(self, stamp_ns: int) -> Pose:
+        """The pose at a time between the first and the last, between two of them on a straight."""
+        after = bisect_left(self._stamps_ns, stamp_ns)
+        if self._stamps_ns[after] == stamp_ns:
+            return self._poses[after]
+        start, end = self._stamps_ns[after - 1], self._stamps_ns[after]
+        part = (stamp_ns - start) / (end - start)
+        return interpolate(self._poses[after - 1], self._poses[after], part)
+
+    def steps(self, from_ns: int, to_ns: int) -> list[Step]:
+        """The motions from one time to another."""
+        inner = slice(bisect_right(self._stamps_ns, from_ns), bisect_left(self._stamps_ns, to_ns))
+        stamps = [from_ns, *self._stamps_ns[inner], to_ns]
+        poses = [self.at(from_ns), *self._poses[inner], self.at(to_ns)]
+        return [
+            step_between(a, b, (end - start) / 1e9)
+            for a, b, start, end in zip(poses, poses[1:], stamps, stamps[1:], strict=False)
+        ]
+
+    def forget(self, before_ns: int) -> None:
+        """Let go of what is older, but for the last pose of it."""
+        count = max(bisect_right(self._stamps_ns, before_ns) - 1, 0)
+        del self._stamps_ns[:count], self._poses[:count]

@@ -1,0 +1,155 @@
+"""The filter's update by an image: gates, robust weights, and states that are only considered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.estimate import GATES
+from ros_visualise.landmarks.navigation.measuring import Measured, Pair, measure
+from ros_visualise.landmarks.navigation.sights import View
+from ros_visualise.landmarks.navigation.state import CORE, PER_LANDMARK, POSE, State
+
+_ROUNDS = 3  # of linearisation
+_CONVERGED = 1e-4  # of the twist; metres and radians
+_HUBER = 2.5  # deviations of a corner from which on it counts less
+_BEHIND = 1e6  # squared distance of what cannot be seen at all
+
+
+class Fit(NamedTuple):
+    """How well a sight fits to the state: squared Mahalanobis distance of ``size`` numbers.
+
+    ``evidence`` is the logarithm of its likelihood, up to what its noise alone makes.
+    """
+
+    distance2: float
+    size: int
+    evidence: float
+
+    @property
+    def is_inlier(self) -> bool:
+        """Whether 999 of 1000 right ones are nearer."""
+        return self.distance2 < GATES[self.size]
+
+
+def fits(view: View, pairs: Sequence[Pair], state: State) -> list[Fit]:
+    """How well each pair fits, one by one."""
+    return [
+        _fit(one, _columns([pair], state), state)
+        for pair, one in zip(pairs, measure(view, pairs, state), strict=True)
+    ]
+
+
+def update(state: State, view: View, pairs: Sequence[Pair], free: Sequence[slice]) -> State:
+    """The state with the sights of an image.
+
+    Only ``free`` rows are corrected; the others are considered: their errors count, and what is
+    seen says nothing of them. By rounds of linearisation, and with corners that fit badly counting
+    less.
+
+    Source: S. F. Schmidt, Application of state-space methods to navigation problems, 1966 (the
+    considered states); B. Bell, F. Cathey, The iterated Kalman filter update as a Gauss-Newton
+    method, 1993; P. Huber, Robust Statistics, 1981, section 7.
+    """
+    columns = _columns(pairs, state)
+    fixed = np.ones(len(state.covariance), bool)
+    for rows in free:
+        fixed[rows] = False
+    P = state.covariance
+    error = np.zeros(len(P))
+    moved = state
+    for turn in range(_ROUNDS):
+        residual, H, noise = _stacked(measure(view, pairs, moved), columns, turn > 0)
+        PH = P[:, columns] @ H.T
+        spread = H @ PH[columns] + noise
+        before = error
+        error = PH @ np.linalg.solve(spread, residual + H @ error[columns])
+        if not np.isfinite(error).all():  # the camera came to stand behind a landmark
+            return state
+        error[fixed] = 0
+        moved = state.moved(error)
+        if np.abs(error - before)[columns].max() < _CONVERGED:
+            break
+    change = PH @ np.linalg.solve(spread, PH.T)
+    if fixed.any():
+        change[np.ix_(fixed, fixed)] = 0
+    P = P - change
+    moved.covariance = (P + P.T) / 2
+    return moved
+
+
+def level(state: State, up: Floats, sigma: float) -> tuple[State, Fit]:
+    """The robot's pose corrected by that the odometry knows which way is up.
+
+    Args:
+        up: (3,) in the robot's axes, where the odometry has it.
+        sigma: standard deviation of that, rad.
+    """
+    P = state.covariance
+    moved, error = state, np.zeros(len(P))
+    first = None
+    for _ in range(_ROUNDS):
+        x, y, z = moved.R @ up
+        H = np.array([[0, z, -y], [-z, 0, x]])
+        residual = -np.array([x, y])
+        PH = P[:, 3:6] @ H.T
+        spread = H @ PH[3:6] + np.eye(2) * sigma**2
+        if first is None:
+            beyond = 0.0 if z > 0 else _BEHIND
+            first = _compared(residual, spread, np.eye(2) * sigma**2, beyond)
+        error = PH @ np.linalg.solve(spread, residual + H @ error[3:6])
+        moved = state.moved(error)
+    P = P - PH @ np.linalg.solve(spread, PH.T)
+    moved.covariance = (P + P.T) / 2
+    assert first is not None
+    return moved, first
+
+
+def _columns(pairs: Sequence[Pair], state: State) -> npt.NDArray[np.intp]:
+    """The states that pairs depend on: the robot's pose, and their landmarks."""
+    starts = CORE + PER_LANDMARK * state.indices([pair.key for pair in pairs])
+    landmarks = (starts[:, None] + np.arange(PER_LANDMARK)).ravel()
+    return np.concatenate([np.arange(POSE.stop), landmarks])
+
+
+def _fit(one: Measured, columns: npt.NDArray[np.intp], state: State) -> Fit:
+    if not np.isfinite(one.residual).all():
+        return Fit(_BEHIND, len(one.residual), -_BEHIND)
+    H = np.hstack([one.of_robot, one.of_landmark])
+    spread = H @ state.covariance[np.ix_(columns, columns)] @ H.T + one.noise
+    return _compared(one.residual, spread, one.noise)
+
+
+def _compared(residual: Floats, spread: Floats, noise: Floats, beyond: float = 0.0) -> Fit:
+    distance2 = float(residual @ np.linalg.solve(spread, residual)) + beyond
+    volume = float(np.linalg.slogdet(noise)[1] - np.linalg.slogdet(spread)[1])
+    return Fit(distance2, len(residual), (volume - distance2) / 2)
+
+
+def _stacked(
+    several: Sequence[Measured], columns: npt.NDArray[np.intp], robust: bool
+) -> tuple[Floats, Floats, Floats]:
+    """Residual (m,), its dependence (m, columns) and noise (m, m) of all pairs of an image."""
+    total = sum(len(one.residual) for one in several)
+    H, noise = np.zeros((total, len(columns))), np.zeros((total, total))
+    start = 0
+    for number, one in enumerate(several):
+        rows = slice(start, start + len(one.residual))
+        own = POSE.stop + PER_LANDMARK * number
+        H[rows, POSE] = one.of_robot
+        H[rows, own : own + PER_LANDMARK] = one.of_landmark
+        noise[rows, rows] = one.noise * _doubt(one)[:, None] if robust else one.noise
+        start = rows.stop
+    return np.concatenate([one.residual for one in several]), H, noise
+
+
+def _doubt(one: Measured) -> Floats:
+    """(k,) by how much the variance of each number is raised: of corners that fit badly."""
+    if len(one.residual) != 8:
+        return np.ones(len(one.residual))
+    off = np.linalg.norm(one.residual.reshape(4, 2), axis=1) / np.sqrt(one.noise[0, 0])
+    return np.repeat(np.maximum(off / _HUBER, 1.0), 2)

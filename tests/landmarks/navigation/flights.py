@@ -1,0 +1,196 @@
+"""Flights over tags that are computed, not rendered: the truth, the odometry and the corners.
+
+Corners are where a camera would see them, with the noise that tags of their size have, so that what
+a filter makes of them can be judged by laws of statistics, over many flights in little time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ros_visualise.data import CameraInfo, Detection, Detections, Floats, Header, Hypothesis
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.rigid import Pose
+from ros_visualise.landmarks.pose import corner_sigma, squares_poses
+from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
+from ros_visualise.simulation.settings import QuadrotorParams
+
+S = 1_000_000_000
+INFO = CameraInfo(480, 640, K=np.array([[381.4, 0, 319.5], [0, 381.4, 239.5], [0, 0, 1]]))
+DRIFT = QuadrotorParams(odom_scale=0.01, odom_noise=0.02, odom_yaw_noise=0.003)
+"""An odometry that is wrong by one per cent of the way."""
+T_BASE_CAMERA = np.array([[0.0, -1, 0, 0.1], [-1, 0, 0, 0.02], [0, 0, -1, -0.05], [0, 0, 0, 1]])
+_SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
+_EDGE_PX = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Tag:
+    """A tag in the map: T_map_tag (4, 4), and the side of its square in metres."""
+
+    T: Floats
+    side_m: float
+
+    @property
+    def corners(self) -> Floats:
+        """(4, 3) in the map."""
+        return _SQUARE * self.side_m @ self.T[:3, :3].T + self.T[:3, 3]
+
+
+Tags = Mapping[int, Tag]
+
+
+def lawn_mower(
+    length_m: float = 500.0, row_m: float = 64.0, spacing_m: float = 8.0, height_m: float = 10.0
+) -> list[tuple[float, float, float]]:
+    """Turning points of rows, until the way is as long as that."""
+    points, way, row = [(0.0, 0.0, height_m)], 0.0, 0
+    while way < length_m:
+        x = row_m if row % 2 == 0 else 0.0
+        points.append((x, row * spacing_m, height_m))
+        points.append((x, (row + 1) * spacing_m, height_m))
+        way += row_m + spacing_m
+        row += 1
+    return points[:-1]
+
+
+def field_of_tags(random: np.random.Generator, width: float, depth: float, count: int) -> Tags:
+    """Tags that lie on the ground, nearly level, spread evenly but not in rows."""
+    columns = max(1, round(np.sqrt(count * width / depth)))
+    rows = -(-count // columns)
+    tags = {}
+    for number in range(count):
+        row, column = divmod(number, columns)
+        x = (column + 0.5 + random.uniform(-0.3, 0.3)) * width / columns
+        y = (row + 0.5 + random.uniform(-0.3, 0.3)) * depth / rows - 4
+        rpy = [*random.normal(0, 0.05, 2), random.uniform(-np.pi, np.pi)]
+        T = np.eye(4)
+        T[:3, :3] = rotations.to_matrix(rotations.from_rpy(rpy))
+        T[:3, 3] = x, y, random.uniform(0, 0.3)
+        tags[number] = Tag(T, 0.6)
+    return tags
+
+
+@dataclass
+class Flight:
+    """A flight by turning points, and what is told on it.
+
+    Attributes:
+        T_map_odom: (4, 4) where the odometry begins.
+        times_s, places, attitudes: the truth, (N,), (N, 3) and (N, 4) as x, y, z, w.
+    """
+
+    tags: Tags
+    points: Sequence[tuple[float, float, float]]
+    seed: int = 0
+    speed: float = 3.0
+    odom_hz: int = 25
+    images_hz: float = 5.0
+    level_rad: float = 0.0
+    drift: QuadrotorParams = DRIFT
+    T_map_odom: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.random = np.random.default_rng([self.seed, 7])
+        self._fly()
+        tilt = self.random.normal(0, self.level_rad, 2)
+        start = np.eye(4)
+        start[:3, :3] = rotations.to_matrix(rotations.from_rpy([*tilt, 0.0]))
+        self.T_map_odom = start
+
+    def _fly(self) -> None:
+        points = np.array(self.points)
+        legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        ends = np.concatenate([[0], np.cumsum(legs)])
+        step = self.speed / self.odom_hz
+        along = np.arange(0, ends[-1], step)
+        self.places = np.stack([np.interp(along, ends, points[:, axis]) for axis in range(3)], 1)
+        self.times_s = np.arange(len(along)) / self.odom_hz
+        wobble = np.sin(self.times_s[:, None] * [0.9, 1.3, 0.4] + [0, 1, 2])
+        self.places = self.places + wobble * [0.3, 0.3, 0.4]
+        ahead = np.gradient(self.places, axis=0)
+        yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+        smooth = np.ones(2 * self.odom_hz) / (2 * self.odom_hz)
+        padded = np.pad(yaw, (self.odom_hz, self.odom_hz - 1), mode="edge")
+        rpy = np.column_stack([wobble[:, :2] * 0.06, np.convolve(padded, smooth, "valid")])
+        self.attitudes = rotations.from_rpy(rpy)
+
+    @property
+    def way_m(self) -> float:
+        """How long it is."""
+        return float(np.linalg.norm(np.diff(self.places, axis=0), axis=1).sum())
+
+    def true_pose(self, number: int) -> Floats:
+        """T_map_base (4, 4), the truth at an odometry."""
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = rotations.to_matrix(self.attitudes[number]), self.places[number]
+        return T
+
+    def told(self) -> Iterator[tuple[int, int, Pose, Detections | None]]:
+        """Number, stamp, T_odom_base as the odometry believes, and what the camera sees then."""
+        back = np.linalg.inv(self.T_map_odom)
+        R = rotations.to_matrix(self.attitudes)
+        R_odom, p_odom = back[:3, :3] @ R, self.places @ back[:3, :3].T + back[:3, 3]
+        quats = rotations.from_matrix(R_odom)
+        wxyz = np.roll(quats, 1, axis=1).tolist()
+        # it begins at zero, and with the heading that it has
+        first = tuple(p_odom[0].tolist())
+        odometry = VisualInertialOdometry(self.drift, self.seed, first, (1.0, 0.0, 0.0, 0.0))
+        every = round(self.odom_hz / self.images_hz)
+        zero = np.zeros(3)
+        for number, stamp in enumerate((self.times_s * S).round().astype(int).tolist()):
+            place = tuple(p_odom[number].tolist())
+            found = odometry.advance(stamp, place, tuple(wxyz[number]), zero, zero)
+            at = found.position_xyz + p_odom[0]
+            pose = (*at.tolist(), *found.quat_xyzw.tolist())
+            seen = self.see(number, stamp) if number % every == 0 else None
+            yield number, stamp, pose, seen
+
+    def see(self, number: int, stamp_ns: int) -> Detections:
+        """What the camera sees."""
+        T_camera = self.true_pose(number) @ T_BASE_CAMERA
+        seen: list[tuple[int, Floats]] = []
+        for id, tag in self.tags.items():
+            local = (tag.corners - T_camera[:3, 3]) @ T_camera[:3, :3]
+            if (local[:, 2] < 0.1).any():
+                continue
+            pixels = local @ INFO.K.T
+            pixels = pixels[:, :2] / pixels[:, 2:]
+            inside = (pixels > _EDGE_PX) & (pixels < [640 - _EDGE_PX, 480 - _EDGE_PX])
+            if inside.all():
+                pixels = pixels + corner_sigma(pixels) * self.random.standard_normal((4, 2))
+                seen.append((id, pixels))
+        return Detections(tuple(self._detections(seen)), Header(stamp_ns, "camera"), INFO)
+
+    def _detections(self, seen: list[tuple[int, Floats]]) -> Iterator[Detection]:
+        if not seen:
+            return
+        corners = np.array([one for _, one in seen])
+        sides = [self.tags[id].side_m for id, _ in seen]
+        sigmas = corner_sigma(corners)
+        poses = squares_poses(corners, sides, INFO, sigmas)
+        for (id, pixels), side, several in zip(seen, sides, poses, strict=True):
+            hypotheses = tuple(
+                Hypothesis(
+                    f"tag36h11_{id}",
+                    one.probability,
+                    one.position_xyz,
+                    one.quat_xyzw,
+                    one.covariance,
+                    id,
+                )
+                for one in several
+            )
+            if hypotheses:
+                yield Detection(
+                    pixels.mean(axis=0),
+                    np.ptp(pixels, axis=0),
+                    0.0,
+                    hypotheses,
+                    str(id),
+                    pixels,
+                    side_m=side,
+                )

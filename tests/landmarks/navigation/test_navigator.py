@@ -1,0 +1,220 @@
+"""The navigator over known tags: how exact it is, how honest, and what it refuses."""
+
+from collections import Counter
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
+
+from ros_visualise.geometry import rigid
+from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.landmarks.navigation.chart import Mode, Rules
+from ros_visualise.landmarks.navigation.landmark import Known
+from ros_visualise.landmarks.navigation.motion import OdometryNoise
+from ros_visualise.landmarks.navigation.navigator import Navigator, Settings
+from ros_visualise.landmarks.navigation.sights import view_of
+
+LEVEL = np.radians(0.5)
+NOISE = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
+FROZEN = Settings(Rules(Mode.FROZEN), NOISE, LEVEL)
+EXACT = np.eye(6) * 1e-8
+
+
+@cache
+def flight(seed=1, length_m=60.0):
+    """A short one over tags, and all that is told on it."""
+    tags = field_of_tags(np.random.default_rng(seed), 64, 24, 30)
+    points = lawn_mower(length_m, row_m=24.0)
+    one = Flight(tags, points, seed, odom_hz=10, images_hz=2.5, level_rad=LEVEL)
+    return one, tuple(one.told())
+
+
+def known(tags, sigma=0.0):
+    return {
+        f"tag36h11_{id}": Known.of(
+            tag.T[:3, :3], tag.T[:3, 3], EXACT + np.eye(6) * sigma**2, tag.side_m
+        )
+        for id, tag in tags.items()
+    }
+
+
+def error(one, number, now):
+    """(6,) of the position, and of turns there."""
+    T = one.true_pose(number)
+    turned = turn_between(T[:3, :3], now.T_map_base[:3, :3])
+    return np.concatenate([T[:3, 3] - now.T_map_base[:3, 3], turned])
+
+
+def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda judged: None):
+    """Errors (N, 6) and covariances while it is located; images come so many odometries later.
+
+    ``change`` makes other detections of those seen, ``watch`` is given what becomes of each image.
+    """
+    found, waiting = [], []
+    for number, stamp, pose, seen in told:
+        now = navigator.odometry(stamp, pose)
+        if seen is not None:
+            waiting.append((number + late, view_of(change(seen), T_BASE_CAMERA)))
+        while waiting and waiting[0][0] <= number:
+            navigator.see(waiting.pop(0)[1])
+            watch(navigator.judged)
+        if now is not None and now.is_located:
+            found.append((error(one, number, now), now.covariance))
+    errors, covariances = zip(*found, strict=True)
+    return np.array(errors), np.array(covariances)
+
+
+def ate(errors):
+    return float(np.sqrt((errors[:, :3] ** 2).sum(axis=1).mean()))
+
+
+def assert_within(error, covariance):
+    """That a position's error is one of the 999 of 1000 that its covariance expects."""
+    off = error[:3]
+    assert off @ np.linalg.solve(covariance[:3, :3], off) < 16.27
+
+
+def displaced(told, motion):
+    """The same with an odometry that is elsewhere by a motion."""
+    return [(n, stamp, rigid.compose(motion, pose), seen) for n, stamp, pose, seen in told]
+
+
+def test_it_is_located_by_a_known_map_far_better_than_by_its_odometry():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    errors, covariances = fly(navigator, one, told)
+    assert len(errors) > 0.9 * len(told)
+    assert ate(errors) < 0.08
+    nees = [e @ np.linalg.solve(P, e) for e, P in zip(errors, covariances, strict=True)]
+    assert 2 < np.mean(nees) < 12  # one flight; the benchmark looks at thirty
+    assert navigator.counts["lost"] == 0
+
+
+def test_images_that_come_late_are_put_in_at_their_own_time():
+    one, told = flight()
+    at_once, _ = fly(Navigator(FROZEN, known(one.tags)), one, told)
+    late, _ = fly(Navigator(FROZEN, known(one.tags)), one, told, late=3)
+    assert ate(late) < ate(at_once) + 0.05  # known later, but as well
+
+
+def test_a_moved_tag_is_refused_and_not_believed():
+    one, told = flight()
+    there = known(one.tags)
+    often = Counter(d.id for *_, seen in told if seen for d in seen.detections)
+    moved = f"tag36h11_{often.most_common(1)[0][0]}"
+    there[moved] = replace(there[moved], p=there[moved].p + np.array([1.0, 0, 0]))
+    judged = []
+    errors, _ = fly(Navigator(FROZEN, there), one, told, watch=judged.append)
+    assert ate(errors) < 0.2
+    assert any(moved in image.refused for image in judged)
+    assert not any(moved in image.used for image in judged[5:])
+
+
+def test_a_tag_of_another_size_than_the_map_says_is_refused():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+
+    def shrink(seen):
+        several = [replace(d, side_m=d.side_m / 2) for d in seen.detections]
+        return replace(seen, detections=tuple(several[:1] + list(seen.detections[1:])))
+
+    errors, _ = fly(navigator, one, told, shrink)
+    assert ate(errors) < 0.2
+    assert any("wide here" in why for why in navigator.judged.refused.values())
+
+
+def test_two_tags_of_one_name_in_an_image_are_both_refused():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+
+    def twice(seen):
+        return replace(seen, detections=(*seen.detections[:1], *seen.detections))
+
+    errors, _ = fly(navigator, one, told, twice)
+    assert ate(errors) < 0.2
+    assert "twice in an image" in navigator.judged.refused.values()
+
+
+def test_a_frozen_camera_makes_it_no_surer():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    half = len(told) // 2
+    fly(navigator, one, told[:half])
+    last = next(seen for *_, seen in reversed(told[:half]) if seen is not None)
+    before = np.trace(navigator.state.covariance[:3, :3])
+    errors, covariances = fly(
+        navigator, one, told[half:], lambda seen: replace(last, header=seen.header)
+    )
+    assert navigator.counts["frozen"] > 10
+    assert np.trace(covariances[-1][:3, :3]) > before
+    assert_within(errors[-1], covariances[-1])
+
+
+def test_a_kidnapped_robot_is_noticed_said_and_found_again(caplog):
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    third = len(told) // 3
+    fly(navigator, one, told[:third])
+    # carried to where it was to be a third of the way later, while the odometry notices nothing
+    carried = rigid.compose(told[third][2], rigid.inverse(told[2 * third][2]))
+    errors, _ = fly(navigator, one, displaced(told[2 * third :], carried))
+    assert (navigator.counts["lost"], navigator.counts["recovered"]) == (1, 1)
+    assert np.linalg.norm(errors[-1][:3]) < 0.2
+    said = [record.getMessage() for record in caplog.records]
+    assert sum("lost" in text for text in said) == sum("recovered" in text for text in said) == 1
+
+
+def test_an_odometry_that_jumps_costs_the_place_until_tags_tell_it():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    half = len(told) // 2
+    fly(navigator, one, told[:half])
+    after = displaced(told[half:], (500.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    _, stamp, pose, _ = after[0]
+    assert not navigator.odometry(stamp, pose).is_located
+    errors, _ = fly(navigator, one, after[1:])
+    assert np.linalg.norm(errors[-1][:3]) < 0.2
+
+
+def test_a_clock_that_is_set_back_begins_anew():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    fly(navigator, one, told)
+    errors, _ = fly(navigator, one, told)
+    assert ate(errors) < 0.08
+
+
+def test_while_nothing_is_seen_it_goes_on_by_the_odometry_and_grows_less_sure():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    half = len(told) // 2
+    fly(navigator, one, told[:half])
+    blind = [(number, stamp, pose, None) for number, stamp, pose, _ in told[half:]]
+    errors, covariances = fly(navigator, one, blind)
+    assert len(errors) == len(blind)
+    sizes = [np.trace(P[:3, :3]) for P in covariances]
+    assert sizes == sorted(sizes)
+    assert_within(errors[-1], covariances[-1])
+
+
+def test_map_to_odom_takes_the_odometry_to_the_robot():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    for _, stamp, pose, seen in told[:40]:
+        now = navigator.odometry(stamp, pose)
+        if now is not None:
+            assert now.stamp_ns == stamp
+            there = now.T_map_odom @ rigid.to_matrix(pose)
+            np.testing.assert_allclose(there, now.T_map_base, atol=1e-9)
+        if seen is not None:
+            navigator.see(view_of(seen, T_BASE_CAMERA))
+    assert now is not None
+
+
+@pytest.mark.parametrize("mode", [Mode.FROZEN, Mode.EXTEND])
+def test_without_a_landmark_nothing_is_known_of_the_place(mode):
+    one, told = flight()
+    navigator = Navigator(replace(FROZEN, rules=Rules(mode)), known(one.tags))
+    assert all(navigator.odometry(stamp, pose) is None for _, stamp, pose, _ in told)

@@ -1,0 +1,187 @@
+"""The node that tells where the robot is: its messages, its map, and what it says."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import (
+    CameraInfo,
+    Detection,
+    Detections,
+    Header,
+    Hypothesis,
+    Level,
+    Odometry,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.errors import NoTransform, OpenError
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.geometry.rotations import from_matrix
+from ros_visualise.landmarks.localization import map_file
+from ros_visualise.landmarks.localization.estimate import known
+from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.navigation.chart import Mode
+from ros_visualise.nodes.landmark_navigator import LandmarkNavigator, NavigatorParams
+
+S = 1_000_000_000
+DOWN = np.diag([1.0, -1.0, -1.0])
+LEVEL = np.array([0.0, 0, 0, 1])
+INFO = CameraInfo(640, 480, K=np.array([[500.0, 0, 320], [0, 500, 240], [0, 0, 1]]))
+PLACES = {3: (2.0, 1.0), 4: (3.0, -1.0)}
+SIDE = 0.5
+NOISE = np.diag([1e-3, 1e-3, 1e-2, 1e-2, 1e-2, 1e-4])
+
+
+def tree():
+    """A camera that looks down from the robot's own place."""
+    frames = FrameTree()
+    mounted = TransformStamped("camera", np.zeros(3), from_matrix(DOWN), Header(0, "base_link"))
+    frames.add(Transforms((mounted,)), static=True)
+    return frames
+
+
+def written_map(path):
+    tracks = [
+        Track(
+            f"tag36h11_{id}",
+            id,
+            True,
+            (Branch(known(np.array([*at, 0.0]), np.eye(3), np.eye(6) * 1e-6), 0.0),),
+            0,
+            size_xyz=np.array([SIDE, SIDE, 0]),
+            sizes=9,
+            seen=9,
+        )
+        for id, at in PLACES.items()
+    ]
+    path.write_text(map_file.to_text("map", tracks))
+    return str(path)
+
+
+def odometry(time_s, x):
+    return Odometry(
+        np.array([x, 0.0, 0.0]),
+        LEVEL,
+        child_frame_id="base_link",
+        header=Header(round(time_s * S), "odom"),
+    )
+
+
+def detections(time_s, robot_xyz, corners=True):
+    """What a robot at (x, y, z) of the map that heads along x sees of the tags below it."""
+    found = []
+    for id, at in PLACES.items():
+        center = DOWN.T @ (np.array([*at, 0.0]) - robot_xyz)
+        square = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * SIDE / 2
+        seen = center + square @ DOWN
+        seen = seen @ INFO.K.T
+        pixels = seen[:, :2] / seen[:, 2:] + 1e-4 * time_s  # no two images are the same
+        hypothesis = Hypothesis(f"tag36h11_{id}", 1.0, center, from_matrix(DOWN.T), NOISE, id)
+        one = Detection.of_corners(pixels, [hypothesis], str(id))
+        found.append(replace(one, side_m=SIDE))
+        if not corners:
+            found[-1] = replace(one, corners_uv=np.zeros((0, 2)))
+    return Detections(tuple(found), Header(round(time_s * S), "camera"), INFO if corners else None)
+
+
+def run(node, params, corners=True, count=20):
+    """The robot flies along x, 5 m above; its odometry begins at (1, 0, 5) of the map."""
+    answers = []
+    for number in range(count):
+        time_s, x = 1 + number / 10, number / 20
+        answers.append(node.step(params, odometry=odometry(time_s, x), frames=tree()))
+        seen = detections(time_s, np.array([1.0 + x, 0, 5]), corners)
+        answers.append(node.step(params, detections=seen, frames=tree()))
+    return [answer for answer in answers if answer]
+
+
+@pytest.fixture
+def params(tmp_path):
+    path = written_map(tmp_path / "map.yaml")
+    return NavigatorParams(mode=Mode.FROZEN, map=path, level_sigma=0.1)
+
+
+@pytest.mark.parametrize("corners", [True, False], ids=["corners", "poses"])
+def test_map_to_odom_and_the_pose_are_stamped_as_the_odometry(params, corners):
+    answers = run(LandmarkNavigator(params), params, corners)
+    last = [answer for answer in answers if "tf" in answer][-1]
+    (frame,) = last["tf"].transforms
+    assert (frame.header.frame_id, frame.child_frame_id) == ("map", "odom")
+    assert frame.header.stamp_ns == last["pose"].header.stamp_ns == round(2.9 * S)
+    np.testing.assert_allclose(frame.translation_xyz, [1, 0, 5], atol=0.03)
+    np.testing.assert_allclose(last["pose"].position_xyz, [1.95, 0, 5], atol=0.03)
+    sigma = np.sqrt(np.diag(last["pose"].covariance)[:3])
+    assert (sigma > 0.0005).all()
+    assert (sigma < 0.1).all()
+
+
+def test_it_says_what_it_uses_and_refuses(params):
+    node = LandmarkNavigator(params)
+    told = [answer for answer in run(node, params) if "diagnostics" in answer]
+    (status,) = told[-1]["diagnostics"].statuses
+    assert (status.level, status.values["located"]) == (Level.OK, "True")
+    assert status.values["used"] == "tag36h11_3, tag36h11_4"
+    (first,) = told[0]["diagnostics"].statuses
+    assert (first.level, first.message) == (Level.ERROR, "looks for the landmarks of the map")
+    wrong = detections(3.0, np.array([2.0, 0, 5]))
+    wrong = replace(wrong, detections=(wrong.detections[0], wrong.detections[0]))
+    node.step(params, odometry=odometry(3.0, 1.0), frames=tree())
+    answer = node.step(params, detections=wrong, frames=tree())
+    (status,) = answer["diagnostics"].statuses
+    assert status.values["refused tag36h11_3"] == "twice in an image"
+    label = next(m for m in answer["markers"].markers if "twice" in m.text)
+    assert label.color_rgba[0] > 0.9 > 0.2 > label.color_rgba[1]
+    assert {m.ns for m in answer["markers"].markers} == {"robot", "plate", "error", "label"}
+
+
+def test_landmarks_are_told_with_covariance(params):
+    told = [answer for answer in run(LandmarkNavigator(params), params) if "landmarks" in answer]
+    found = {one.id: one for one in told[-1]["landmarks"].detections}
+    assert found.keys() == {"tag36h11_3", "tag36h11_4"}
+    np.testing.assert_allclose(found["tag36h11_4"].position_xyz, [3, -1, 0], atol=1e-3)
+    covariance = found["tag36h11_4"].hypotheses[0].covariance
+    np.testing.assert_allclose(covariance, np.eye(6) * 1e-6, atol=1e-9)
+
+
+def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
+    path = tmp_path / "built.yaml"
+    params = NavigatorParams(save_to=str(path), level_sigma=0.1)
+    node = LandmarkNavigator(params)
+    node.save_map()
+    assert "nothing is written" in caplog.text
+    run(node, params, count=40)
+    node.save_map()
+    frame_id, tracks = map_file.load(path)
+    assert frame_id == "map"
+    assert sorted(track.name for track in tracks) == ["tag36h11_3", "tag36h11_4"]
+    # the map begins where the odometry does
+    np.testing.assert_allclose(tracks[0].best.position_xyz, [1, 1, -5], atol=0.1)
+    frozen = NavigatorParams(mode=Mode.FROZEN, map=str(path), level_sigma=0.1)
+    last = [a for a in run(LandmarkNavigator(frozen), frozen) if "pose" in a][-1]
+    np.testing.assert_allclose(last["pose"].position_xyz, [0.95, 0, 0], atol=0.1)
+
+
+def test_other_parameters_hold_at_once_and_another_map_begins_anew(params, tmp_path):
+    node = LandmarkNavigator(params)
+    run(node, params)
+    assert node.report()["landmarks"] == 2
+    slower = replace(params, delay=1.0)
+    node.step(slower, odometry=odometry(3.0, 1.0), frames=tree())
+    assert node.report()["landmarks"] == 2
+    other = replace(params, mode=Mode.BUILD)
+    node.step(other, odometry=odometry(3.1, 1.05), frames=tree())
+    assert node.report()["landmarks"] == 0
+
+
+def test_a_camera_whose_place_is_not_known_is_said(params):
+    node = LandmarkNavigator(params)
+    node.step(params, odometry=odometry(1.0, 0.0), frames=tree())
+    with pytest.raises(NoTransform):
+        node.step(params, detections=detections(1.0, np.array([1.0, 0, 5])), frames=FrameTree())
+
+
+def test_without_a_map_only_a_new_one_can_be_built():
+    with pytest.raises(OpenError, match="mode frozen needs a map: give its file as map"):
+        LandmarkNavigator(NavigatorParams(mode=Mode.FROZEN))
