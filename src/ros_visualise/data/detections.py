@@ -28,8 +28,9 @@ class Detection(Found):
     thing in other images; empty where nobody knows. ``point_uv`` (2,) is where it stands or what
     it is aimed at: the centre of a pad or a tag, the foot of a post; None where nobody knows. Its
     covariance (2, 2), in square pixels, is zero where nobody knows. ``side_m`` is the side of a
-    tag's square in metres, as its detector was told; 0 where nobody knows. Of what was recorded
-    without its pixels, the box is NaN.
+    tag's square in metres, as its detector was told, and ``corners_covariance`` (8, 8), in square
+    pixels, that of u and v of its first corner, of its second, and so on; both are zero where
+    nobody knows. Of what was recorded without its pixels, the box is NaN.
     """
 
     center_uv: Floats
@@ -41,10 +42,11 @@ class Detection(Found):
     point_uv: Floats | None = None
     point_covariance: Floats = field(default_factory=lambda: np.zeros((2, 2)))
     side_m: float = 0.0
+    corners_covariance: Floats = field(default_factory=lambda: np.zeros((8, 8)))
 
     def __post_init__(self) -> None:
         keep(self, center_uv=(2,), size_uv=(2,), corners_uv=(len(self.corners_uv), 2))
-        keep(self, point_covariance=(2, 2))
+        keep(self, point_covariance=(2, 2), corners_covariance=(8, 8))
         if self.point_uv is not None:
             keep(self, point_uv=(2,))
 
@@ -110,7 +112,7 @@ class Detections(FoundArray):
 
     ``camera_info`` is the image's calibration, None where nobody knows. In messages of ROS 1 a
     class is a number, and there is no ``id``; none has ``corners_uv``, ``point_uv``,
-    ``side_m`` or a calibration.
+    ``side_m``, their covariances or a calibration.
     """
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"

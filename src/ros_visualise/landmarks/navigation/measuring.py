@@ -87,10 +87,7 @@ def _corners(camera: Camera, pairs: Sequence[Pair], state: State) -> list[Measur
     by_turn = -by_point @ cross(at)
     H = np.concatenate([by_point, by_turn], axis=-1).reshape(len(pairs), 8, 6)
     residual = np.where(hidden[..., None], np.nan, -offset).reshape(len(pairs), 8)
-    return [
-        Measured(residual[n], H[n], -H[n], np.eye(8) * sight.sigma_px**2)
-        for n, sight in enumerate(sights)
-    ]
+    return [Measured(residual[n], H[n], -H[n], sight.noise_px2) for n, sight in enumerate(sights)]
 
 
 def _best_pose(camera: Camera, pair: Pair, state: State) -> Measured:

@@ -146,7 +146,7 @@ class Navigator:
         if self.settings.rules.mode is Mode.BUILD:
             T = to_matrix(self._start) @ to_matrix(pose)
             tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
-            change = about_origin(T[:3, 3])
+            change = about_origin(to_matrix(self._start)[:3, 3])
             begin(self.state, T[:3, :3], T[:3, 3], change @ tilt @ change.T, self.settings.odometry)
             self._locate()
         self._ahead = Carried(self.state)

@@ -12,10 +12,10 @@ from ros_visualise.data import Detection, Detections, Floats, Hypothesis
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.seen import UNKNOWN
-from ros_visualise.landmarks.pose import corner_sigma
+from ros_visualise.landmarks.pose.corner_noise import corner_noise
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 
-_OWN_SIDE = 4  # corners of a tag
+_CORNERS = 4  # of a tag
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Sight:
         number: of the class, as `ros_visualise.data.Hypothesis` has it.
         side_m: of a tag's square; 0 where nobody knows.
         rays: of its four corners; None where nobody knows.
-        sigma_px: standard deviation of each coordinate of a corner.
+        noise_px2: (8, 8) covariance of their coordinates.
         poses: what its picture may be, the likeliest first.
     """
 
@@ -50,7 +50,7 @@ class Sight:
     number: int
     side_m: float
     rays: Rays | None
-    sigma_px: float
+    noise_px2: Floats
     poses: tuple[SeenPose, ...]
 
     @property
@@ -113,7 +113,7 @@ def view_of(
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
     """The rays of tags' corners, by their places in the list."""
     info = detections.camera_info
-    tags = [n for n, one in enumerate(found) if len(one.corners_uv) == _OWN_SIDE and one.side_m > 0]
+    tags = [n for n, one in enumerate(found) if len(one.corners_uv) == _CORNERS and one.side_m > 0]
     if info is None or not tags:
         return {}
     try:
@@ -129,8 +129,16 @@ def _sight(one: Detection, rays: Rays | None, prefix: str, floor_px: float) -> S
     name = prefix + first.class_id if first.class_id.isdigit() else first.class_id
     several = (_pose(h) for h in one.hypotheses if h.class_id == first.class_id)
     poses = tuple(pose for pose in several if pose is not None)
-    sigma = float(corner_sigma(one.corners_uv, floor_px)) if rays is not None else 0.0
-    return Sight(name, first.number, one.side_m, rays, sigma, poses)
+    return Sight(name, first.number, one.side_m, rays, _noise(one, floor_px), poses)
+
+
+def _noise(one: Detection, floor_px: float) -> Floats:
+    """(8, 8) covariance of its corners; by the tag's size where its detector does not tell."""
+    if len(one.corners_uv) != _CORNERS:
+        return np.zeros((8, 8))
+    known = one.corners_covariance if one.corners_covariance.any() else np.full((8, 8), np.nan)
+    noise: Floats = corner_noise(one.corners_uv[None], floor_px, known[None])[0]
+    return noise
 
 
 def _pose(hypothesis: Hypothesis) -> SeenPose | None:

@@ -142,14 +142,15 @@ def _stacked(
         own = POSE.stop + PER_LANDMARK * number
         H[rows, POSE] = one.of_robot
         H[rows, own : own + PER_LANDMARK] = one.of_landmark
-        noise[rows, rows] = one.noise * _doubt(one)[:, None] if robust else one.noise
+        doubt = _doubt(one) if robust else np.ones(len(one.residual))
+        noise[rows, rows] = one.noise * doubt[:, None] * doubt
         start = rows.stop
     return np.concatenate([one.residual for one in several]), H, noise
 
 
 def _doubt(one: Measured) -> Floats:
-    """(k,) by how much the variance of each number is raised: of corners that fit badly."""
+    """(k,) by how much the deviation of each number is raised: of corners that fit badly."""
     if len(one.residual) != 8:
         return np.ones(len(one.residual))
-    off = np.linalg.norm(one.residual.reshape(4, 2), axis=1) / np.sqrt(one.noise[0, 0])
-    return np.repeat(np.maximum(off / _HUBER, 1.0), 2)
+    off = np.sqrt((one.residual**2 / np.diag(one.noise)).reshape(4, 2).sum(axis=1))
+    return np.repeat(np.sqrt(np.maximum(off / _HUBER, 1.0)), 2)

@@ -95,7 +95,8 @@ def _of_tag(tag: Tag, known: KnownTags, size_m: float, poses: Sequence[PoseEstim
     name = known.names.get(tag.id, tag.name)
     hypotheses = _hypotheses(name, _score(tag), tag.id, poses)
     found = Detection.of_corners(tag.corners_uv, hypotheses, str(tag.id))
-    return replace(found, point_uv=tag.center_uv, side_m=size_m)
+    noise = np.zeros((8, 8)) if tag.covariance_px2 is None else tag.covariance_px2
+    return replace(found, point_uv=tag.center_uv, side_m=size_m, corners_covariance=noise)
 
 
 def _of_bundle(
