@@ -259,3 +259,9 @@ def test_of_two_nodes_that_show_one_picture_one_is_put_aside():
 
     assert aside(image_pipeline("landscape")) == ["landscape"]
     assert aside(simulation_pipeline("husky")) == ["fps_control"]  # the robot has buttons
+
+
+def test_who_navigates_is_held_against_the_truth_where_there_is_one():
+    graph = simulation_pipeline("husky", landmarks=True, navigate=True)
+    inputs = graph.node("pose_error").inputs
+    assert inputs == {"pose": "/navigation/pose", "truth": "/ground_truth/odom"}

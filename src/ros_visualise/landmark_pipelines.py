@@ -12,11 +12,11 @@ from ros_visualise.data import Odometry, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, place
 from ros_visualise.nodes import find_node
-from ros_visualise.topic_names import known_topics
+from ros_visualise.topic_names import SOURCE_TOPICS, known_topics
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
-LANDING = "landing_target"
+LANDING, POSE_ERROR = "landing_target", "pose_error"
 DETECTORS = (TAGS, OBJECTS, RECORDED_TAGS)
 """The nodes that find landmarks in images, or take up what others have found there."""
 
@@ -61,6 +61,7 @@ def with_landmarks(
     detectors_there = tuple(found)
     if navigate:
         found.append(_navigator(graph, detectors_there))
+        found += _judge(graph, found[-1])
     elif has_frames(graph):
         found.append(_fed(LOCALIZER, graph, detectors_there))
     if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
@@ -111,6 +112,16 @@ def _navigator(graph: Graph, detectors: Sequence[Node]) -> Node:
         raise UsageError(f"--navigate: there is no {what} here; leave it out")
     inputs = {"detections": detectors[0].outputs["detections"], "odometry": odometry}
     return place(declared, inputs, known_topics(declared))
+
+
+def _judge(graph: Graph, navigator: Node) -> list[Node]:
+    """What holds its pose against the truth, where that is known."""
+    truth = graph.topics.get(SOURCE_TOPICS["truth"])
+    if truth is None or truth.type is not Odometry:
+        return []
+    declared = find_node(POSE_ERROR)
+    inputs = {"pose": navigator.outputs["pose"], "truth": SOURCE_TOPICS["truth"]}
+    return [place(declared, inputs, known_topics(declared))]
 
 
 def _odometry(graph: Graph) -> str | None:

@@ -185,3 +185,22 @@ def test_a_camera_whose_place_is_not_known_is_said(params):
 def test_without_a_map_only_a_new_one_can_be_built():
     with pytest.raises(OpenError, match="mode frozen needs a map: give its file as map"):
         LandmarkNavigator(NavigatorParams(mode=Mode.FROZEN))
+
+
+def test_after_a_jump_of_time_it_begins_where_the_odometry_began():
+    """Its own map -> odom took the place of the one that told that."""
+    node, frames = LandmarkNavigator(NavigatorParams()), tree()
+    began = TransformStamped("odom", np.array([-6.0, -3, 0]), LEVEL, Header(0, "map"))
+    frames.add(Transforms((began,)), static=True)
+    node.step(NavigatorParams(), odometry=odometry(1, 0), frames=frames)
+    node.reset()
+    answer = node.step(NavigatorParams(), odometry=odometry(9, 0), frames=tree())
+    (frame,) = answer["tf"].transforms
+    np.testing.assert_allclose(frame.translation_xyz, [-6, -3, 0], atol=1e-9)
+
+
+def test_losses_are_no_loss_of_data():
+    """What a node reports as ``lost`` is what it could not read."""
+    node = LandmarkNavigator(NavigatorParams())
+    node.step(NavigatorParams(), odometry=odometry(1, 0), frames=tree())
+    assert "lost" not in node.report()

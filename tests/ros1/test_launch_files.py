@@ -164,6 +164,22 @@ def test_landmarks_are_looked_for_in_other_images_too(source, node):
     assert launched.params("landmark_localizer")["save_to"] == "mine.yaml"
 
 
+@pytest.mark.parametrize("source", ["simulator", "bag", "none"])
+def test_navigation_corrects_an_odometry_by_tags(source):
+    launched = Launched("main_navigation", source=source, odom="/vio", map="landmarks.yaml")
+    robots = {"simulator": {"quadrotor", "pose_error"}, "bag": {"player"}, "none": set()}
+    nodes = {"tag_detector", "landmark_navigator", "path", "navigation_path"}
+    assert set(launched.ours) == nodes | robots[source]
+    assert launched.resolve("landmark_navigator", "/odometry") == "/vio"
+    assert launched.resolve("landmark_navigator", "/detections") == "/detections"
+    assert launched.params("landmark_navigator")["map"] == "landmarks.yaml"
+    assert launched.params("landmark_navigator")["mode"] == "extend"
+    assert launched.resolve("navigation_path", "/pose_cov") == "/navigation/pose"
+    if source == "simulator":
+        assert launched.resolve("pose_error", "/pose") == "/navigation/pose"
+        assert launched.resolve("pose_error", "/truth") == "/ground_truth/odom"
+
+
 def test_nothing_is_simulated_where_there_is_a_robot():
     bag = Launched("main_path", bag="/a.bag")
     live = Launched("main_path", bag="none", simulator="none")
@@ -213,7 +229,7 @@ def test_parameters_are_declared_and_change_no_default(file):
                 of_node = {n: v for n, v in given.items() if n not in OPTIONS | PLAYER_OPTIONS}
                 check_declared(name, of_node)
             else:
-                check_declared(name, {n: v for n, v in given.items() if n not in OPTIONS})
+                check_declared(node.type, {n: v for n, v in given.items() if n not in OPTIONS})
 
 
 def check_declared(node: str, given: Mapping[str, Any]) -> None:
@@ -270,7 +286,9 @@ def test_view(name):
     assert set(in_one.ours) <= {"pipeline", "player"}
 
 
-@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_robots", "main_landmarks"])
+@pytest.mark.parametrize(
+    "name", [*MAIN_IMAGES, "main_path", "main_robots", "main_landmarks", "main_navigation"]
+)
 def test_unknown_view_is_refused(name):
     from roslaunch.core import RLException
     from roslaunch.xmlloader import XmlParseException
@@ -302,7 +320,7 @@ def test_every_named_file_exists(file):
             assert Path(words[1]).is_file()
 
 
-@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_landmarks"])
+@pytest.mark.parametrize("name", [*MAIN_IMAGES, "main_path", "main_landmarks", "main_navigation"])
 def test_optional_tools_are_optional(name):
     started = {node.package for node in Launched(name).config.nodes}
     assert started <= {"ros_visualise", "rviz", "tf2_ros"}
@@ -319,13 +337,16 @@ def test_optional_tools_are_optional(name):
         ("path", set()),
         ("robot", {"goal"}),
         ("landmarks", {"goal"}),
+        ("navigation", {"goal", "navigation/path"}),
     ],
 )
 def test_rviz_shows_topics_of_the_graph(config, outside):
+    navigate = config == "navigation"
     text = (PACKAGE / "config" / f"{config}.rviz").read_text()
     shown = set(re.findall(r"Topic: (\S+)", text))
     published = {
-        name.removeprefix("/") for name in simulation_pipeline("husky", landmarks=True).topics
+        name.removeprefix("/")
+        for name in simulation_pipeline("husky", landmarks=True, navigate=navigate).topics
     }
     assert shown
     assert shown <= published | outside

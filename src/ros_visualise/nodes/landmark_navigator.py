@@ -175,6 +175,7 @@ class LandmarkNavigator:
     """Corrects an odometry by landmarks: tells map -> odom, and the robot's pose in the map."""
 
     def __init__(self, params: NavigatorParams) -> None:
+        self._begun = rigid.IDENTITY
         self._open(params)
         self.reset()
 
@@ -268,12 +269,16 @@ class LandmarkNavigator:
         return answer
 
     def _start(self, frames: FrameTree, header: Header) -> rigid.Pose:
-        """T_map_odom where somebody tells where the odometry began, else they are one."""
+        """T_map_odom where somebody tells where the odometry began, else they are one.
+
+        That is told once: after a jump of time it holds again.
+        """
         try:
             T = frames.lookup(self._frame, header.frame_id, header.stamp_ns)
         except NoTransform:
-            return rigid.IDENTITY
-        return rigid.pose(*transforms.to_pose(T))
+            return self._begun
+        self._begun = rigid.pose(*transforms.to_pose(T))
+        return self._begun
 
     def _shown(self) -> dict[str, Any]:
         """What people look at: now and then, and at once where something is new."""

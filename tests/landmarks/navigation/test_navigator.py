@@ -89,7 +89,7 @@ def test_it_is_located_by_a_known_map_far_better_than_by_its_odometry():
     assert ate(errors) < 0.08
     nees = [e @ np.linalg.solve(P, e) for e, P in zip(errors, covariances, strict=True)]
     assert 2 < np.mean(nees) < 12  # one flight; the benchmark looks at thirty
-    assert navigator.counts["lost"] == 0
+    assert navigator.counts["losses"] == 0
 
 
 def test_images_that_come_late_are_put_in_at_their_own_time():
@@ -160,7 +160,7 @@ def test_a_kidnapped_robot_is_noticed_said_and_found_again(caplog):
     # carried to where it was to be a third of the way later, while the odometry notices nothing
     carried = rigid.compose(told[third][2], rigid.inverse(told[2 * third][2]))
     errors, _ = fly(navigator, one, displaced(told[2 * third :], carried))
-    assert (navigator.counts["lost"], navigator.counts["recovered"]) == (1, 1)
+    assert (navigator.counts["losses"], navigator.counts["recovered"]) == (1, 1)
     assert np.linalg.norm(errors[-1][:3]) < 0.2
     said = [record.getMessage() for record in caplog.records]
     assert sum("lost" in text for text in said) == sum("recovered" in text for text in said) == 1

@@ -94,7 +94,7 @@ class Navigator:
     ) -> None:
         self.settings = settings
         self._known, self._start = dict(known or {}), start
-        self.counts = {"images": 0, "late": 0, "frozen": 0, "lost": 0, "recovered": 0}
+        self.counts = {"images": 0, "late": 0, "frozen": 0, "losses": 0, "recovered": 0}
         self.reset()
 
     def reset(self) -> None:
@@ -171,7 +171,7 @@ class Navigator:
 
     def _lose(self, why: str) -> None:
         self.is_located, self.trouble = False, f"lost: {why}"
-        self.counts["lost"] += 1
+        self.counts["losses"] += 1
         log.warning("%s; looks for the landmarks of the map", self.trouble)
 
     def _work(self) -> bool:
