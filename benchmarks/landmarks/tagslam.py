@@ -70,6 +70,7 @@ class Recorded:
         ]
         self.info = _calibration(load_yaml(folder / "cameras.yaml")["cam0"])
         self._too_large_px = too_large_px
+        self.is_shrunk = too_large_px > 0
         self.images = [image for image in self._read(folder / "tag_detections.bag") if image]
 
     def _read(self, bag: Path) -> Iterator[dict[int, Floats]]:
@@ -189,7 +190,9 @@ def smoothed(
         if n in names
     ]
     stamps_ns = np.arange(len(several), dtype=np.int64)
-    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), prior=Prior(printed=0.01))
+    larger_px = 0.0 if recorded.is_shrunk else Prior.larger_px
+    prior = Prior(larger_px=larger_px, printed=0.01)
+    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), prior=prior)
     assert found is not None
     larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]
     refused = int((~found.inliers).sum())

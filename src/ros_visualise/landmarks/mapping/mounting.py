@@ -28,7 +28,8 @@ from ros_visualise.landmarks.mapping.terms import (
 )
 from ros_visualise.landmarks.pose.refinement import turn
 
-_FREE_M, _FREE_RAD = 0.2, np.deg2rad(20.0)  # what is known of a mounting before
+_FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # what is known of a mounting before
+_FREE_RATE = 0.1  # rad/s, of a gyroscope's bias
 _ROUNDS = 4
 _TURNED = 16.27  # squared distance of three numbers: chi-square, 999 of 1000
 _NOTICED_DEG = 0.5  # less is of no matter
@@ -43,22 +44,30 @@ class Mounting:
 
     Attributes:
         what: of what, in words.
-        turn_deg, turn_sigma_deg: (3,) degrees about the camera's x, y and z, and their deviations.
-        distance2: squared distance of the turn from none.
+        turn_deg: (3,) degrees about the camera's x, y and z.
+        turn_covariance: (3, 3) degrees squared.
         shift_m, shift_sigma_m: (3,) metres along these; None where that is not estimated.
     """
 
     what: str
     turn_deg: Floats
-    turn_sigma_deg: Floats
-    distance2: float
+    turn_covariance: Floats
     shift_m: Floats | None = None
     shift_sigma_m: Floats | None = None
 
     @property
+    def turn_sigma_deg(self) -> Floats:
+        """(3,) standard deviations."""
+        return np.sqrt(np.diag(self.turn_covariance))
+
+    @property
     def is_wrong(self) -> bool:
-        """Whether what the frames say cannot be."""
-        return self.distance2 > _TURNED and bool(np.linalg.norm(self.turn_deg) > _NOTICED_DEG)
+        """Whether what the frames say cannot be, by the turns that the motion does tell."""
+        variances, axes = np.linalg.eigh(self.turn_covariance)
+        known = variances < _VAGUE_DEG**2
+        turned = (axes.T @ self.turn_deg)[known]
+        distance2 = float((turned**2 / variances[known]).sum())
+        return distance2 > _TURNED and bool(np.linalg.norm(turned) > _NOTICED_DEG)
 
     @property
     def text(self) -> str:
@@ -98,8 +107,7 @@ def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
     mounting = Mounting(
         "the camera on the robot",
         np.rad2deg(off[3:]),
-        np.rad2deg(sigmas[3:]),
-        float(off[3:] @ np.linalg.solve(covariance[3:, 3:], off[3:])),
+        np.rad2deg(np.rad2deg(covariance[3:, 3:])),
         off[:3],
         sigmas[:3],
     )
@@ -136,24 +144,25 @@ def imu_mounting(found: Smoothed, gyro: Gyro) -> Mounting | None:
     seen, elapsed_s = seen[usable], elapsed_s[usable]
     by_bias = -np.swapaxes(R[:-1], 1, 2)[usable] * elapsed_s[:, None, None]
     off, bias = np.eye(3), np.zeros(3)
-    weights = np.ones(len(seen))
+    prior = np.diag([_FREE_RAD**-2] * 3 + [_FREE_RATE**-2] * 3)
     for _ in range(10):
         believed = (by_imu + by_bias @ bias) @ off
         left = seen - believed
         J = np.concatenate([_cross(believed), np.swapaxes(off, 0, 1) @ by_bias], axis=2)
         size = np.linalg.norm(left, axis=1)
         weights = 1 / np.maximum(1, size / max(2 * np.median(size), 1e-9))
-        information = np.einsum("n,nki,nkj->ij", weights, J, J) + 1e-12 * np.eye(6)
-        step = np.linalg.solve(information, np.einsum("n,nki,nk->i", weights, J, left))
+        variance = float((weights * size**2).sum() / max(3 * weights.sum() - 6, 1)) + 1e-14
+        information = np.einsum("n,nki,nkj->ij", weights, J, J) / variance + prior
+        slope = np.einsum("n,nki,nk->i", weights, J, left) / variance
+        believed_off = np.concatenate([logarithms(off[None])[0], bias])
+        step = np.linalg.solve(information, slope - prior @ believed_off)
         off, bias = off @ turn(step[:3]), bias + step[3:]
-    variance = float((weights * (left**2).sum(axis=1)).sum() / max(3 * weights.sum() - 6, 1))
-    covariance = np.linalg.inv(information)[:3, :3] * variance + 1e-10 * np.eye(3)
+    covariance = np.linalg.inv(information)[:3, :3]
     vector = logarithms(off[None])[0]
     return Mounting(
         "the camera to the IMU",
         np.rad2deg(vector),
-        np.rad2deg(np.sqrt(np.diag(covariance))),
-        float(vector @ np.linalg.solve(covariance, vector)),
+        np.rad2deg(np.rad2deg(covariance)),
     )
 
 
