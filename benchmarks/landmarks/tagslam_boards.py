@@ -10,12 +10,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ros_visualise.data import CameraInfo
+from ros_visualise.data import CameraInfo, Hypothesis
+from ros_visualise.landmarks.mapping.problem import Problem, Sighting
+from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
+from ros_visualise.landmarks.mapping.terms import LARGER, Prior
 from ros_visualise.landmarks.pose import squares_poses
 from ros_visualise.sources import open_source
 from ros_visualise.yaml_files import load_yaml
 
 SIZE_M, PITCH_M, COLUMNS, TAGS = 0.12, 0.15, 3, 6
+THINNED = 4  # of the frames, which follow one another closely, so many make one view
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * SIZE_M / 2
 Spot = tuple[np.ndarray, np.ndarray]
 """A tag's position and its covariance (3, 3)."""
@@ -23,7 +27,7 @@ Corners = dict[int, np.ndarray]
 
 
 def pitch_table(folder: Path) -> None:
-    """Distances of neighbours: of each pair the mean over all views, and those of single views."""
+    """Distances of neighbours: the mean of each pair over all views, single views, and a map's."""
     info = _calibration(folder / "cameras.yaml")
     frames = list(_frames(folder / "tag_detections.bag"))
     print("| poses | views of pairs | a pair's mean off, median mm | one view off, median mm |")
@@ -42,6 +46,33 @@ def pitch_table(folder: Path) -> None:
         single = np.concatenate([lengths for lengths, _ in pairs])
         off, one_off = (np.median(np.abs(v - PITCH_M)) * 1e3 for v in (means, single))
         print(f"| {name} | {len(single)} | {off:.2f} | {one_off:.2f} |")
+    for larger_px, title in ((0.0, ""), (Prior.larger_px, ", how much too large estimated")):
+        found = _smoothed(frames[::THINNED], info, Prior(larger_px=larger_px))
+        spots = {
+            id: (t, np.eye(3)) for id, t in zip(found.problem.names, found.tags.t, strict=True)
+        }
+        lengths = np.array([length for _, length, _ in _lengths(spots)])
+        off, larger = np.median(np.abs(lengths - PITCH_M)) * 1e3, found.shared[LARGER]
+        print(f"| all views at once{title} ({larger:.2f} px) | {len(lengths)} | {off:.2f} | - |")
+
+
+def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: Prior) -> Smoothed:
+    """The map of all tags by all views at once."""
+    names = sorted({id for tags in frames for id in tags})
+    sightings = []
+    for view, tags in enumerate(frames):
+        corners = np.array(list(tags.values())).reshape(-1, 4, 2)
+        for id, poses in zip(tags, squares_poses(corners, [SIZE_M] * len(tags), info), strict=True):
+            told = [
+                Hypothesis("", p.probability, p.position_xyz, p.quat_xyzw, p.covariance)
+                for p in poses
+            ]
+            if told and len(tags) > 1:
+                sightings.append(Sighting(view, names.index(id), tags[id], SIZE_M, info, told))
+    stamps_ns = np.arange(len(frames), dtype=np.int64)
+    found = smooth(Problem(stamps_ns, names, sightings), prior=prior)
+    assert found is not None
+    return found
 
 
 def _calibration(path: Path) -> CameraInfo:

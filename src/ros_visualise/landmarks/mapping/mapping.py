@@ -12,7 +12,13 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.landmarks.mapping.mounting import Gyro, Mounting, camera_mounting, imu_mounting
+from ros_visualise.landmarks.mapping.mounting import (
+    Gyro,
+    Mounting,
+    camera_mounting,
+    freely_mounted,
+    imu_mounting,
+)
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
@@ -61,20 +67,21 @@ def map_of(
     found = smooth(problem, prior=prior, is_over=is_over)
     if found is None:
         return None
-    explained: list[Outlier] = []
-    for _ in range(_ROUNDS):
-        named = outliers(found)
-        new = [one for one in named if one.kind != UNSTEADY]
-        if not new or is_over():
-            break
-        explained += new
-        found = smooth(corrected(found.problem, new), prior=prior, is_over=is_over) or found
-    rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     mountings = []
     if problem.odometry is not None and not is_over():
         mounting, freed = camera_mounting(found)
         mountings.append(mounting)
-        found = freed if mounting.is_wrong else found
+        if mounting.is_wrong:  # else tags would be blamed for it
+            found, prior = freed, freely_mounted(prior)
+    explained: list[Outlier] = []
+    for _ in range(_ROUNDS):
+        new = [one for one in outliers(found) if one.kind != UNSTEADY]
+        if not new or is_over():
+            break
+        explained += new
+        again = smooth(corrected(found.problem, new), prior=prior, is_over=is_over)
+        found = again or found
+    rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     measured = gyro(found.problem.stamps_ns) if gyro else None
     of_imu = imu_mounting(found, measured) if measured else None
     mountings += [of_imu] if of_imu else []

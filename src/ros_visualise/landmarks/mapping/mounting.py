@@ -33,7 +33,7 @@ _FREE_RATE = 0.1  # rad/s, of a gyroscope's bias
 _ROUNDS = 4
 _TURNED = 16.27  # squared distance of three numbers: chi-square, 999 of 1000
 _NOTICED_DEG = 0.5  # less is of no matter
-_VAGUE_DEG = 3.0
+_VAGUE_DEG = 1.5  # a turn that is known no better is not told
 _LONGEST_S = 1.0  # between views, for turns that are compared with those of an IMU
 _LEAST_TURNS = 10
 
@@ -63,27 +63,39 @@ class Mounting:
     @property
     def is_wrong(self) -> bool:
         """Whether what the frames say cannot be, by the turns that the motion does tell."""
+        turned, variances = self._known
+        return float((turned**2 / variances).sum()) > _TURNED and self._angle_deg > _NOTICED_DEG
+
+    @property
+    def _known(self) -> tuple[Floats, Floats]:
+        """The turn about those axes that the motion tells of, and its variances."""
         variances, axes = np.linalg.eigh(self.turn_covariance)
         known = variances < _VAGUE_DEG**2
-        turned = (axes.T @ self.turn_deg)[known]
-        distance2 = float((turned**2 / variances[known]).sum())
-        return distance2 > _TURNED and bool(np.linalg.norm(turned) > _NOTICED_DEG)
+        return (axes.T @ self.turn_deg)[known], variances[known]
+
+    @property
+    def _angle_deg(self) -> float:
+        return float(np.linalg.norm(self._known[0]))
 
     @property
     def text(self) -> str:
         """In words."""
-        angle = float(np.linalg.norm(self.turn_deg))
         each = ", ".join(
             f"{axis} {value:+.2f} +- {sigma:.2f}"
             for axis, value, sigma in zip("xyz", self.turn_deg, self.turn_sigma_deg, strict=True)
         )
         if self.is_wrong:
             return (
-                f"{self.what} is turned by {angle:.1f} degrees from what the frames tell: mend its"
+                f"{self.what} is turned by {self._angle_deg:.1f} degrees from what the frames tell: mend its"
                 f" transform (degrees about the camera's axes: {each})"
             )
         far = ", as far as these motions show" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
         return f"{self.what} is as the frames tell{far} (degrees about the camera's axes: {each})"
+
+
+def freely_mounted(prior: Prior) -> Prior:
+    """The same where the camera's mounting is not as the frames tell."""
+    return replace(prior, mounting_m=_FREE_M, mounting_rad=_FREE_RAD)
 
 
 def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
@@ -92,8 +104,7 @@ def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
-    prior = replace(Prior(), mounting_m=_FREE_M, mounting_rad=_FREE_RAD)
-    terms = Terms(found.problem, found.noise, prior)
+    terms = Terms(found.problem, found.noise, freely_mounted(Prior()))
     state = State(found.views, found.tags, found.shared)
     state = minimise(terms, state, robust(9 * GATE), 15)
     for _ in range(_ROUNDS):
