@@ -50,9 +50,11 @@ class Hub:
         statuses: list[object] = []
         thread = threading.Thread(target=_run, args=(name, middleware, statuses), name=name)
         thread.start()
-        yield middleware
-        middleware.end("the test is over")
-        thread.join(PATIENCE_S)
+        try:
+            yield middleware
+        finally:
+            middleware.end("the test is over")
+            thread.join(PATIENCE_S)
         assert statuses == [0], f"{name} did not end well"
 
 

@@ -28,7 +28,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},
-    {"cli", "options", "trajectory_options"},
+    {"cli", "options", "calibrate_options", "trajectory_options"},
     {"entry"},
     {"__main__"},
 ]

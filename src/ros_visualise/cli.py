@@ -10,6 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ros_visualise.calibrate_options import add_calibrate
 from ros_visualise.completion import SHELLS, complete
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
@@ -17,7 +18,6 @@ from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.near import near
 from ros_visualise.options import (
     MISSION,
-    add_calibrate,
     add_landmark_options,
     add_memory_option,
     add_playing_options,

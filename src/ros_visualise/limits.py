@@ -14,6 +14,8 @@ from pathlib import Path
 from ros_visualise.errors import OpenError, TooLarge, UsageError
 
 DEFAULT_MEMORY = 2 << 30
+MAX_TAG_M = 100.0
+"""Side of a tag that has poses."""
 
 _LEAST_MEMORY = 64 << 20
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}

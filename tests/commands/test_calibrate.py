@@ -53,16 +53,16 @@ def test_a_folder_told_by_its_squares(recordings, run):
 def test_a_video(recordings, run, tmp_path):
     frames = [
         cv2.imread(str(path))
-        for path in sorted((recordings / "calib" / "opencv").glob("left*.jpg"))
+        for path in sorted((recordings / "calib" / "opencv").glob("left*.jpg"))[::2]
         for _ in range(2)
     ]
     write_video(tmp_path / "board.mp4", frames)
     status, said, _ = run(tmp_path / "board.mp4", "--json")
     report = json.loads(said)
     assert status == 0
-    assert len(report["views"]) <= 13 <= report["images"]
-    assert report["alike"] >= 10  # each picture comes twice
-    assert report["K"][0] == pytest.approx(533, rel=0.01)
+    assert len(report["views"]) <= 7 <= report["images"]
+    assert report["alike"] >= 5  # each picture comes twice
+    assert report["K"][0] == pytest.approx(533, rel=0.02)
 
 
 def test_without_a_board_it_says_what_was_tried(run, tmp_path):
@@ -116,7 +116,7 @@ def test_a_camera_is_followed_for_a_while(recordings, run):
 
 
 def test_what_is_broken_is_said_and_the_rest_counts(recordings, run, tmp_path):
-    for path in (recordings / "calib" / "opencv").glob("left0*.jpg"):
+    for path in (recordings / "calib" / "opencv").glob("left0[1-6].jpg"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
     small = cv2.resize(cv2.imread(str(tmp_path / "left01.jpg")), (480, 360))
     cv2.imwrite(str(tmp_path / "a_small.png"), small)
@@ -124,5 +124,5 @@ def test_what_is_broken_is_said_and_the_rest_counts(recordings, run, tmp_path):
     status, said, errors = run(tmp_path)
     assert status == 1
     assert "broken.jpg" in errors
-    assert "in 10 of 10 images of 640x480" in said
+    assert "in 6 of 6 images of 640x480" in said
     assert "1 image of another size" in said

@@ -198,7 +198,7 @@ def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path
 
 def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
     out = tmp_path / "map.yaml"
-    status, found, _ = find("husky", "--duration", 3, "--map", out, "--json")
+    status, found, _ = find("husky", "--duration", 2, "--map", out, "--json")
     assert status == 0
     truth = build_world("field", pictures=False).landmark("tag_0")
     [tag] = [one for one in found["landmarks"] if one["name"] == "tag36h11_0"]
@@ -221,7 +221,7 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
         "--mission",
         "default",
         "--duration",
-        "3",
+        "2",
         "--view",
         "none",
         "--rate",

@@ -32,6 +32,8 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
+from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
 
@@ -251,3 +253,14 @@ def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(
         assert ours.name == "streamer"
         assert {"cam", "uav1/cam"} <= set(remote.parameters)
         assert "uav2/cam" not in remote.parameters
+
+
+def test_static_frames_of_two_nodes_in_one_process_are_both_there_for_who_comes_late(hub):
+    """A latched topic of a process holds its last message alone, whoever of it has published."""
+    process, frames = HubMiddleware(hub, name="process"), StaticFrames()
+    for child in ("base", "tag"):
+        published = process.advertise("/tf_static", TopicType(type_name(Transforms), qos=LATCHED))
+        frame = TransformStamped(child, np.zeros(3), np.array([0.0, 0, 0, 1]), Header(0, "map"))
+        StaticTransformsOutput(published, frames).put(Packet(1, Transforms((frame,)), 0))
+    (late,) = Peer(hub).hear("/tf_static", Transforms)
+    assert {one.child_frame_id for one in late.transforms} == {"base", "tag"}

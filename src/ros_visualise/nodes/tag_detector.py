@@ -12,6 +12,7 @@ from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
+from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.landmarks.tags.search import Search
 from ros_visualise.nodes import node
 from ros_visualise.params import param
@@ -21,23 +22,12 @@ from ros_visualise.vision.threads import fit_threads
 
 
 @dataclass(frozen=True)
-class TagParams:
+class TagParams(PoseParams):
     """Parameters of `tag_detector`."""
 
     families: str = param(
         "tag36h11",
         "families of tags to look for, such as tag36h11, tagStandard41h12, 5x5_1000",
-    )
-    size: float = param(
-        0.0,
-        "side of the black square in metres, of tags that the file does not know; 0: unknown, "
-        "without a pose",
-        min=0,
-        max=100,
-        slider=(0, 1),
-    )
-    tags: str = param(
-        "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
     )
     quad_decimate: float = param(
         1.0,
@@ -74,14 +64,6 @@ class TagParams:
         "a family may ask for more",
         min=0,
         max=127,
-        group="search",
-    )
-    corner_floor: float = param(
-        0.0,
-        "pixels that corners deviate at least, for the covariance; pictures tell the rest",
-        min=0,
-        max=10,
-        slider=(0, 2),
         group="search",
     )
 

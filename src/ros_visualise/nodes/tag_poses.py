@@ -2,57 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ros_visualise.data import Detection, Detections
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
+from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.nodes import node
-from ros_visualise.params import param
-
-
-@dataclass(frozen=True)
-class TagPosesParams:
-    """Parameters of `tag_poses`."""
-
-    size: float = param(
-        0.0,
-        "side of the black square in metres, of tags that the file does not know; 0: unknown, "
-        "without a pose",
-        min=0,
-        max=100,
-        slider=(0, 1),
-    )
-    tags: str = param(
-        "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
-    )
-    corner_floor: float = param(
-        0.0,
-        "pixels that corners deviate at least, for the covariance; how poses fit tells the rest",
-        min=0,
-        max=10,
-        slider=(0, 2),
-    )
 
 
 @node(
     "tag_poses",
-    params=TagPosesParams,
+    params=PoseParams,
     inputs={"corners": Detections},
     outputs={"detections": Detections},
 )
 class TagPoses:
     """Adds poses to recorded tags, by their corners and the calibration that comes with them."""
 
-    def __init__(self, params: TagPosesParams) -> None:
+    def __init__(self, params: PoseParams) -> None:
         self._remarks = Remarks("tag_poses")
         self._path = ""
         self._known = KnownTags()
         self._read(params)
 
-    def step(self, corners: Detections, params: TagPosesParams) -> Detections:
+    def step(self, corners: Detections, params: PoseParams) -> Detections:
         """The same tags with their poses, then what is no tag as it came."""
         self._read(params)
         tags = [tag for one in corners.detections if (tag := _tag(one)) is not None]
@@ -65,7 +41,7 @@ class TagPoses:
         )
         return replace(corners, detections=found + rest)
 
-    def _read(self, params: TagPosesParams) -> None:
+    def _read(self, params: PoseParams) -> None:
         if params.tags != self._path:
             self._known = read_known_tags(params.tags) if params.tags else KnownTags()
             self._path = params.tags

@@ -80,7 +80,7 @@ def save(info: CameraInfo, path: Path, name: str) -> None:
             part.unlink(missing_ok=True)
     except OSError as error:
         raise RecordingError(
-            f"{path}: cannot be written: {error.strerror}; give another camera_info_url"
+            f"{path}: cannot be written: {error.strerror}; give a file in another folder"
         ) from None
 
 

@@ -24,6 +24,8 @@ class Appearance(NamedTuple):
     """(T, N, 3) its derivatives by the blur's variances: uu, uv, vv."""
     xy: Floats
     """(T, N, 2) the places in cells, from the lower left of what is printed."""
+    beyond: Floats
+    """(T, N) share of what lies around what is printed."""
 
 
 def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats) -> Appearance:
@@ -59,7 +61,13 @@ def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats)
         np.stack([x_u * m_x + y_u * m_y, x_v * m_x + y_v * m_y], axis=2),
         np.stack([m_uu / 2, m_uv, m_vv / 2], axis=2),
         np.stack([x, y], axis=2),
+        1 - _within(x, np.sqrt(xx), patterns.shape[1]) * _within(y, np.sqrt(yy), patterns.shape[1]),
     )
+
+
+def _within(x: Floats, deviation: Floats, count: int) -> Floats:
+    """How much of a stripe of width C is seen at x."""
+    return _normal(x / deviation)[0] - _normal((x - count) / deviation)[0]
 
 
 def _stripes(x: Floats, deviation: Floats, count: int) -> tuple[Floats, Floats, Floats]:

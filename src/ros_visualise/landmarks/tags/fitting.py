@@ -76,7 +76,7 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
     samples = _sampled(gray, corners_uv - middles, middles[:, 0], patterns, square)
     begun = corners_uv - middles
     blur = np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1))
-    state = _State(begun, blur, np.zeros((len(begun), 9)))
+    state = _State(begun, blur, np.zeros((len(begun), 10)))
     with np.errstate(all="ignore"):  # of what is no such tag
         for _ in range(_ROUNDS):
             residual, J, seen = _linearised(state, samples, patterns, square)
@@ -162,7 +162,7 @@ def homographies(corners: Floats, square: Floats) -> Floats:
 def _linearised(
     state: _State, samples: _Samples, patterns: Floats, square: Floats
 ) -> tuple[Floats, Floats, Appearance]:
-    """Residuals (T, N), their derivatives (T, N, 20) by corners, blur and levels, and the looks."""
+    """Residuals (T, N), their derivatives (T, N, 21) by corners, blur and levels, and the looks."""
     H = homographies(state.corners, square)
     seen = appearance(H, samples.places, state.blur, patterns)
     size = np.abs(state.corners).max(axis=(1, 2))[:, None, None]
@@ -185,10 +185,10 @@ def _linearised(
 
 
 def _levels(seen: Appearance, u: Floats, v: Floats) -> Floats:
-    """(T, N, 9) what levels of gray are a sum of."""
+    """(T, N, 10) what levels of gray are a sum of."""
     m, one = seen.white, np.ones_like(u)
     grown = np.linalg.norm(seen.slope, axis=2)
-    return np.stack([one, m, m**2, m**3, m * u, m * v, u, v, grown], axis=2)
+    return np.stack([one, m, m**2, m**3, m * u, m * v, u, v, grown, seen.beyond], axis=2)
 
 
 def _warps(corners: Floats) -> Floats:

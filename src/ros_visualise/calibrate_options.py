@@ -1,0 +1,89 @@
+"""What can be asked of the command ``calibrate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.options import add_memory_option, positive
+
+
+def add_calibrate(commands: Any) -> None:
+    """The command ``calibrate``."""
+    calibrate = commands.add_parser(
+        "calibrate", help="calibrate a camera by pictures of a board, or print the board"
+    )
+    calibrate.set_defaults(module="calibrate")
+    calibrate.add_argument(
+        "input",
+        metavar="SRC",
+        nargs="*",
+        help="pictures, a folder of them, a video, a recording, or a camera: /dev/video0, 0, a URL",
+    )
+    _add_board(calibrate.add_argument_group("board"))
+    calibrate.add_argument(
+        "--model",
+        choices=("pinhole", "rational", "fisheye"),
+        default="pinhole",
+        help="lens: pinhole (plumb_bob), rational (rational_polynomial) or fisheye (equidistant)"
+        " (default: %(default)s)",
+    )
+    calibrate.add_argument("--topic", help="images of a recording (default: the first)")
+    calibrate.add_argument(
+        "--duration", type=positive, metavar="S", help="look at a camera for so many seconds"
+    )
+    calibrate.add_argument(
+        "--output", type=Path, metavar="FILE", help="write the calibration as YAML, for ROS"
+    )
+    calibrate.add_argument(
+        "--name", default="camera", help="the camera's name in that file (default: %(default)s)"
+    )
+    calibrate.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw points and residuals: a .png or .svg"
+    )
+    calibrate.add_argument("--overwrite", action="store_true", help="replace existing files")
+    calibrate.add_argument("--json", action="store_true", help="print a report as one JSON object")
+    add_memory_option(calibrate)
+
+
+def _add_board(group: Any) -> None:
+    group.add_argument(
+        "--pattern",
+        choices=("chessboard", "charuco", "aprilgrid"),
+        default="chessboard",
+        help="what is on it (default: %(default)s)",
+    )
+    group.add_argument(
+        "--size",
+        metavar="COLUMNSxROWS",
+        default="9x6",
+        help="inner corners of a chessboard, squares of ChArUco, tags of an AprilGrid"
+        " (default: %(default)s); other readings are tried too",
+    )
+    group.add_argument(
+        "--square",
+        type=positive,
+        metavar="M",
+        help="side of a square or tag in metres, for --board (default: as fits the page)",
+    )
+    group.add_argument(
+        "--share",
+        type=positive,
+        metavar="S",
+        help="side of a ChArUco marker, as a share of a square's (default: 0.75); space between an"
+        " AprilGrid's tags, as a share of a tag's (default: 0.3)",
+    )
+    group.add_argument(
+        "--dictionary",
+        metavar="NAME",
+        help="OpenCV's name of the markers (default: 5X5_1000; of an AprilGrid APRILTAG_36h11)",
+    )
+    group.add_argument(
+        "--board", type=Path, metavar="FILE", help="write the board for printing: a .pdf or .svg"
+    )
+    group.add_argument(
+        "--page",
+        default="A4",
+        metavar="PAGE",
+        help="A4, A3, Letter or WIDTHxHEIGHT in mm (default: %(default)s)",
+    )
