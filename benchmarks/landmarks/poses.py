@@ -161,10 +161,15 @@ def main() -> None:
     parser.add_argument("--tagslam", type=Path, help="TagSLAM's folder example_13")
     parser.add_argument("--count", type=int, default=100, help="pictures of each kind")
     parser.add_argument("--seed", type=int, default=2, help="of the pictures for covariances")
-    parser.add_argument("--covariances", action="store_true", help="nothing else")
+    parser.add_argument(
+        "--covariances",
+        choices=["rendered", "photographed"],
+        help="of these pictures, nothing else",
+    )
     asked = parser.parse_args()
-    for made in (photographed_tags, rendered_tags):
-        nees_table(asked.count, asked.seed, made)
+    kinds = {"rendered": rendered_tags, "photographed": photographed_tags}
+    for kind in [asked.covariances] if asked.covariances else kinds:
+        nees_table(asked.count, asked.seed, kinds[kind])
     if asked.covariances:
         return
     range_table(asked.count)

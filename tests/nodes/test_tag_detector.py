@@ -125,7 +125,7 @@ def test_a_bundle_is_one_detection_of_its_name(tmp_path):
     )
     (one,) = found_in(picture(ids=(3, 4)), tags=str(path)).detections
     best = one.hypotheses[0]
-    assert (one.class_id, one.id, best.number) == ("board", "board", -1)
+    assert (one.class_id, one.id, best.number) == ("board", "board", 3)
     np.testing.assert_allclose(best.position_xyz, T, atol=0.01)
     assert not len(one.corners_uv)
     uncalibrated = replace(picture(ids=(3, 4)), camera_info=None)

@@ -30,7 +30,7 @@ _STEP_PX, _MOST_PX = 1.0, 3.0  # of a corner in one round, and in all
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
 _LEAST_CONTRAST = 5.0  # levels of gray
 _WORST_FIT = 0.2  # of the contrast, that pixels are off
-_UNSEEN = 1.2  # times what is left tells, squared errors are: some of what is wrong fits the tag
+_UNSEEN = 1.1  # times what is left tells, squared errors are: some of what is wrong fits the tag
 _RIDGE = 1e-7
 
 
