@@ -124,5 +124,5 @@ def test_what_is_broken_is_said_and_the_rest_counts(recordings, run, tmp_path):
     status, said, errors = run(tmp_path)
     assert status == 1
     assert "broken.jpg" in errors
-    assert "in 6 of 6 images of 640x480" in said
+    assert "in 7 of 7 images of 640x480" in said
     assert "1 image of another size" in said
