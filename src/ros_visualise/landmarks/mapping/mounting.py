@@ -86,8 +86,8 @@ class Mounting:
         )
         if self.is_wrong:
             return (
-                f"{self.what} is turned by {self._angle_deg:.1f} degrees from what the frames tell: mend its"
-                f" transform (degrees about the camera's axes: {each})"
+                f"{self.what} is turned by {self._angle_deg:.1f} degrees from what the frames tell:"
+                f" mend its transform (degrees about the camera's axes: {each})"
             )
         far = ", as far as these motions show" if self.turn_sigma_deg.max() > _VAGUE_DEG else ""
         return f"{self.what} is as the frames tell{far} (degrees about the camera's axes: {each})"
