@@ -147,7 +147,8 @@ def test_wrong_names_are_told_with_the_right_ones():
 
 @pytest.mark.parametrize("params", list(PARAMS.values()))
 def test_settings_are_declared_parameters(params: type):
-    assert all(spec.help and spec.range for spec in specs(params) if spec.type is not bool)
+    told = [spec for spec in specs(params) if spec.type is not bool]
+    assert all(spec.help and (spec.range or spec.choices) for spec in told)
     with pytest.raises(ParameterError, match="from 1 to 200"):
         update(params(), {"imu_rate": 1000})
     assert update(QuadrotorParams(), {"camera_pitch": "45"}).camera_pitch == 45.0
