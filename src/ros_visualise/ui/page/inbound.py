@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import msgspec
+from viser._messages import KeyModifier
 
 MAX_BYTES = 64 * 1024
 """Of one message; what a person types is the largest."""
@@ -40,7 +41,7 @@ class Click(_Message, tag="ScenePointerMessage"):
     ray_origin: tuple[_Length, _Length, _Length]
     ray_direction: tuple[_Length, _Length, _Length]
     screen_pos: Annotated[list[tuple[_Length, _Length]], msgspec.Meta(max_length=2)]
-    modifier: Literal[None, "cmd/ctrl", "shift", "cmd/ctrl+shift"]
+    modifier: KeyModifier | None
 
 
 class Command(_Message, tag="CommandTriggerMessage"):
