@@ -302,3 +302,10 @@ def test_names_without_end_are_refused_and_known_ones_go_on(tree):
     tree.add(at(2, "map", "frame7", xyz=(7, 0, 0)), True)
     assert moved(tree, "map", "frame7")[0] == 7
     assert len(tree.frames()) == MOST_FRAMES + 1
+
+
+def test_what_lags_behind_is_awaited_but_for_what_does_not_count(tree):
+    tree.add(Transforms((at(1.0, "map", "odom"), at(1.2, "odom", "base_link"))))
+    assert tree.is_awaited(round(1.2 * S), within_s=0.5)
+    assert not tree.is_awaited(round(1.2 * S), within_s=0.5, but={"odom"})
+    assert not tree.is_awaited(round(1.2 * S), within_s=0.1)

@@ -96,10 +96,15 @@ class FrameTree:
         with self._lock:
             return self._newest(_name(target), _name(source))
 
-    def is_awaited(self, stamp_ns: int, within_s: float) -> bool:
-        """Whether some frame that moves is not known at a time yet, but was shortly before."""
+    def is_awaited(self, stamp_ns: int, within_s: float, but: Container[str] = ()) -> bool:
+        """Whether some frame that moves is not known at a time yet, but was shortly before.
+
+        Args:
+            but: frames that do not count.
+        """
         with self._lock:
-            moving = [one.span_ns[1] for one in self._histories.values() if not one.static]
+            several = self._histories.items()
+            moving = [h.span_ns[1] for name, h in several if not h.static and name not in but]
         return any(stamp_ns - within_s * _S < newest_ns < stamp_ns for newest_ns in moving)
 
     def frames(self) -> list[str]:

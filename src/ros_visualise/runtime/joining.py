@@ -229,7 +229,7 @@ class _Together:
         is_late = now_ns - held.since_ns >= FRAMES_WAIT_S * 1e9 or len(self._held) > _MOST_HELD
         if is_late or not self._type.frames or "tf" in (one.port for one in held.packets):
             return False
-        return self._runner.frames.is_awaited(held.stamp_ns, FRAMES_WAIT_S)
+        return self._runner.frames.is_awaited(held.stamp_ns, FRAMES_WAIT_S, self._runner.told)
 
     def _ask(self, packet: Packet, packets: tuple[Packet, ...]) -> Question:
         self._last_set = packets

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.data import Image
+from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
@@ -43,6 +43,7 @@ class NodeRunner:
         self.node = node
         self.stats = NodeStats()
         self.frames = FrameTree()
+        self.told: set[str] = set()  # frames that the node itself tells of: it waits for none
         self.failed = False
         self.stateless = node.type.stateless
         self._type = node.type
@@ -155,6 +156,8 @@ class NodeRunner:
                 wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in declared.items())
                 given = f"{name or 'something'}: {type(message).__name__}"
                 raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
+            if isinstance(message, Transforms):
+                self.told.update(one.child_frame_id for one in message.transforms)
         return outputs
 
     def _is_of_before(self, packet: Packet) -> bool:

@@ -6,6 +6,7 @@ a filter makes of them can be judged by laws of statistics, over many flights in
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -14,7 +15,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Detection, Detections, Floats, Header, Hypothesis
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.rigid import Pose
-from ros_visualise.landmarks.pose import corner_sigma, squares_poses
+from ros_visualise.landmarks.pose import PoseEstimate, corner_sigma, squares_poses
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
@@ -80,6 +81,7 @@ class Flight:
 
     Attributes:
         T_map_odom: (4, 4) where the odometry begins.
+        poses_of: so many sights of each tag have poses; later its corners alone count anyway.
         times_s, places, attitudes: the truth, (N,), (N, 3) and (N, 4) as x, y, z, w.
     """
 
@@ -91,10 +93,12 @@ class Flight:
     images_hz: float = 5.0
     level_rad: float = 0.0
     drift: QuadrotorParams = DRIFT
+    poses_of: int = 1_000_000
     T_map_odom: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         self.random = np.random.default_rng([self.seed, 7])
+        self._seen: Counter[int] = Counter()
         self._fly()
         tilt = self.random.normal(0, self.level_rad, 2)
         start = np.eye(4)
@@ -170,8 +174,14 @@ class Flight:
             return
         corners = np.array([one for _, one in seen])
         sides = [self.tags[id].side_m for id, _ in seen]
-        sigmas = corner_sigma(corners)
-        poses = squares_poses(corners, sides, INFO, sigmas)
+        posed = [n for n, (id, _) in enumerate(seen) if self._seen[id] < self.poses_of]
+        self._seen.update(id for id, _ in seen)
+        poses: list[tuple[PoseEstimate, ...]] = [()] * len(seen)
+        if posed:
+            sigmas = corner_sigma(corners[posed])
+            found = squares_poses(corners[posed], [sides[n] for n in posed], INFO, sigmas)
+            for n, several in zip(posed, found, strict=True):
+                poses[n] = several
         for (id, pixels), side, several in zip(seen, sides, poses, strict=True):
             hypotheses = tuple(
                 Hypothesis(
@@ -184,13 +194,14 @@ class Flight:
                 )
                 for one in several
             )
-            if hypotheses:
-                yield Detection(
-                    pixels.mean(axis=0),
-                    np.ptp(pixels, axis=0),
-                    0.0,
-                    hypotheses,
-                    str(id),
-                    pixels,
-                    side_m=side,
-                )
+            if not hypotheses:
+                hypotheses = (Hypothesis(f"tag36h11_{id}", 1.0, number=id),)
+            yield Detection(
+                pixels.mean(axis=0),
+                np.ptp(pixels, axis=0),
+                0.0,
+                hypotheses,
+                str(id),
+                pixels,
+                side_m=side,
+            )

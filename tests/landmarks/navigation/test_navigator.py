@@ -19,6 +19,7 @@ from ros_visualise.landmarks.navigation.sights import view_of
 LEVEL = np.radians(0.5)
 NOISE = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
 FROZEN = Settings(Rules(Mode.FROZEN), NOISE, LEVEL)
+BUILD = Settings(Rules(Mode.BUILD), NOISE, LEVEL)
 EXACT = np.eye(6) * 1e-8
 
 
@@ -218,3 +219,63 @@ def test_without_a_landmark_nothing_is_known_of_the_place(mode):
     one, told = flight()
     navigator = Navigator(replace(FROZEN, rules=Rules(mode)), known(one.tags))
     assert all(navigator.odometry(stamp, pose) is None for _, stamp, pose, _ in told)
+
+
+def positions(navigator, one):
+    """Of the landmarks that are used: where they are believed to be, and where they are."""
+    state, chart = navigator.state, navigator.chart
+    used = [landmark for landmark in chart.landmarks.values() if landmark.is_used]
+    found = state.landmarks_p[state.indices([landmark.key for landmark in used])]
+    ids = [int(landmark.name.rpartition("_")[2]) for landmark in used]
+    return found, np.array([one.tags[id].T[:3, 3] for id in ids])
+
+
+def aligned(found, true):
+    """Turned and shifted onto the truth: how level a new map is nobody tells."""
+    a, b = found - found.mean(axis=0), true - true.mean(axis=0)
+    U, _, V = np.linalg.svd(a.T @ b)
+    return a @ U @ np.diag([1, 1, np.linalg.det(U @ V)]) @ V + true.mean(axis=0)
+
+
+def test_a_map_is_built_in_one_pass():
+    one, told = flight()
+    navigator = Navigator(BUILD)
+    errors, covariances = fly(navigator, one, told)
+    found, true = positions(navigator, one)
+    assert len(found) > 10
+    assert np.sqrt(((aligned(found, true) - true) ** 2).sum(axis=1).mean()) < 0.05
+    assert_within(errors[-1], covariances[-1])
+
+
+def test_a_map_is_extended_by_the_tags_that_it_lacks():
+    one, told = flight()
+    some = dict(list(known(one.tags).items())[::2])
+    navigator = Navigator(replace(FROZEN, rules=Rules(Mode.EXTEND)), some)
+    errors, _ = fly(navigator, one, told)
+    assert ate(errors) < 0.1
+    found, true = positions(navigator, one)
+    assert len(found) > len(some.keys() & navigator.chart.landmarks.keys())
+    assert np.linalg.norm(found - true, axis=1).max() < 0.1
+
+
+def test_a_tag_of_another_size_than_said_gets_into_no_map():
+    one, told = flight()
+    often = Counter(d.id for *_, seen in told if seen for d in seen.detections)
+    wrong = often.most_common(1)[0][0]
+
+    def mislabel(seen):
+        """The detector believes it to be a fifth smaller, and so nearer."""
+        several = []
+        for found in seen.detections:
+            if found.id == wrong:
+                nearer = [replace(h, position_xyz=h.position_xyz * 0.8) for h in found.hypotheses]
+                several.append(replace(found, side_m=found.side_m * 0.8, hypotheses=tuple(nearer)))
+            else:
+                several.append(found)
+        return replace(seen, detections=tuple(several))
+
+    navigator, judged = Navigator(BUILD), []
+    errors, covariances = fly(navigator, one, told, mislabel, watch=judged.append)
+    assert not any(f"tag36h11_{wrong}" in image.used for image in judged)
+    assert any(f"tag36h11_{wrong}" in image.refused for image in judged)
+    assert_within(errors[-1], covariances[-1])

@@ -161,7 +161,8 @@ class Chart:
 
     def _begin(self, state: State, view: View, sights: list[Sight], judged: Judged) -> None:
         for sight in sights:
-            if sight.name not in self.landmarks and sight.name not in judged.refused:
+            is_new = sight.name not in self.landmarks and sight.name not in judged.refused
+            if is_new and any(pose.R is not None for pose in sight.poses):
                 self.landmarks[sight.name] = begin(state, view, sight)
                 judged.watched.append(sight.name)
 

@@ -61,7 +61,7 @@ class Sight:
     @property
     def is_turned(self) -> bool:
         """Whether it tells how it is turned: then it is the only one of its class."""
-        return any(pose.R is not None for pose in self.poses)
+        return self.has_corners or any(pose.R is not None for pose in self.poses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ def view_of(
     rays = _rays(found, detections)
     for number, one in enumerate(found):
         sight = _sight(one, rays.get(number), prefix, floor_px)
-        if sight.poses:
+        if sight.poses or sight.has_corners:
             sights.append(sight)
         else:
             left_out[sight.name] = "no pose"
