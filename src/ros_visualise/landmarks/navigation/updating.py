@@ -15,7 +15,8 @@ from ros_visualise.landmarks.navigation.sights import View
 from ros_visualise.landmarks.navigation.state import CORE, PER_LANDMARK, POSE, State
 
 _ROUNDS = 3  # of linearisation
-_CONVERGED = 1e-4  # of the twist; metres and radians
+_CONVERGED = 0.02  # of the deviation of before, that a round may still change
+_LEAST = 1e-9  # metres and radians
 _HUBER = 2.5  # deviations of a corner from which on it counts less
 _BEHIND = 1e6  # squared distance of what cannot be seen at all
 
@@ -61,6 +62,7 @@ def update(state: State, view: View, pairs: Sequence[Pair], free: Sequence[slice
         fixed[rows] = False
     P = state.covariance
     error = np.zeros(len(P))
+    settled = _CONVERGED * np.sqrt(np.maximum(np.diag(P)[columns], 0)) + _LEAST
     moved = state
     for turn in range(_ROUNDS):
         residual, H, noise = _stacked(measure(view, pairs, moved), columns, turn > 0)
@@ -72,7 +74,7 @@ def update(state: State, view: View, pairs: Sequence[Pair], free: Sequence[slice
             return state
         error[fixed] = 0
         moved = state.moved(error)
-        if np.abs(error - before)[columns].max() < _CONVERGED:
+        if (np.abs(error - before)[columns] < settled).all():
             break
     change = PH @ np.linalg.solve(spread, PH.T)
     if fixed.any():
