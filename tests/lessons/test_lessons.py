@@ -58,6 +58,15 @@ def test_a_lesson_is_written_with_its_figures(topic, picture, tmp_path, capfd):
     assert "said once" not in capfd.readouterr().err
 
 
+@pytest.mark.parametrize("topic", ["color", "threshold", "canny"])
+@pytest.mark.parametrize("shape", [(1, 1), (9, 1), (20, 30, 3)])
+def test_a_picture_without_anything_in_it_is_explained_too(topic, shape, tmp_path, capfd):
+    flat = tmp_path / "flat.png"
+    cv2.imwrite(str(flat), np.full(shape, 200, np.uint8))
+    assert main(["explain", topic, str(flat), "--export", str(tmp_path / "out")]) == 0
+    assert "Warning" not in capfd.readouterr().err
+
+
 def test_the_picture_may_be_ones_own(picture, tmp_path):
     folder = tmp_path / "out"
     arguments = ["explain", "canny", str(picture), "--export", str(folder)]

@@ -27,7 +27,7 @@ def lesson_pipeline(
         at_end: write it when the source ends.
 
     Raises:
-        UsageError: the source has no topic that a step needs.
+        UsageError: the source has no topic that any step takes.
     """
     nodes = _of_streams(lesson, source) if lesson.streams else _of_picture(lesson, topic)
     names = {node.name: node.type.doc.rstrip(".") for node in nodes}
@@ -47,21 +47,18 @@ def _of_picture(lesson: Lesson, topic: str) -> list[Node]:
 
 
 def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
-    """The steps, each with the topics of the types that it takes."""
+    """The steps whose first input there is, each with the topics of the types that it takes."""
     nodes = []
     for step in lesson.steps:
-        inputs = {}
-        for port, kind in step.declared.stepped.items():
-            topic = _topic_for(port, kind, source)
-            if topic is not None:
-                inputs[port] = topic
-        needed = next(iter(step.declared.stepped))
-        if needed not in inputs:
-            kind_name = step.declared.stepped[needed].__name__
-            raise UsageError(
-                f"{lesson.name}: there is no topic of {kind_name} here; leave the file"
-            )
-        nodes.append(_placed(step.declared, inputs))
+        ports = step.declared.stepped
+        found = {port: _topic_for(port, kind, source) for port, kind in ports.items()}
+        inputs = {port: topic for port, topic in found.items() if topic is not None}
+        if next(iter(ports)) in inputs:
+            nodes.append(_placed(step.declared, inputs))
+    if not nodes:
+        needed = [next(iter(step.declared.stepped.values())).__name__ for step in lesson.steps]
+        kinds = " or ".join(dict.fromkeys(needed))
+        raise UsageError(f"{lesson.name}: no topic of {kinds} here; give another file, or none")
     return nodes
 
 

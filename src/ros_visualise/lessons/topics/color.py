@@ -55,7 +55,7 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
     every = -(-bgr.shape[0] * bgr.shape[1] // params.points)
     chosen = bgr.reshape(-1, 3)[::every]
     kinds = len(np.unique(bgr.reshape(-1, 3) @ np.array([1, 256, 65536])))
-    axes = np.linalg.eigvalsh(np.cov(bgr.reshape(-1, 3).T.astype(float)) + np.eye(3) * 1e-9)
+    axes = np.linalg.eigvalsh(np.cov(bgr.reshape(-1, 3).T.astype(float), ddof=0) + np.eye(3) * 1e-9)
     text = """
         Red, green and blue are three directions in space, so each pixel is a point in a cube:
         black is at one corner, white at the opposite one, gray on the line between them. Turn it in

@@ -97,8 +97,8 @@ def by_otsu(image: Image, params: object) -> dict[str, Message]:
         level=level,
         theirs=theirs,
         share=100 * (1 - is_above.mean()),
-        below=gray[~is_above].mean(),
-        above=gray[is_above].mean() if is_above.any() else gray.mean(),
+        below=_mean(gray[~is_above]),
+        above=_mean(gray[is_above]),
         variance=between_classes(counts).max(),
         whole=gray.var(),
     )
@@ -142,6 +142,11 @@ LESSON = Lesson(
     """,
     [Step(histogram), Step(types), Step(by_otsu, "histogram"), Step(by_window, "histogram")],
 )
+
+
+def _mean(levels: Pixels) -> float:
+    """Of no levels it is 0."""
+    return float(levels.mean()) if levels.size else 0.0
 
 
 def _draw_types(gray: Pixels, level: int) -> Figure:
