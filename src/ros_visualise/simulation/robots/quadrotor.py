@@ -14,7 +14,7 @@ from ros_visualise.simulation.model import read_airframe
 from ros_visualise.simulation.robots.base import Body
 from ros_visualise.simulation.robots.lander import Lander
 from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
-from ros_visualise.simulation.robots.mode import Mode
+from ros_visualise.simulation.robots.mode import Mode, tell_flight
 from ros_visualise.simulation.robots.reference import Reference
 from ros_visualise.simulation.robots.stall import StallDetector, tell_place
 from ros_visualise.simulation.robots.tip_over import TipOverDetector
@@ -32,11 +32,6 @@ _LOOKAHEAD_S = 1.2  # at a steady speed the reference is 1 s behind its target
 _REACH_M = 0.6  # the reference is never farther from the robot; in free flight it is 0.27
 _HELD_M = 0.5  # farther from the reference than this, something holds the robot
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
-_DOING = {
-    Mode.COMMANDED: "is driven",
-    Mode.LANDING: "landing",
-    Mode.HOMING: "mission: landing on what it has seen",
-}
 
 
 class Quadrotor:
@@ -77,17 +72,7 @@ class Quadrotor:
     @property
     def doing(self) -> str:
         """What it does now, in a few words."""
-        if self.mission.failure:
-            return f"failed: {self.mission.failure}"
-        if self._mode is Mode.LANDED:
-            return "mission over, landed" if self.mission.finished else "landed"
-        return _DOING.get(self._mode) or self._flight(self._carrot)
-
-    def _flight(self, carrot: Carrot | None) -> str:
-        if not self.mission.under_way:
-            return "hovers" if carrot is None or carrot.at_end else "flies to its goal"
-        is_there = carrot is not None and carrot.route is self._route
-        return f"mission: {carrot.place}" if carrot and is_there else "mission: on the way"
+        return tell_flight(self._mode, self.mission, self._carrot, self._route)
 
     def take_off(self) -> None:
         """Take off and hover."""
