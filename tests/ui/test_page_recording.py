@@ -68,7 +68,7 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     page = Page(port=port, record_dir=folder)
     page.open(runtime)
     client = Client(port)
-    client.read_until(lambda: client.images >= 4)
+    client.read_until(lambda: "file" in client.values)
     refused = {
         str(tmp_path / "away.mcap"): "give a name alone",
         "../away.mcap": "give a name alone",
@@ -91,6 +91,8 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     client.set("file", "fine.mcap@/edges")
     client.set("● record", True)
     client.read_until(lambda: any(f"{folder}/fine.mcap:" in html for html in client.html))
+    client.read_until(lambda: any(" MB, room for " in html for html in client.html))
+    assert any(f" more in {folder}" in html for html in client.html)
     client.set("● record", True)
     client.read_until(lambda: client.values["file"].startswith("record-"))
     with AnyReader([folder / "fine.mcap"]) as reader:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import time
 from datetime import datetime
 from html import escape
 from pathlib import Path
@@ -26,6 +28,7 @@ class Recorder:
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
         self._runtime, self._folder = runtime, folder
         self._recording: ActiveRecording | None = None
+        self._begun_s = 0.0
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
         self._button = gui.add_button(_START)
         self._note = gui.add_html("", visible=False)
@@ -51,14 +54,26 @@ class Recorder:
             return
         target = in_folder(self._folder, self._name.value)
         self._recording = self._runtime.start_recording(target)
+        self._begun_s = time.monotonic()
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
 
     def _show(self, recording: ActiveRecording) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
-        state = f"{recording.path}: {recording.written} messages{dropped}"
+        state = f"{recording.path}: {recording.written} messages{dropped}{self._room(recording)}"
         self._note.content = f'<div class="rv-note">{escape(state)}</div>'
         self._note.visible = True
+
+    def _room(self, recording: ActiveRecording) -> str:
+        """How large it is, and how long the disk has room for more."""
+        try:
+            size = _size(recording.path)
+            free = shutil.disk_usage(self._folder).free
+        except OSError:  # it is being renamed or removed
+            return ""
+        per_s = size / max(time.monotonic() - self._begun_s, 1.0)
+        left = f", room for {_span(free / per_s)} more" if per_s else ""
+        return f", {size / 1e6:.1f} MB{left} in {self._folder.absolute()}"
 
     def _stop(self, recording: ActiveRecording) -> None:
         self._runtime.stop_recording(recording)
@@ -66,6 +81,19 @@ class Recorder:
         self._recording = None
         set_value(self._name, _new_name())
         self._button.label, self._button.color = _START, None
+
+
+def _size(path: Path) -> int:
+    """Of a file, or of all in a folder; bytes."""
+    files = [one for one in path.rglob("*") if one.is_file()] if path.is_dir() else [path]
+    return sum(one.stat().st_size for one in files)
+
+
+def _span(seconds: float) -> str:
+    for unit, length in (("days", 86400), ("hours", 3600), ("minutes", 60)):
+        if seconds > 2 * length:
+            return f"{seconds / length:.0f} {unit}"
+    return f"{seconds:.0f} seconds"
 
 
 def _new_name() -> str:
