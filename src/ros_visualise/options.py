@@ -151,6 +151,9 @@ def _add_viewing(parser: ArgumentParser) -> None:
         help="open the page in a browser (default: from a terminal on a desktop)",
     )
     group.add_argument(
+        "--layout", type=Path, metavar="FILE.yaml", help="arrange the page as in this file"
+    )
+    group.add_argument(
         "--allow-origin",
         action="append",
         default=[],

@@ -24,6 +24,7 @@ from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
+from ros_visualise.ui.arrangements import read_arrangement
 
 _SPIN_S = 0.05
 _PATIENCE_S = 4.0  # for the first browser
@@ -42,6 +43,7 @@ def run(args: Namespace) -> int:
         args.record_dir,
         title=title_of(args),
         browser=has_desktop(os.environ) if args.open is None else args.open,
+        arrangement=read_arrangement(args.layout) if args.layout else {},
     )
     graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, options)

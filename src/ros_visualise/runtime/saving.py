@@ -34,11 +34,16 @@ def save(parameters: Mapping[str, Parameters[Any]], path: Path) -> None:
         OpenError: it is there, or cannot be written.
         RecordingError: it could not be written to its end.
     """
-    if path.suffix != ".yaml":
-        raise UsageError(f"{path.name}: give a name that ends in .yaml")
     values = _values(parameters)
     if not values:
         raise UsageError("no node here has parameters to save")
+    write_yaml(values, path)
+
+
+def write_yaml(values: Mapping[str, Any], path: Path) -> None:
+    """Write values to a new file; raises as `save`."""
+    if path.suffix != ".yaml":
+        raise UsageError(f"{path.name}: give a name that ends in .yaml")
     target = TargetFile(path, overwrite=False)
     try:
         data = to_yaml(values).encode()
@@ -63,9 +68,9 @@ def save_anew(parameters: Mapping[str, Parameters[Any]], folder: Path) -> Path:
     raise AssertionError
 
 
-def new_name() -> str:
+def new_name(what: str = "parameters") -> str:
     """A name that tells the time, as that of a recording."""
-    return f"parameters-{datetime.now():%Y%m%d-%H%M%S}.yaml"
+    return f"{what}-{datetime.now():%Y%m%d-%H%M%S}.yaml"
 
 
 def _values(parameters: Mapping[str, Parameters[Any]]) -> dict[str, Any]:

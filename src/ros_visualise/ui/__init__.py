@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
 from ros_visualise.errors import UsageError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.names import record_folder
+from ros_visualise.ui.arrangements import Arrangement
 
 
 class View(Protocol):
@@ -46,6 +47,7 @@ class ViewOptions:
         record_dir: the only folder in which the page records.
         title: what is shown, for the browser's tab.
         browser: whether to open one.
+        arrangement: how the page is arranged at first.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
         flag: how a person gives another of these: its name and its value go in.
 
@@ -59,6 +61,7 @@ class ViewOptions:
     record_dir: Path = Path()
     title: str = "ros_visualise"
     browser: bool = False
+    arrangement: Arrangement = field(default_factory=dict)
     place: str = ""
     flag: str = "--{} {}"
 
@@ -84,6 +87,7 @@ def open_view(name: str, options: ViewOptions) -> View:
             flag=options.flag,
             title=options.title,
             browser=options.browser,
+            arrangement=options.arrangement,
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

@@ -8,8 +8,10 @@ import threading
 import webbrowser
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import Answer, Looker
 from ros_visualise.ui.page.desk import Desk
 from ros_visualise.ui.page.door import open_door
@@ -29,6 +31,7 @@ class Page:
         origins: other web sites that may use the page, as ``https://robot.example.org``.
         record_dir: the only folder in which it records.
         browser: whether to open one on this machine.
+        arrangement: how it is arranged at first.
 
     Attributes:
         url: its address for a browser on this machine.
@@ -49,8 +52,9 @@ class Page:
         record_dir: Path = Path(),
         flag: str = "--{} {}",
         browser: bool = False,
+        arrangement: Arrangement = MappingProxyType({}),
     ) -> None:
-        self._record_dir = record_dir
+        self._record_dir, self._arrangement = record_dir, arrangement
         door = open_door(host, origins)
         self.url = url(host, port, door.token)
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
@@ -73,7 +77,7 @@ class Page:
     def open(self, runtime: Runtime) -> None:
         """Show this graph from now on."""
         self._looker = Looker(runtime)
-        self._desk = Desk(self._server, runtime, self._record_dir, self._looker)
+        self._desk = Desk(self._server, runtime, self._record_dir, self._looker, self._arrangement)
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
         if self._opens:

@@ -11,11 +11,13 @@ import viser
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
+from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import PAGES, Looker, link
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
+from ros_visualise.ui.page.kept import Kept
 from ros_visualise.ui.page.layout import Choice, arrange
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
@@ -45,10 +47,15 @@ class Desk:
     """
 
     def __init__(
-        self, server: viser.ViserServer, runtime: Runtime, record_dir: Path, looker: Looker
+        self,
+        server: viser.ViserServer,
+        runtime: Runtime,
+        record_dir: Path,
+        looker: Looker,
+        arrangement: Arrangement,
     ) -> None:
         self._server, self._runtime, self._record_dir = server, runtime, record_dir
-        self._looker = looker
+        self._looker, self._arrangement = looker, arrangement
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -89,6 +96,7 @@ class Desk:
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
+        self._kept = Kept(gui, self._arrangement)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
@@ -114,7 +122,7 @@ class Desk:
         self._choice = Choice(gui, self._windows_folder, self._worker)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker, self._record_dir)
-            Saver(gui, self._runtime, self._worker, self._record_dir)
+            Saver(gui, self._runtime, self._worker, self._record_dir, self._kept)
         with gui.add_folder("graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("plots", expand_by_default=False)
@@ -217,6 +225,7 @@ class Desk:
         if self._transport is not None:
             self._transport.refresh()
         self._preset.refresh()
+        self._kept.refresh()
         self._robot.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:

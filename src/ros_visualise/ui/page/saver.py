@@ -1,36 +1,47 @@
-"""The button that saves all parameters."""
+"""The buttons that save all parameters, and how the page is arranged."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import viser
 
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.runtime.saving import live_parameters, new_name, save
+from ros_visualise.runtime.saving import live_parameters, new_name, save, write_yaml
 from ros_visualise.sinks.names import in_folder
 from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.kept import Kept
 from ros_visualise.ui.page.worker import Worker
 
 
 class Saver:
-    """A file name, a button, and what was saved last, in the present container.
+    """Names of files, buttons, and what was saved last, in the present container.
 
     As with recordings, files stay in one folder, and nothing there is replaced.
     """
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
-        self._runtime, self._folder = runtime, folder
-        hint = "a YAML file, for --params and launch files"
-        self._name = gui.add_text("parameters", new_name(), hint=hint)
-        self._button = gui.add_button("save parameters")
+    def __init__(
+        self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path, kept: Kept
+    ) -> None:
+        self._gui, self._worker, self._folder = gui, worker, folder
+        parameters = "a YAML file, for --params and launch files"
+        self._add("parameters", parameters, lambda path: save(live_parameters(runtime), path))
+        layout = "a YAML file, for --layout: what is shown, and how"
+        self._add("layout", layout, lambda path: write_yaml(kept.arrangement, path))
         self._note = gui.add_html("", visible=False)
-        self._button.on_click(worker.listener("save", self._save))
 
-    def _save(self, _: bool) -> None:
-        path = Path(in_folder(self._folder, self._name.value))
-        save(live_parameters(self._runtime), path)
+    def _add(self, what: str, hint: str, write: Callable[[Path], None]) -> None:
+        name = self._gui.add_text(what, new_name(what), hint=hint)
+        button = self._gui.add_button(f"save {what}")
+        button.on_click(self._worker.listener(("save", what), partial(self._save, name, write)))
+
+    def _save(self, name: Any, write: Callable[[Path], None], _: bool) -> None:
+        path = Path(in_folder(self._folder, name.value))
+        write(path)
         self._note.content = f'<div class="rv-note">{escape(f"{path}: saved")}</div>'
         self._note.visible = True
-        set_value(self._name, new_name())
+        set_value(name, new_name(name.label))
