@@ -63,7 +63,8 @@ class Client:
         return next(uuid for uuid, known in self._labels.items() if known == label)
 
     def set(self, label: str, value: Any) -> None:
-        """Move an element; no value is too wild."""
+        """Move an element, as soon as it is there; no value is too wild."""
+        self.read_until(lambda: label in self._labels.values())
         uuid = self.uuid(label)
         self.values[label] = value  # nobody is told of what they moved themselves
         self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
