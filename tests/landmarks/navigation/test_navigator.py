@@ -279,3 +279,12 @@ def test_a_tag_of_another_size_than_said_gets_into_no_map():
     assert not any(f"tag36h11_{wrong}" in image.used for image in judged)
     assert any(f"tag36h11_{wrong}" in image.refused for image in judged)
     assert_within(errors[-1], covariances[-1])
+
+
+def test_images_without_an_odometry_do_not_pile_up():
+    one, told = flight()
+    navigator = Navigator(FROZEN, known(one.tags))
+    views = [view_of(seen, T_BASE_CAMERA) for *_, seen in told if seen is not None]
+    for view in views * 4:
+        assert not navigator.see(view)
+    assert navigator.counts["late"] == 4 * len(views) - 100

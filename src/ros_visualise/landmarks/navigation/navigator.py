@@ -29,6 +29,7 @@ from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 log = logging.getLogger(__name__)
 
 _BACK_NS = 1_000_000_000  # a stamp so much older than the last one: the clock was set back
+_MOST_WAITING = 100  # images
 _LOST_AFTER = 3  # images in a row that contradict all that is known
 
 
@@ -138,6 +139,9 @@ class Navigator:
         """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
         self._count += 1
         insort(self._waiting, (view.stamp_ns, self._count, view))
+        if len(self._waiting) > _MOST_WAITING:  # the odometry has stopped
+            self.counts["late"] += 1
+            self._waiting.pop(0)
         return self._work()
 
     def _begin(self, stamp_ns: int, pose: Pose) -> None:
