@@ -26,8 +26,11 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
     larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])
     lines.append(
         f"corners: {_rms(found.residuals_px[found.inliers]):.2f} px off (rms), and tags are seen"
-        f" {larger:.2f} +- {sigma:.2f} px too large"
+        f" {abs(larger):.2f} +- {sigma:.2f} px too {'large' if larger >= 0 else 'small'}"
     )
+    if found.problem.odometry is None and not found.problem.surveyed:
+        anchor = shown(found.problem.names[found.problem.anchor])
+        lines.append(f"the frame of the map is that of {anchor}, as no frames are there")
     printed, sigma = found.shared[PRINTED], np.sqrt(found.shared_covariance[PRINTED, PRINTED])
     if found.problem.surveyed or found.problem.distances:
         lines.append(
