@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,7 @@ def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
                 "sightings": int((tags == tag).sum()),
                 "refused": int((~found.inliers[tags == tag]).sum()),
                 "rms_px": _rms(found.residuals_px[(tags == tag) & found.inliers]),
+                "size_m": found.problem.sightings[int(np.argmax(tags == tag))].size_m,
                 "two_poses": bool(found.undecided[tag]),
             }
             for tag, name in enumerate(found.problem.names)
@@ -73,6 +75,7 @@ def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
         "outliers": [
             {"name": one.name, "kind": one.kind, "text": one.text} for one in made.outliers
         ],
+        "noise": asdict(found.noise),
         "too_large_px": {
             "value": float(found.shared[LARGER]),
             "sigma": float(np.sqrt(found.shared_covariance[LARGER, LARGER])),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -94,12 +93,6 @@ def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
             for row in one.sightings:
                 sightings[row] = replace(sightings[row], tag=len(names) - 1)
     return replace(problem, names=names, sightings=sightings)
-
-
-def seen_twice(problem: Problem) -> Counter[str]:
-    """Name -> in how many images it is there more than once."""
-    each = Counter((one.view, one.tag) for one in problem.sightings)
-    return Counter(problem.names[tag] for (_, tag), times in each.items() if times > 1)
 
 
 def _scaled(sighting: Sighting, by: float) -> Sequence[Hypothesis]:

@@ -51,16 +51,9 @@ class Sighting:
 
 @dataclass(frozen=True, eq=False)
 class Odometry:
-    """How the camera went from each view to the next, as the frames tell.
-
-    Attributes:
-        T_fixed_camera: (N, 4, 4) where it was.
-        R_fixed: (3, 3) turns the fixed frame so that its z axis is upright: tilts and headings
-            have errors of different size.
-    """
+    """T_fixed_camera (N, 4, 4): where the camera was, by frames whose z axis is upright."""
 
     T_fixed_camera: Floats
-    R_fixed: Floats = field(default_factory=lambda: np.eye(3))
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,6 +8,7 @@ frames tell, along and about its own axes, and by how much all tags are larger t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -51,10 +52,10 @@ class Noise:
 
     extra_px: float = 0.0
     way_m: float = 0.03
-    tilt_rad: float = np.deg2rad(0.1)
-    heading_rad: float = np.deg2rad(0.3)
+    tilt_rad: float = math.radians(0.1)
+    heading_rad: float = math.radians(0.3)
     still_m: float = 1e-3
-    still_rad: float = np.deg2rad(0.02)
+    still_rad: float = math.radians(0.02)
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ class Terms:
                 )
             ]
         )[:, [0, 0, 0, 1, 1, 2]]
-        upright = odometry.R_fixed @ given.R[:-1]
+        upright = given.R[:-1]
         whiten = np.zeros((len(way), 6, 6))
         whiten[:, :3, :3] = whiten[:, 3:, 3:] = upright
         whiten /= np.sqrt(variances)[..., None]
