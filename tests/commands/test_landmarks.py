@@ -210,6 +210,9 @@ def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
     off = np.subtract(tag["pose"]["position"], truth.position_xyz)
     covariance = np.reshape(tag["pose"]["covariance"], (6, 6))[:3, :3]
     assert off @ np.linalg.solve(covariance, off) < 25
+    [told] = [one for one in found["smoothing"]["landmarks"] if one["name"] == "tag36h11_0"]
+    assert told["sightings"] == tag["seen"]
+    assert told["size_m"] == 0.48
     mapped = load_yaml(out)["landmarks"]
     assert mapped[0]["pose"]["position"] == pytest.approx(tag["pose"]["position"], abs=1e-6)
     assert find("husky", "--duration", 1, "--map", out)[0] == 2  # it is there

@@ -89,13 +89,13 @@ def map_of(
 
 
 def tracks_of(found: Smoothed) -> list[Track]:
-    """Tags as landmarks, as the localizer has them."""
+    """Tags as landmarks, as the localizer has them, but for those that most views contradict."""
     tracks: list[Track] = []
     numbers = np.array([one.tag for one in found.problem.sightings], int)
     views = np.array([one.view for one in found.problem.sightings], int)
     for tag, name in enumerate(found.problem.names):
         rows = np.flatnonzero((numbers == tag) & found.inliers)
-        if len(rows) < _LEAST_SEEN or " " in name:
+        if len(rows) < max(_LEAST_SEEN, (numbers == tag).sum() / 2) or " " in name:
             continue
         size = found.problem.sightings[rows[0]].size_m
         covariance = (found.covariances[tag] + found.covariances[tag].T) / 2

@@ -51,6 +51,8 @@ def outliers(found: Smoothed) -> list[Outlier]:
 
 def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
+    if len(refused) * 2 > len(rows):
+        share += ", so that it is not in the map"
     sized = refit(terms, state, rows, sized=True)
     explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
     if sized and explains and abs(np.log(sized.size)) > _RESIZED:
@@ -59,12 +61,12 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
         return Outlier(name, SIZE, text, sized.size)
     other = refit(terms, state, refused, sized=False)
     if other is None or other.fits.mean() < _AGREE:
-        return Outlier(name, UNSTEADY, f"{share}, and no other place explains them")
+        return Outlier(name, UNSTEADY, f"{share}; no other place explains them")
     there, here = refused[other.fits], np.setdiff1d(rows, refused)
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
     if apart < terms.problem.sightings[rows[0]].size_m / 2:
-        return Outlier(name, UNSTEADY, f"{share}, though it is there")
+        return Outlier(name, UNSTEADY, f"{share}; it has not moved")
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
     if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
         text = f"it was moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"

@@ -17,6 +17,7 @@ from ros_visualise.landmarks.pose.refinement import linearise, moved
 
 _ROUNDS = 12
 _BEGINNINGS = 5
+_FARTHEST = 1000.0  # times a tag's side, from where nobody sees it
 _LOOSE = 9.0  # times the gate: what the views add, which are not wholly where they seem
 
 
@@ -61,7 +62,9 @@ def _fitted(terms: Terms, state: State, rows: Numbers, start: Refit, sized: bool
         if sized:
             size = max(size * float(np.exp(np.clip(step[6], -0.5, 0.5))), 1e-3)
         residuals, by = _seen(terms, state, rows, R, t, size)
-    return Refit(R, t, size, (residuals**2).sum(axis=1) < _LOOSE * GATE)
+    ranges = np.linalg.norm(state.views.t[terms.corners.views[rows]] - t, axis=1)
+    in_range = ranges < _FARTHEST * terms.problem.sightings[rows[0]].size_m
+    return Refit(R, t, size, ((residuals**2).sum(axis=1) < _LOOSE * GATE) & in_range)
 
 
 def _seen(

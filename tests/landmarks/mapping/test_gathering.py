@@ -1,0 +1,66 @@
+"""What a recording holds, as a problem."""
+
+from dataclasses import replace
+
+import numpy as np
+from made_worlds import INFO, SIZE, corners_seen, hypothesis, turn
+
+from ros_visualise.data import (
+    Detection,
+    Detections,
+    Header,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.landmarks.mapping.gathering import Gathered
+from ros_visualise.landmarks.pose import squares_poses
+
+DOWN = np.diag([1.0, -1, -1])
+TAG = from_parts(turn([0.4, 0.2, 0.1]), np.zeros(3))
+
+
+def found_at(stamp_ns, x, names=("tag36h11_3",)):
+    """The detections of an image 3 m above the tag, ``x`` metres beside it."""
+    corners = corners_seen(from_parts(DOWN, [x, 0, 3]), TAG)
+    [poses] = squares_poses(corners[None], [SIZE], INFO, [0.1])
+    several = [replace(hypothesis(pose), class_id=name) for name in names for pose in poses]
+    tags = tuple(
+        Detection.of_corners(corners, [h for h in several if h.class_id == name], name[-1])
+        for name in names
+    )
+    return Detections(tags, Header(stamp_ns, "camera"), INFO)
+
+
+def moving(stamp_ns, x):
+    """That the camera is there."""
+    header = Header(stamp_ns, "map")
+    return Transforms((TransformStamped("camera", np.array([x, 0, 3]), [1.0, 0, 0, 0], header),))
+
+
+def test_the_camera_is_where_the_frames_say():
+    gathered = Gathered()
+    for number in range(4):
+        gathered.add_frames(moving(number * 10**8, 0.1 * number), static=False)
+        gathered.add_found(found_at(number * 10**8, 0.1 * number))
+    gathered.add_found(found_at(10**10, 0.0))  # long after the last transform
+    problem = gathered.problem(lambda _: SIZE, "map")
+    assert problem.counts == (4, 1)
+    np.testing.assert_allclose(problem.odometry.T_fixed_camera[2][:3, 3], [0.2, 0, 3])
+    assert gathered.left_out == {"images at whose time the frames are not known": 1}
+
+
+def test_without_frames_images_of_several_tags_alone_tell_where_they_are():
+    gathered = Gathered()
+    gathered.add_found(found_at(0, 0.0, ("tag36h11_3", "tag36h11_4")))
+    gathered.add_found(found_at(1, 0.1))
+    problem = gathered.problem(lambda _: SIZE, "")
+    assert problem.counts == (1, 2)
+    assert gathered.left_out == {"images of one tag alone, without frames": 1}
+
+
+def test_tags_of_unknown_size_are_left_out_and_counted():
+    gathered = Gathered()
+    gathered.add_found(found_at(0, 0.0))
+    assert not gathered.problem(lambda _: 0.0, "").sightings
+    assert gathered.left_out["tags without a pose"] == 1
