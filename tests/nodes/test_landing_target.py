@@ -101,7 +101,7 @@ def test_of_what_it_does_not_see_it_says_nothing_after_a_time_and_says_that_once
         answers = [node.step(PARAMS, seen(t), frames=frames()) for t in (1.5, 2.0, 2.1, 2.2)]
     assert [answer is not None for answer in answers] == [True, True, False, False]
     assert [r.message for r in caplog.records] == ["landing_target: pad is lost: not seen for 1 s"]
-    assert node.report() == {"answers": 3, "refused": 0, "lost": 1}
+    assert node.report() == {"answers": 3, "refused": 0, "losses": 1}
     again = node.step(PARAMS, seen(3, pad(3, 3, 0)), frames=frames())
     assert again["landing_target"].position_xyz == pytest.approx([3, 3, -5])
 

@@ -142,7 +142,7 @@ class LandingTarget:
     def report(self) -> dict[str, Any]:
         """How often it told of the target, refused a sighting, and lost it."""
         refused = self._tracker.refused
-        return {"answers": self._answers, "refused": refused, "lost": self._losses}
+        return {"answers": self._answers, "refused": refused, "losses": self._losses}
 
     def _observe(self, found: Detections, params: LandingTargetParams, frames: FrameTree) -> None:
         names = {name.strip() for name in params.target.split(",")}
