@@ -140,7 +140,8 @@ def build_thing(random: Random, material: str) -> str:
         bush = f"{random.uniform(0.1, 0.5):.2f} {random.uniform(0.2, 0.5):.2f} 0.15"
         return geom("ellipsoid", (a, b, 0.6 * c), (0, 0, 0.4 * c), bush)
     if kind == 2:
-        return geom("cylinder", (a * 1.3, b * 0.6), (0, 0, b * 0.6), look)  # a tank
+        half = min(0.6 * b, a)
+        return geom("cylinder", (1.3 * a, half), (0, 0, half), look)  # a tank, wider than high
     if kind == 3:
         return geom("cylinder", (0.5 * a, 0.7 * b), (0, 0, 0.5 * a), look, 'euler="90 0 0"')
     if kind == 4:

@@ -48,9 +48,12 @@ def make_batch(
     pictures, truths = [], []
     for example in examples:
         data = cv2.imread(str(example.path), cv2.IMREAD_COLOR)
-        picture, rows = vary(np.asarray(data[..., ::-1], np.uint8), example.rows.copy(), random)
+        picture, rows = np.asarray(data[..., ::-1], np.uint8), example.rows.copy()
+        if random.random() < 0.3:
+            picture, rows = _shrink(picture, rows, random)
         if crop:
             picture, rows = cut_out(picture, rows, crop, random)
+        picture, rows = vary(picture, rows, random)
         pictures.append(picture)
         truths.append(to_truth(rows))
     stack = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2)
@@ -67,18 +70,17 @@ def to_truth(rows: Rows) -> Truth:
 
 
 def vary(picture: Canvas, rows: Rows, random: np.random.Generator) -> tuple[Canvas, Rows]:
-    """Mirror, shrink into a gray frame, exchange colours, change the contrast."""
+    """Mirror, exchange colours, change the contrast."""
     if random.random() < 0.5:
         picture = picture[:, ::-1]
         last = picture.shape[1] - 1
         rows[:, [1, 3, 5]] = last - rows[:, [3, 1, 5]]
-    if random.random() < 0.3:
-        picture, rows = _shrink(picture, rows, random)
     if random.random() < 0.2:
         picture = picture[..., random.permutation(3)]
     if random.random() < 0.5:
         gain, lift = random.uniform(0.7, 1.3), random.uniform(-25, 25)
-        picture = cv2.convertScaleAbs(np.clip(picture * gain + lift, 0, 255))
+        table = np.clip(np.arange(256) * gain + lift, 0, 255).astype(np.uint8)
+        picture = cv2.LUT(picture, table)
     return np.ascontiguousarray(picture), rows
 
 

@@ -29,13 +29,13 @@ def degrade(random: np.random.Generator, picture: Canvas) -> Canvas:
         image[:] = image.mean(axis=2, keepdims=True)
     if random.random() < 0.6:
         grain = random.standard_normal(image.shape, np.float32)
-        image += random.uniform(1, 12) * grain
+        image += random.uniform(1, 9) * grain
     return np.asarray(np.clip(image, 0, 255), np.uint8)
 
 
 def _move(random: np.random.Generator, image: Grains) -> Grains:
     """Blur along a line."""
-    length = int(random.integers(3, 11))
+    length = int(random.integers(3, 8))
     kernel = np.zeros((length, length), np.float32)
     turn = random.uniform(0, math.pi)
     reach = (length - 1) / 2 * np.array([math.cos(turn), math.sin(turn)])

@@ -178,7 +178,7 @@ def _wear(random: np.random.Generator, paint: Canvas, under: Canvas) -> Canvas:
         return paint
     cells = int(random.integers(4, 60))
     worn = smooth_noise(random, SIDE, cells) + 0.7 * smooth_noise(random, SIDE, 3 * cells)
-    share = np.clip((worn - random.uniform(0.2, 1.2)) * 4, 0, random.uniform(0.3, 0.95))
+    share = np.clip((worn - random.uniform(0.4, 1.2)) * 4, 0, random.uniform(0.3, 0.9))
     stain = 1 + random.uniform(0, 0.25) * smooth_noise(random, SIDE, int(random.integers(2, 12)))
     mixed = paint + (under.astype(np.float32) - paint) * share[..., None]
     return np.asarray(np.clip(mixed * stain[..., None], 0, 255), np.uint8)

@@ -20,11 +20,13 @@ import numpy.typing as npt
 from degrade import degrade
 from grounds import Canvas
 from shots import Seen, take_shot
-from worlds import build_world
+from worlds import CLASSES, build_world
 
 SIZE = 320, 320
 PER_WORLD = 160
 _QUALITY = 40, 96  # of JPEG
+_LEAST_CONTRAST = 8.0
+_FLATTEST = 6.0
 
 
 def render_world(
@@ -73,15 +75,32 @@ def write_world(
         classes, file = names, f"{len(labels):04d}.jpg"
         setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*_QUALITY))]
         cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
-        labels[file] = [row(one) for one in seen]
+        labels[file] = [row(one, picture) for one in seen]
     written = json.dumps({"classes": classes, "pictures": labels})
     (folder / "labels.json").write_text(written)
 
 
-def row(seen: Seen) -> list[float]:
-    """One line of ``labels.json``."""
-    numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [seen.share]])
+def row(seen: Seen, picture: Canvas) -> list[float]:
+    """One line of ``labels.json``; nothing is seen of what is too flat or too dim to be told."""
+    share = seen.share if not is_flat(seen) and contrast(seen, picture) > _LEAST_CONTRAST else 0.0
+    numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [share]])
     return [seen.kind, *(round(float(each), 3) for each in numbers)]
+
+
+def is_flat(seen: Seen) -> bool:
+    """Whether what is drawn on a plane is seen almost from the side."""
+    sides = np.sort(seen.box[2:] - seen.box[:2])
+    drawn = seen.kind in (CLASSES.index("helipad"), CLASSES.index("tag"))
+    return bool(drawn and sides[1] > _FLATTEST * sides[0])
+
+
+def contrast(seen: Seen, picture: Canvas) -> float:
+    """Standard deviation of the gray levels, smoothed, in and around a landmark's box."""
+    rim = 0.15 * (seen.box[2:] - seen.box[:2]) + 1
+    low = np.maximum(np.floor(seen.box[:2] - rim), 0).astype(int)
+    high = np.ceil(seen.box[2:] + rim).astype(int) + 1
+    part = cv2.cvtColor(picture[low[1] : high[1], low[0] : high[0]], cv2.COLOR_RGB2GRAY)
+    return float(cv2.blur(part, (3, 3)).std())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from bodies import build_post, build_thing, build_vehicle, geom, paint
 from grounds import Canvas, draw_surface, find_photos
-from outlines import Parts, body_parts
+from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
 from prints import draw_distractor, draw_tag_board
 
@@ -24,6 +24,7 @@ OTHER = -1
 _GROUNDS = 10
 _COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 12}
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
+_CUT = 0.6  # of the plates
 _PIXELS = (
     '<visual><headlight active="0"/><map znear="0.01" zfar="50"/>'
     '<quality shadowsize="1024" offsamples="4" numslices="20" numstacks="12"/></visual>'
@@ -112,6 +113,22 @@ def _first_body(path: Path) -> Any:
     return body
 
 
+def _flat_mesh(name: str, outline_xy: Array, half: float) -> str:
+    """A drawing cut along a convex outline, as a MJCF mesh whose upper face shows it."""
+    count = len(outline_xy)
+    top = np.hstack([outline_xy * half, np.full((count, 1), 2 * _PLATE)])
+    at = np.vstack([outline_xy * (0.5, -0.5) + 0.5, [[0.5, 0.5]]])
+    faces = [(0, number, number + 1) for number in range(1, count - 1)]
+    faces += [(number, count, (number + 1) % count) for number in range(count)]
+    normals = [(0, 0, 1)] * count + [(0, 0, -1)]
+    lists = {"vertex": [*top, np.zeros(3)], "normal": normals, "texcoord": at, "face": faces}
+    text = " ".join(
+        f'{key}="{" ".join(f"{each:.6g}" for each in np.ravel(rows))}"'
+        for key, rows in lists.items()
+    )
+    return f'<mesh name="{name}" inertia="shell" {text}/>'
+
+
 class _Writer:
     """Writes a world's MJCF; ``things`` are name, class, outline where it is drawn, and free."""
 
@@ -142,8 +159,7 @@ class _Writer:
             self._add_print(name, draw_tag_board(random, self.held_out), 1.0, number)
         elif kind == "sign":
             size = random.uniform(1, 5)
-            whole = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
-            self._add_print(name, Print(draw_distractor(random), whole), size, number)
+            self._add_print(name, draw_distractor(random), size, number)
         elif kind == "post":
             self._add_body(name, build_post(random), number)
         elif kind == "vehicle":
@@ -155,10 +171,17 @@ class _Writer:
             self._add_body(name, build_thing(random, name), number)
 
     def _add_print(self, name: str, drawn: Print, size: float, number: int) -> None:
-        """A plate with a drawing; a tag's is a board with an edge, and stands as it likes."""
+        """A plate with a drawing; a tag's is a board with an edge, and stands as it likes.
+
+        Other plates are mostly cut along the outline, so that it seems painted on the ground.
+        """
         self._add_material(name, drawn.picture)
         half, board = size / 2, number == CLASSES.index("tag")
         geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE if board else _PLATE), name)
+        if not board and self.random.random() < _CUT:
+            rim = self.random.uniform(1.0, 1.06) * drawn.outline_xy
+            self._definitions.append(_flat_mesh(name, np.clip(rim, -1, 1), half))
+            geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
         if board:
             rim = half * self.random.uniform(1.0, 1.12)
             geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
