@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +16,9 @@ from loss import Truth
 
 Canvas = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
+_QUARTERED = 0.6
+"""Of the pictures, those that are made of four parts."""
+_KEPT = 18_000  # pictures in memory, 5.5 GB: to decode them takes as long as to learn from them
 _GRAY = 114  # what a letterbox is filled with
 _LEAST_SHARE, _LEAST_PX = 0.3, 5.0
 """What shows less, or is smaller, is neither landmark nor background to the training."""
@@ -38,26 +43,54 @@ def find_examples(folder: Path) -> tuple[list[Example], tuple[str, ...]]:
 
 
 def make_batch(
-    examples: list[Example], random: np.random.Generator, crop: int = 0
+    examples: Iterator[Example], count: int, random: np.random.Generator, crop: int = 0
 ) -> tuple[torch.Tensor, list[Truth]]:
     """Pictures (B, 3, H, W) in 0 to 1, and their landmarks.
 
     Args:
-        crop: side of the part that is cut out of each, mostly around a landmark; 0: all of it.
+        examples: as many as are needed are taken.
+        count: of pictures.
+        crop: side of the part that is cut out of each, mostly around a landmark; many pictures
+            are four smaller parts then, so that one step shows more landmarks. 0: all of it.
     """
     pictures, truths = [], []
-    for example in examples:
-        data = cv2.imread(str(example.path), cv2.IMREAD_COLOR)
-        picture, rows = np.asarray(data[..., ::-1], np.uint8), example.rows.copy()
-        if random.random() < 0.3:
-            picture, rows = _shrink(picture, rows, random)
-        if crop:
-            picture, rows = cut_out(picture, rows, crop, random)
-        picture, rows = vary(picture, rows, random)
+    for _ in range(count):
+        if crop and random.random() < _QUARTERED:
+            picture, rows = join([load(next(examples), random, crop // 2) for _ in range(4)])
+        else:
+            picture, rows = load(next(examples), random, crop)
         pictures.append(picture)
         truths.append(to_truth(rows))
     stack = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2)
     return stack.contiguous(memory_format=torch.channels_last).float() / 255, truths
+
+
+def load(example: Example, random: np.random.Generator, crop: int) -> tuple[Canvas, Rows]:
+    """One picture from the disk, varied, or a part of it."""
+    picture, rows = read(example.path), example.rows.copy()
+    if random.random() < 0.15:
+        picture, rows = _shrink(picture, rows, random)
+    if crop:
+        picture, rows = cut_out(picture, rows, crop, random)
+    return vary(picture, rows, random)
+
+
+@lru_cache(_KEPT)
+def read(path: Path) -> Canvas:
+    """A picture, RGB."""
+    data = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    return np.asarray(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def join(parts: list[tuple[Canvas, Rows]]) -> tuple[Canvas, Rows]:
+    """Four square parts as one picture, row by row."""
+    (a, b, c, d), side = (picture for picture, _ in parts), len(parts[0][0])
+    whole = np.vstack([np.hstack([a, b]), np.hstack([c, d])])
+    rows = []
+    for number, (_, some) in enumerate(parts):
+        y, x = divmod(number, 2)
+        rows.append(some + side * np.array([0, x, y, x, y, x, y, 0], np.float32))
+    return whole, np.vstack(rows)
 
 
 def to_truth(rows: Rows) -> Truth:

@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -33,6 +34,7 @@ _RATE, _DECAY, _WARM = 2e-3, 0.03, 200
 _STEADY = 0.998
 _WEIGHTS = 8.0, 1.0, 0.1
 """Of classes, boxes and points, such that classes move the shared layers most: they learn last."""
+_EMPTY = 0.5
 _CROP, _WHOLE_FROM = 192, 0.85
 """Most of the time it learns from parts of pictures, which takes a third of the time of a whole."""
 
@@ -133,17 +135,13 @@ def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) 
     """Train until the time is over."""
     random = np.random.default_rng((asked.seed, trainer.steps))
     sums, count, saved = np.zeros(3), 0, time.monotonic()
-    queue: list[Example] = []
+    examples = _shuffled(folder, random)
     with ThreadPoolExecutor(1) as pool:
         upcoming = None
         while trainer.done < 1:
-            if len(queue) < asked.batch:
-                queue = find_examples(folder)[0]
-                random.shuffle(queue)  # type: ignore[arg-type]
-                print(f"{len(queue)} pictures", flush=True)
-            some, queue = queue[: asked.batch], queue[asked.batch :]
             crop = _CROP if trainer.done < _WHOLE_FROM else 0
-            ready, upcoming = upcoming, pool.submit(make_batch, some, random, crop)
+            batch = pool.submit(make_batch, examples, asked.batch, random, crop)
+            ready, upcoming = upcoming, batch
             if ready is None:
                 continue
             sums, count = sums + trainer.step(*ready.result()), count + 1
@@ -154,6 +152,16 @@ def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) 
                 _save(trainer, out, asked)
                 saved = time.monotonic()
     _save(trainer, out, asked)
+
+
+def _shuffled(folder: Path, random: np.random.Generator) -> Iterator[Example]:
+    """All pictures that are there by then, again and again; of those without a landmark half."""
+    while True:
+        queue = find_examples(folder)[0]
+        print(f"{len(queue)} pictures", flush=True)
+        for number in random.permutation(len(queue)):
+            if len(queue[number].rows) or random.random() < _EMPTY:
+                yield queue[number]
 
 
 def _say(trainer: Trainer, losses: np.ndarray) -> None:
