@@ -99,7 +99,8 @@ def add_landmark_options(parser: ArgumentParser) -> None:
         "--model",
         default="",
         metavar="FILE.onnx|none",
-        help="the network that finds objects (without one: tags alone)",
+        help="the network that finds objects (default: the own one, for helipads, posts and"
+        " vehicles, where the extra detect is installed; none: tags alone)",
     )
     group.add_argument(
         "--calibration",

@@ -33,6 +33,8 @@ from ros_visualise.sources.recordings.images import first_image
 from ros_visualise.topic_names import MADE
 
 _NONE = "none"
+_OWN_CLASSES = "helipad, post, vehicle"
+"""What our own network is asked for: tags are told better by `tag_detector`."""
 _FIELD = "field"
 _OWN = "default"  # mission of a robot
 _MAPPED = (Transforms, Odometry)
@@ -144,6 +146,6 @@ def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
     return {
         TAGS: {**sizes, **({"families": args.families} if args.families else {})},
         RECORDED_TAGS: sizes,
-        OBJECTS: {"model": args.model} if args.model not in ("", _NONE) else {},
+        OBJECTS: {"model": args.model} if args.model else {"classes": _OWN_CLASSES},
         LOCALIZER: {} if args.map is None else {"save_to": str(args.map)},
     }

@@ -30,7 +30,12 @@ OWN_MODEL = Path(__file__).parents[1] / "landmarks" / "networks" / "models" / "a
 class LandmarkParams:
     """Parameters of `landmark_detector`."""
 
-    model: str = param("", "ONNX file of a network that finds things", restart=True)
+    model: str = param(
+        "",
+        "ONNX file of a network that finds things; empty: the own one, for helipads, tags, posts "
+        "and vehicles seen from the air",
+        restart=True,
+    )
     names: str = param(
         "",
         "text file with one name of a class a line; empty: the names in the network's own file",
