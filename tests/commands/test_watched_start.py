@@ -63,6 +63,7 @@ def test_a_browser_opens_where_a_person_sees_it(monkeypatch, environment, is_ter
         ({"command": "camera", "input": "rtsp://me:secret@host/s"}, "camera - ros_visualise"),
         ({"command": "sim", "robot": "husky"}, "husky - ros_visualise"),
         ({"command": "demo", "scene": None}, "demo - ros_visualise"),
+        ({"command": "explain", "topic": "canny", "input": None}, "canny - ros_visualise"),
     ],
 )
 def test_the_tab_is_named_after_what_is_shown(args, title):

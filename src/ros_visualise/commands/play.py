@@ -113,6 +113,8 @@ def title_of(args: Namespace) -> str:
         return f"{args.robot if args.command == 'sim' else args.scene or 'demo'} - ros_visualise"
     if args.command == "camera":  # whose address may hold a password
         return "camera - ros_visualise"
+    if args.command == "explain":
+        return f"{args.topic} - ros_visualise"
     return f"{Path(args.input).resolve().name} - ros_visualise"
 
 
