@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import copy
+import json
 import sys
 import warnings
 from pathlib import Path
@@ -91,8 +92,19 @@ def write_onnx(
         "stride": "32",
         "imgsz": f"[{_SIDE}, {_SIDE}]",
     }
-    onnx.helper.set_model_props(model, {**lines, **about})
+    onnx.helper.set_model_props(model, {**lines, **first_layer(model), **about})
     onnx.save(model, str(path))
+
+
+def first_layer(model: onnx.ModelProto) -> dict[str, str]:
+    """Kernels (N, 3, 3, 3) and biases (N,) of the first convolution, as lines for the metadata.
+
+    onnxruntime gives nobody the weights of a file; so the lesson on vision reads them here.
+    """
+    first = next(one for one in model.graph.node if one.op_type == "Conv")
+    weights = {one.name: onnx.numpy_helper.to_array(one) for one in model.graph.initializer}
+    kernels, biases = (json.dumps(weights[name].tolist()) for name in first.input[1:])
+    return {"first_kernels": kernels, "first_biases": biases}
 
 
 def main() -> int:

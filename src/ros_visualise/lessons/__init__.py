@@ -14,7 +14,7 @@ from ros_visualise.lessons.lesson import Lesson
 
 TOPICS = (
     *("image", "bayer", "color", "noise", "gradient", "canny", "threshold"),
-    *("camera", "sensors", "frames", "landmarks", "graph"),
+    *("camera", "sensors", "frames", "landmarks", "vision", "graph"),
 )
 """The names of all lessons, in the order in which one would give them."""
 

@@ -1,0 +1,243 @@
+"""Filter or vision: the first layer of our own network beside Sobel, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats, Image, Message, Pixels
+from ros_visualise.landmarks.networks.candidates import Candidates, Choice
+from ros_visualise.landmarks.networks.network import Network
+from ros_visualise.lessons.drawing import RED, frame, levels, titled
+from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.methods.layer import (
+    KINDS,
+    Layer,
+    beside,
+    correlation,
+    first_layer,
+    likeness,
+    relu,
+    respond,
+    sobel_cosines,
+)
+from ros_visualise.lessons.methods.sobel import sobel
+from ros_visualise.nodes import NoParams, node
+from ros_visualise.nodes.landmark_detector import OWN_MODEL
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Figure
+
+_SOBEL = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A picture, the network and its first layer; what that answers before its ReLU."""
+
+    bgr: Pixels
+    network: Network
+    layer: Layer
+    answers: Floats
+
+
+@node("kernels", inputs=TAKES, outputs=GIVES)
+class Kernels:
+    """What the network's first layer has learned, beside Sobel's kernels."""
+
+    def __init__(self, _: NoParams) -> None:
+        self._network = Network(str(OWN_MODEL))
+        self._layer = first_layer(self._network.metadata)
+
+    def step(self, image: Image, params: NoParams) -> dict[str, Message]:
+        """Show them, and say what they are like."""
+        bgr = work_of(image, np.ndarray)
+        kernels = self._layer.kernels
+        kinds = likeness(kernels)
+        counts = np.bincount(kinds.argmax(axis=1), minlength=len(KINDS))
+        text = """
+            A filter is a kernel that somebody thought of: Sobel's Gx and Gy came in 1968. A network
+            has kernels that nobody thought of: they began as chance, and training moved them
+            wherever fewer landmarks were missed. These are all {count} of our network's first
+            layer, 3 x 3 numbers for each of red, green and blue; gray is 0.
+
+            How alike two kernels are is the cosine of their angle, 1 for the same:
+
+                cos(w, s) = Σ w s / (|w| |s|)
+
+            Edges: sums of Gx and Gy. Spots: a centre and its ring. Colour: what adds up to nothing
+            on gray. {edges} are edges above all, {spots} spots, {colors} colour. Nobody told the
+            network of Sobel, and still:
+
+                 no.   Gx     Gy    edge  spot  colour
+            {rows}
+            """
+        seen = _Seen(bgr, self._network, self._layer, respond(bgr, self._layer))
+        rows = _table(kinds, sobel_cosines(kernels))
+        edges, spots, colors = counts
+        return show(image, _draw_kernels(kernels, kinds), text, seen, count=len(kernels),
+                    edges=edges, spots=spots, colors=colors, rows=rows)  # fmt: skip
+
+
+@node("activations", inputs=TAKES, outputs=GIVES)
+def activations(image: Image, params: object) -> dict[str, Message]:
+    """What each kernel sees in the picture."""
+    seen = work_of(image, _Seen)
+    maps = relu(seen.answers)
+    active = (maps > 0).mean(axis=(1, 2))
+    kinds = likeness(seen.layer.kernels)
+    text = """
+        Each kernel w slides over the picture x, two pixels at a time, as Sobel's does. A bias b is
+        added, and what is below zero is cut off, which is the whole difference:
+
+            y = max(0, b + Σ w (x − ½))
+
+        White is the map's own maximum. Here kernel {most} answers at {share:.0f} % of the places,
+        more than any other, kernel {least} at {rare:.1f} %, and {silent} of {count} nowhere.
+        """
+    shown = [
+        (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
+        for number in _order(kinds)
+    ]
+    return show(image, titled(shown, 4), text, most=int(active.argmax()), share=100 * active.max(),
+                least=int(active.argmin()), rare=100 * active.min(),
+                silent=np.count_nonzero(active == 0), count=len(active))  # fmt: skip
+
+
+@node("sobel", inputs=TAKES, outputs=GIVES)
+def filters(image: Image, params: object) -> dict[str, Message]:
+    """Sobel's Gx and Gy, and the kernels that are most like them."""
+    seen = work_of(image, _Seen)
+    gray = cv2.cvtColor(seen.bgr, cv2.COLOR_BGR2GRAY)
+    cosines = sobel_cosines(seen.layer.kernels)
+    shown, rows = [], []
+    for axis, derivative in enumerate(sobel(gray, 3)):
+        name = ("Gx", "Gy")[axis]
+        there = beside(derivative)
+        shown.append((name, _signed(there)))
+        for sign, number in ((" ", cosines[:, axis].argmax()), ("−", cosines[:, axis].argmin())):
+            shown.append(
+                (f"{number}, like {sign.strip()}{name}", levels(relu(seen.answers[number])))
+            )
+            alike = correlation(there, seen.answers[number])
+            rows.append(
+                f"    {sign}{name}   {number:3}   {cosines[number, axis]:+.2f}   {alike:+.2f}"
+            )
+    text = """
+        Sobel's derivative is signed: white is brighter to the right (below), black darker. A map of
+        the network has no sign, as what is below zero was cut off. So it takes two kernels, one for
+        each side of an edge, and it has learned both:
+
+            like  kernel  cosine  correlation
+        {rows}
+
+        The correlation is that of what the kernel answers, before the cut, with Sobel's derivative
+        over all places of this picture: 1 would be the same but for scale and bias.
+        """
+    return show(image, titled(shown, 3), text, rows="\n".join(rows))
+
+
+@dataclass(frozen=True)
+class ThingsParams:
+    """What counts as found."""
+
+    min_score: float = param(0.4, "least score, from 0 to 1, of what counts as found",
+                             min=0.01, max=1)  # fmt: skip
+    threshold: int = param(100, "an edge is where Sobel's |G| exceeds this",
+                           min=0, max=2_000, slider=(0, 800))  # fmt: skip
+
+
+@node("things", params=ThingsParams, inputs=TAKES, outputs=GIVES)
+def things(image: Image, params: ThingsParams) -> dict[str, Message]:
+    """What the whole network makes of it."""
+    seen = work_of(image, _Seen)
+    gray = cv2.cvtColor(seen.bgr, cv2.COLOR_BGR2GRAY)
+    is_edge = np.hypot(*sobel(gray, 3)) > params.threshold
+    found = seen.network.detect(seen.bgr, "BGR", Choice(params.min_score))
+    text = """
+        A filter says how the picture changes at a place: |G| > {threshold} at {share:.1f} % of the
+        pixels here, on a landmark as on the ground beside it. What is a landmark it cannot say.
+
+        The network's later layers are the same again: kernels, now over the maps of the layer
+        before, each looking at a wider piece of the picture. The last ones say what is there:
+
+        {found}
+
+        The score says how sure it is. It can be wrong; a filter cannot, for it claims nothing. All
+        that it knows: {names}.
+        """
+    names = seen.network.names
+    return show(image, _draw_things(seen.bgr, found, names), text, threshold=params.threshold,
+                share=100 * is_edge.mean(), found=_listed(found, names),
+                names=", ".join(names.values()))  # fmt: skip
+
+
+LESSON = Lesson(
+    "vision",
+    "filter or vision: what our own network's first layer has learned, beside Sobel's kernels",
+    """
+    Sobel's kernels were thought of, a network's were learned. Both see the same {width} x {height}
+    pixels: yours, or a drawn landscape. How alike are they, and what does it take from there to a
+    thing with a name?
+    """,
+    [
+        Step(Kernels),
+        Step(activations),
+        Step(filters, after="activations"),
+        Step(things, after="activations"),
+    ],
+)
+
+
+def _order(kinds: Floats) -> list[int]:
+    """The numbers of the kernels by kind, of each the clearest first."""
+    best = kinds.argmax(axis=1)
+    return sorted(range(len(kinds)), key=lambda number: (best[number], -kinds[number].max()))
+
+
+def _table(kinds: Floats, cosines: Floats) -> str:
+    rows = []
+    for number in _order(kinds):
+        (gx, gy), (edge, spot, color) = cosines[number], kinds[number]
+        rows.append(f"    {number:3}  {gx:+.2f}  {gy:+.2f}  {edge:.2f}  {spot:.2f}  {color:.2f}")
+    return "\n".join(rows)
+
+
+def _draw_kernels(kernels: Floats, kinds: Floats) -> Figure:
+    shown: list[tuple[str, Any]] = [("Sobel's Gx", _signed(_SOBEL)), ("Gy", _signed(_SOBEL.T))]
+    for number in _order(kinds):
+        kind = int(kinds[number].argmax())
+        bgr = np.ascontiguousarray(kernels[number, ::-1].transpose(1, 2, 0))
+        shown.append((f"{number}: {KINDS[kind]} {kinds[number, kind]:.2f}", _signed(bgr)))
+    return titled(shown, 6)
+
+
+def _signed(values: Floats | Pixels) -> Pixels:
+    """0 as 128, and what is farthest from it as 1 or 255."""
+    top = max(float(np.abs(values).max()), 1e-9)
+    shown: Pixels = np.rint(128 + values * (127 / top)).astype(np.uint8)
+    return shown
+
+
+def _draw_things(bgr: Pixels, found: Candidates, names: dict[int, str]) -> Figure:
+    height, width = bgr.shape[:2]
+    figure = Figure(width, height)
+    figure.picture((0, 0, width, height), bgr)
+    for box, score, number in zip(found.boxes_xyxy, found.scores, found.classes, strict=True):
+        left, top, right, bottom = box + 0.5
+        frame(figure, (left, top, right - left, bottom - top), RED, 2)
+        figure.text(left, max(top - 4, 12), f"{names[int(number)]} {score:.2f}", 14, color=RED)
+    return figure
+
+
+def _listed(found: Candidates, names: dict[int, str]) -> str:
+    if not len(found):
+        return "    nothing: lower the least score, or take another picture"
+    boxes = zip(found.boxes_xyxy, found.scores, found.classes, strict=True)
+    return "\n".join(
+        f"    {names[int(number)]:8}  {score:.2f}  at ({(box[0] + box[2]) / 2:.0f},"
+        f" {(box[1] + box[3]) / 2:.0f})"
+        for box, score, number in boxes
+    )
