@@ -36,8 +36,10 @@ def thin(points: Floats, astray_m: Floats, count: int) -> tuple[Indices, Floats]
     required to represent a digitized line", Cartographica 10(2), 1973; here the pieces are split in
     the order of their errors, until a number is reached instead of a tolerance.
     """
+    if len(points) <= count:
+        return np.arange(len(points)), astray_m
     pieces = [_measure(points, astray_m, 0, len(points) - 1)]
-    while len(pieces) + 1 < min(count, len(points)):
+    while len(pieces) + 1 < count:
         piece = heapq.heappop(pieces)
         heapq.heappush(pieces, _measure(points, astray_m, piece.first, piece.split))
         heapq.heappush(pieces, _measure(points, astray_m, piece.split, piece.last))
