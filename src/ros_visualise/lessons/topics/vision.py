@@ -89,8 +89,8 @@ def activations(image: Image, params: object) -> dict[str, Message]:
     active = (maps > 0).mean(axis=(1, 2))
     kinds = likeness(seen.layer.kernels)
     text = """
-        Each kernel w slides over the picture x, two pixels at a time, as Sobel's does. A bias b is
-        added, and what is below zero is cut off, which is the whole difference:
+        Each kernel w slides over the picture x as Sobel's does, two pixels at a time. New is that a
+        bias b is added, and that what is below zero is cut off:
 
             y = max(0, b + Σ w (x − ½))
 
