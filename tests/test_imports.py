@@ -16,7 +16,6 @@ LAYERS = [
         *("limits", "yaml_files", "printing", "signals", "near", "completion"),
     },
     {"messages", "vision"},
-    {"landmarks"},
     {"declaration_checks", "declarations", "sources", "sinks"},
     {"landmarks"},
     {"simulation"},
