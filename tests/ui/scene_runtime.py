@@ -1,4 +1,4 @@
-"""A runtime whose topics a test publishes on, and which tells what is asked for."""
+"""A runtime whose topics a test publishes on, and which tells what is asked for and sent."""
 
 from collections import Counter
 from functools import partial
@@ -12,18 +12,27 @@ from ros_visualise.runtime.topics import Subscription, Topic
 
 
 class Told:
-    """One node that publishes topics of these types."""
+    """One node that publishes topics of these types, and takes those of ``inputs``."""
 
     playback = None
 
-    def __init__(self, **kinds):
+    def __init__(self, inputs=None, **kinds):
+        inputs = inputs or {}
         outputs = {f"/{name}": kind for name, kind in kinds.items()}
-        declared = NodeType("robot", None, NoParams, {}, outputs)
-        node = Node("robot", declared, NoParams(), {}, {name: name for name in outputs})
+        declared = NodeType("robot", None, NoParams, inputs, outputs)
+        node = Node(
+            "robot",
+            declared,
+            NoParams(),
+            {name: f"/{name}" for name in inputs},
+            {name: name for name in outputs},
+        )
         self.graph = Graph(None, (node,))
         self.parameters = {"robot": Parameters(NoParams())}
         self.asked = Counter()
-        self._topics = {name: Topic(on_demand=False) for name in outputs}
+        self.taken = []
+        topics = [*outputs, *node.inputs.values()]
+        self._topics = {name: Topic(on_demand=False) for name in topics}
         self._number = self.epoch = 0
 
     def say(self, **messages):
@@ -31,6 +40,9 @@ class Told:
         for name, message in messages.items():
             self._number += 1
             self._topics[f"/{name}"].publish(Packet(self._number, message, 0, epoch=self.epoch))
+
+    def publish(self, topic, message):
+        self.taken.append((topic, message))
 
     def subscribe(self, topic, depth=1):
         inbox = Inbox(lossless=False, keep=depth)

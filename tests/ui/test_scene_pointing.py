@@ -6,7 +6,7 @@ from page_client import Client
 from scene_messages import LEFT, cloud, draw, has, is_at, odometry, tf, transform
 from scene_runtime import Told
 
-from ros_visualise.data import NavSatFix, Odometry, PointCloud, Transforms
+from ros_visualise.data import NavSatFix, Odometry, PointCloud, PoseStamped, Transforms
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.pointing import describe
 from ros_visualise.ui.scene.picking import Ray, pick
@@ -96,6 +96,26 @@ def test_clicks_on_the_page_tell_places_and_distances(port):
     finally:
         client.socket.close()
         page.close()
+
+
+def test_a_click_sends_a_goal_that_looks_ahead(port):
+    runtime = Told(inputs={"goal": PoseStamped}, tf=Transforms, odom=Odometry)
+    page = Page(port=port)
+    page.open(runtime)
+    client = Client(port)
+    try:
+        runtime.say(tf=tf(transform("map", "base_link", [3, 0, 0], 4)))
+        runtime.say(odom=odometry([3, 0, 0], 4, "map"))
+        client.set("a click", "goal: /goal")
+        sent = "sent to x 3.00, y 5.00, z 0.00 m in map"
+        client.read_until(lambda: click(client, [3, 5, 9]) or any(sent in h for h in client.html))
+    finally:
+        client.socket.close()
+        page.close()
+    topic, goal = runtime.taken[-1]
+    assert (topic, goal.header.frame_id) == ("/goal", "map")
+    assert np.allclose(goal.position_xyz, [3, 5, 0])
+    assert np.allclose(goal.quat_xyzw, LEFT)
 
 
 def click(client, above):
