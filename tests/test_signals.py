@@ -36,6 +36,31 @@ sys.argv[1:] = {arguments!r}
 sys.exit(main())
 """
 
+LEFT_BEHIND = """
+import sys, threading, time
+import mujoco
+from ros_visualise import cli
+from ros_visualise.entry import main
+
+model = mujoco.MjModel.from_xml_string(
+    "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
+)
+
+def work():
+    data = mujoco.MjData(model)
+    while True:
+        mujoco.mj_step(model, data, nstep=20000)
+
+def command():
+    print("begun")
+    threading.Thread(target=work, daemon=True).start()
+    time.sleep(0.2)
+    raise KeyboardInterrupt
+
+cli.main = command
+sys.exit(main())
+"""
+
 
 class Terminal:
     """A command with a terminal of its own, as a shell gives it one."""
@@ -187,3 +212,10 @@ def test_one_message_that_takes_long_holds_up_no_ctrl_c(tmp_path, command):
     assert process.returncode == 130
     assert b"in the middle of a message that takes long" in said
     assert path.exists()
+
+
+def test_a_thread_that_is_left_in_a_library_does_not_crash_the_process():
+    """As one that still opens a simulation."""
+    left = [sys.executable, "-c", LEFT_BEHIND]
+    ended = subprocess.run(left, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "begun\n", "")

@@ -4,21 +4,25 @@ import _signal  # not signal, whose own imports could be interrupted
 
 _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
-from ros_visualise.signals import STOPPED, ignore, leave_at_once  # noqa: E402
+import atexit  # noqa: E402
+
+from ros_visualise.signals import STOPPED, ignore, leave_at_once, leave_threads  # noqa: E402
 
 leave_at_once()
 
 
 def main() -> int:
     """``ros-visualise``; the exit status, see `ros_visualise.cli.main`."""
+    ended: list[int] = []
+    atexit.register(leave_threads, ended)  # before all others, so that it is called after them
     try:
         from ros_visualise import cli
 
-        status = cli.main()
+        ended.append(cli.main())
         ignore()  # nothing is left to be ended
     except KeyboardInterrupt:
-        return STOPPED
-    return status
+        ended.append(STOPPED)
+    return ended[-1]
 
 
 def run_executable(name: str) -> None:

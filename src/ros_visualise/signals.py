@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
 from typing import Any
@@ -28,6 +30,23 @@ def leave_at_once() -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     _handle(lambda *_: os._exit(STOPPED))
+
+
+def leave_threads(ended: Sequence[int]) -> None:
+    """End the process here, at the very end, where threads still run that nobody waits for.
+
+    Python would go on and take itself apart under them: one that comes back from a library then
+    ends the process as if it had crashed.
+
+    Args:
+        ended: the exit status, once there is one.
+    """
+    if not ended or threading.active_count() == 1:
+        return
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    os._exit(ended[-1])
 
 
 def interrupt() -> None:
