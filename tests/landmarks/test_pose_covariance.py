@@ -31,7 +31,7 @@ FISHEYE = CameraInfo(
     np.array([0.02, -0.01, 0.003, -0.001]),
     distortion_model="equidistant",
 )
-SIZE, TAGS = 0.2, 200
+SIZE, TAGS, DRAWN = 0.2, 200, 100
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * SIZE / 2
 INSIDE = 12.59
 """Of chi squared of 6 numbers 95% are below it."""
@@ -154,17 +154,21 @@ def test_poses_of_detected_tags_are_as_sure_as_they_say(side, tilt, blur, noise)
     R, t, corners = scatter(side, tilt, 0.0, info=info)
     cells, border = draw_cells(family("tag36h11"), 7)
     params = TagParams(size=SIZE)
-    detector, found = TagDetector(params), []
+    detector, found = TagDetector(params), {}
     rng = np.random.default_rng(6)
-    for one in corners[:30]:
+    for number, one in enumerate(corners[:DRAWN]):
         pixels = drawn_tags.draw(cells, border, one, (320, 240), rng, blur, noise)
         image = Image(pixels, "mono8", Header(0, "camera"), info)
-        tag = detector.step(image, params)["detections"].detections[0]
-        found.append(tag.hypotheses)
+        for tag in detector.step(image, params)["detections"].detections:
+            found[number] = tag.hypotheses
         detector.reset()
-    of_right = nees(right_ones(found, R[:30]), R[:30], t[:30])
-    assert 3.5 < of_right.mean() < 8.5, "6; 95% of means of 30 are within 4.8 and 7.3"
-    assert np.mean(of_right < INSIDE) > 0.8
+    there = list(found)
+    assert len(there) > 0.9 * DRAWN
+    R, t = R[there], t[there]
+    of_right = nees(right_ones(found.values(), R), R, t)
+    # 6, or 5 where the tenth that deviations are enlarged by for real pictures is too much
+    assert 4.3 < of_right.mean() < 6.7, "95% of means of 100 are within 0.7"
+    assert np.mean(of_right < INSIDE) > 0.88, "0.95; 99.5% of shares of 100 are above 0.88"
 
 
 def test_corners_in_a_worse_picture_are_told_to_be_worse():
