@@ -17,7 +17,8 @@ and where needed
 - ``finish()``, at the end of the stream,
 - ``tick(params)``, now and then where messages come from outside, so that nobody knows whether
   another comes: what is due by now,
-- ``report()``, figures of its own for the run report,
+- ``report()``, figures of its own for the run report; ``lost`` and ``unplayed`` are kept there for
+  data that could not be read or played, which makes the exit status 1,
 - methods decorated with `action`: buttons on the page, services on a ROS graph.
 
 A node of several inputs says how their messages come together, by their stamps:
