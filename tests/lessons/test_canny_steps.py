@@ -8,17 +8,16 @@ import pytest
 
 from ros_visualise.lessons.methods import canny
 from ros_visualise.lessons.methods.sobel import direction, sobel, sobel_kernels
-from ros_visualise.sources.landscape import draw_landscape
 from ros_visualise.vision.edges import smooth
 
 APERTURES = (3, 5, 7)
 
 
 @pytest.fixture(scope="module")
-def pictures() -> list[np.ndarray]:
+def pictures(landscape) -> list[np.ndarray]:
     random = np.random.default_rng(1)
     noise = random.integers(0, 256, (61, 47), np.uint8)
-    drawn = cv2.cvtColor(draw_landscape()[900:1140, 1200:1520], cv2.COLOR_BGR2GRAY)
+    drawn = cv2.cvtColor(landscape, cv2.COLOR_BGR2GRAY)
     steps = np.kron(random.integers(0, 2, (8, 9), np.uint8) * 255, np.ones((7, 7), np.uint8))
     flat = np.full((5, 4), 9, np.uint8)
     return [noise, drawn, smooth(drawn, 1.4), steps, flat, noise[:1], noise[:, :1]]

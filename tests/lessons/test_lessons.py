@@ -59,7 +59,7 @@ def test_a_lesson_is_written_with_its_figures(topic, picture, tmp_path, capfd):
 
 
 @pytest.mark.parametrize("topic", ["color", "threshold", "canny"])
-@pytest.mark.parametrize("shape", [(1, 1), (9, 1), (20, 30, 3)])
+@pytest.mark.parametrize("shape", [(1, 1), (3, 1), (20, 30, 3)])
 def test_a_picture_without_anything_in_it_is_explained_too(topic, shape, tmp_path, capfd):
     flat = tmp_path / "flat.png"
     cv2.imwrite(str(flat), np.full(shape, 200, np.uint8))

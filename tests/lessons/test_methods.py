@@ -10,12 +10,11 @@ from ros_visualise.lessons.methods.quality import entropy, mean_square, psnr, qu
 from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
 from ros_visualise.lessons.methods.thresholds import between_classes, otsu, tone_curves
 from ros_visualise.lessons.topics.noise import Noise, add_noise
-from ros_visualise.sources.landscape import draw_landscape
 
 
 @pytest.fixture(scope="module")
-def bgr() -> np.ndarray:
-    return draw_landscape()[900:1140, 1200:1520]
+def bgr(landscape) -> np.ndarray:
+    return landscape
 
 
 @pytest.fixture(scope="module")

@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Floats, Image, Message, Pixels
+from ros_visualise.data import CameraInfo, Floats, Image, Message
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
-from ros_visualise.landmarks.tags import TagFinder, parse_families
-from ros_visualise.landmarks.tags.patterns import draw_cells
 from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, Zoom, arrow
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.camera import camera_matrix, project
 from ros_visualise.lessons.methods.homography import apply, ellipse, homography
+from ros_visualise.lessons.methods.tags import SQUARE, TagSeen, draw_tag, find_tag
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
-_FAMILY = parse_families("tag36h11")[0]
-_SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
-"""Corners of the tag's square, x right and y up, in sides: lower left, then anticlockwise."""
 _WIDTH = 640
 _TRIALS = 300
 
@@ -43,18 +39,6 @@ class TagParams:
     turn: float = param(10.0, "of the tag that is drawn, to the side, degrees", min=-80, max=80)
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """A tag in a picture; ``truth`` (4, 2) are its corners where it was drawn."""
-
-    picture: Pixels
-    info: CameraInfo
-    size_m: float
-    truth: Floats | None
-    name: str = ""
-    corners: Floats = field(default_factory=lambda: np.zeros((0, 2)))
-
-
 @node("tag", params=TagParams, inputs=TAKES, outputs=GIVES)
 def tag(image: Image, params: TagParams) -> dict[str, Message]:
     """A tag: a square that says its number."""
@@ -62,15 +46,16 @@ def tag(image: Image, params: TagParams) -> dict[str, Message]:
     height, width = bgr.shape[:2]
     K = camera_matrix(params.focal * width, width, height)
     info = CameraInfo(height, width, K)
-    seen = _found(_Seen(bgr, info, params.size, None))
+    turned = np.radians([params.tilt, params.turn, 0])
+    seen = find_tag(TagSeen(bgr, info, params.size, None))
     if seen is None:
-        seen = _found(_drawn(bgr, info, params))
+        seen = find_tag(draw_tag(bgr, info, params.size, params.distance, turned))
     if seen is None:
         text = """
             There is no tag in your picture, and the one that was drawn is too small, too slanted or
             outside: move the sliders.
             """
-        return show(image, bgr, text, _Seen(bgr, info, params.size, None))
+        return show(image, bgr, text, TagSeen(bgr, info, params.size, None))
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), seen.picture)
     figure.line(seen.corners[[0, 1, 2, 3, 0]], GREEN, 2)
@@ -118,7 +103,7 @@ def plane(image: Image, params: object) -> dict[str, Message]:
     seen = _tag_of(image)
     if seen is None:
         return show(image, image.pixels, _NOTHING)
-    H = homography(_SQUARE, seen.corners)
+    H = homography(SQUARE, seen.corners)
     to_square = np.array([[1 / 240.0, 0, -0.75], [0, -1 / 240.0, 0.75], [0, 0, 1]])
     flat = cv2.warpPerspective(seen.picture, H @ to_square, (360, 360),
                                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)  # fmt: skip
@@ -233,48 +218,12 @@ _CORNERS = ("lower left ", "lower right", "upper right", "upper left ")
 _NOTHING = "There is no tag to look at: see the window before."
 
 
-def _found(seen: _Seen) -> _Seen | None:
-    """With the largest tag of its picture; None if there is none."""
-    gray = cv2.cvtColor(seen.picture, cv2.COLOR_BGR2GRAY)
-    tags = TagFinder([_FAMILY]).find(gray)
-    if not tags:
-        return None
-    largest = max(tags, key=lambda one: cv2.contourArea(one.corners_uv.astype(np.float32)))
-    return _Seen(seen.picture, seen.info, seen.size_m, seen.truth, largest.name, largest.corners_uv)
-
-
-def _tag_of(image: Image) -> _Seen | None:
-    seen = work_of(image, _Seen)
+def _tag_of(image: Image) -> TagSeen | None:
+    seen = work_of(image, TagSeen)
     return seen if seen.name else None
 
 
-def _drawn(bgr: Pixels, info: CameraInfo, params: TagParams) -> _Seen:
-    """The picture with a tag at the pose that the sliders say."""
-    cells, rim = draw_cells(_FAMILY, 7)
-    outer = 1 + 2 * rim / (len(cells) - 2 * rim)  # of the white rim, in sides
-    turn = rotations.to_matrix(rotations.from_rpy(np.radians([params.tilt, params.turn, 0])))
-    R = turn @ np.diag([1.0, -1, -1])
-    plane_points = np.column_stack([_SQUARE, np.zeros(4)]) * params.size
-    truth = project(plane_points @ R.T + [0, 0, params.distance], info.K)
-    H = homography(_SQUARE, truth)
-    pixel = outer / len(cells)
-    to_plane = np.array(
-        [[pixel, 0, (pixel - outer) / 2], [0, -pixel, (outer - pixel) / 2], [0, 0, 1]]
-    )
-    times = 4  # what is drawn is averaged from so many pixels to a side
-    finer = np.array([[times, 0, (times - 1) / 2], [0, times, (times - 1) / 2], [0, 0, 1]])
-    size = (info.width * times, info.height * times)
-    large = cv2.warpPerspective(cells * np.uint8(215) + np.uint8(20), finer @ H @ to_plane, size,
-                                flags=cv2.INTER_NEAREST)  # fmt: skip
-    drawn = cv2.resize(large, (info.width, info.height), interpolation=cv2.INTER_AREA)
-    mask = cv2.warpPerspective(np.full(cells.shape, 255, np.uint8), finer @ H @ to_plane, size,
-                               flags=cv2.INTER_NEAREST)  # fmt: skip
-    share = cv2.resize(mask, (info.width, info.height), interpolation=cv2.INTER_AREA) / 255.0
-    mixed = bgr * (1 - share[..., None]) + drawn[..., None]
-    return _Seen(mixed.clip(0, 255).astype(np.uint8), info, params.size, truth)
-
-
-def _corner_error(seen: _Seen) -> str:
+def _corner_error(seen: TagSeen) -> str:
     if seen.truth is None:
         return "Where they are in truth nobody knows: it is your picture."
     error = np.linalg.norm(seen.corners - seen.truth, axis=1)
@@ -295,7 +244,7 @@ def _other(found: tuple[PoseEstimate, ...]) -> str:
     return f"The two are {angle:.0f}° apart."
 
 
-def _tried(seen: _Seen, sigma: float, best: PoseEstimate) -> Floats:
+def _tried(seen: TagSeen, sigma: float, best: PoseEstimate) -> Floats:
     """Where corners with noise have the tag, (N, 3) metres: of each the reading that is nearest."""
     random = np.random.default_rng(0)
     noisy = seen.corners + random.normal(0, sigma, (_TRIALS, 4, 2))
