@@ -80,9 +80,13 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
         A picture changes in two directions. Sobel's kernels differentiate along one and smooth
         along the other, so that noise does less harm:
 
-                 −1  0  1             −1 −2 −1
-            Gx:  −2  0  2       Gy:    0  0  0
-                 −1  0  1              1  2  1
+                 −1  0  1
+            Gx:  −2  0  2
+                 −1  0  1
+
+                 −1 −2 −1
+            Gy:   0  0  0
+                  1  2  1
 
         Gray is no change, white brighter to the right (down), black darker. The kernel of
         {aperture} x {aperture} gives Gx from {least_x} to {most_x} here, Gy from {least_y} to

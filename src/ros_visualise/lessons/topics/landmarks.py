@@ -107,7 +107,7 @@ def plane(image: Image, params: object) -> dict[str, Message]:
     to_square = np.array([[1 / 240.0, 0, -0.75], [0, -1 / 240.0, 0.75], [0, 0, 1]])
     flat = cv2.warpPerspective(seen.picture, H @ to_square, (360, 360),
                                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)  # fmt: skip
-    rows = "\n".join("    " + "  ".join(f"{one:10.4f}" for one in row) for row in H)
+    rows = "\n".join("    " + " ".join(f"{one:9.4f}" for one in row) for row in H)
     middle = apply(H, np.zeros((1, 2)))[0]
     text = f"""
 A plane and its picture are bound by nine numbers, of which the scale is free: u ~ H x, with x in

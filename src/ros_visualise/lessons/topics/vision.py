@@ -71,7 +71,7 @@ class Kernels:
             on gray. {edges} are edges above all, {spots} spots, {colors} colour. Nobody told the
             network of Sobel, and still:
 
-                 no.   Gx     Gy    edge  spot  colour
+                no    Gx    Gy edge spot colour
             {rows}
             """
         seen = _Seen(bgr, self._network, self._layer, respond(bgr, self._layer))
@@ -201,7 +201,7 @@ def _table(kinds: Floats, cosines: Floats) -> str:
     rows = []
     for number in _order(kinds):
         (gx, gy), (edge, spot, color) = cosines[number], kinds[number]
-        rows.append(f"    {number:3}  {gx:+.2f}  {gy:+.2f}  {edge:.2f}  {spot:.2f}  {color:.2f}")
+        rows.append(f"    {number:2} {gx:+.2f} {gy:+.2f} {edge:.2f} {spot:.2f} {color:.2f}")
     return "\n".join(rows)
 
 

@@ -35,7 +35,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
 .rv-text {{ padding: 0 .8em .5em; font-size: .8rem; line-height: 1.45; }}
 .rv-text p {{ margin: .4em 0; }}
-.rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; white-space: pre-wrap; }}
+.rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; overflow-x: auto; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
 .rv-swatch {{ position: relative; height: 0; }}
 .rv-swatch i {{ position: absolute; right: 1em; top: .55em; width: 2.6em; height: .45em;
