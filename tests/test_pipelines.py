@@ -265,3 +265,10 @@ def test_who_navigates_is_held_against_the_truth_where_there_is_one():
     graph = simulation_pipeline("husky", landmarks=True, navigate=True)
     inputs = graph.node("pose_error").inputs
     assert inputs == {"pose": "/navigation/pose", "truth": "/ground_truth/odom"}
+
+
+@pytest.mark.parametrize("navigate", [False, True])
+def test_a_pad_to_land_on_is_no_landmark(navigate):
+    graph = simulation_pipeline("quadrotor", landmarks=True, navigate=navigate)
+    mapping = graph.node("landmark_navigator" if navigate else "landmark_localizer")
+    assert mapping.params.moving == graph.node("landing_target").params.target

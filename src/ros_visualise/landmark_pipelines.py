@@ -65,7 +65,8 @@ def with_landmarks(
     elif has_frames(graph):
         found.append(_fed(LOCALIZER, graph, detectors_there))
     if has_frames(graph) and graph.source is not None and LANDING_INPUT in graph.source.inputs:
-        found.append(_fed(LANDING, graph, detectors_there))
+        landing = _fed(LANDING, graph, detectors_there)
+        found = [_without_moving(node, landing.params.target) for node in (*found, landing)]
     for made in (made for node in found for made in node.topics if made in graph.topics):
         raise UsageError(f"{made} is recorded already: name others by --topics, or no --landmarks")
     whole = replace(graph, nodes=(*graph.nodes, *found)).with_frames()
@@ -101,6 +102,11 @@ def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
     if odometry := _odometry(graph):
         inputs["odom"] = odometry
     return place(declared, inputs, known_topics(declared))
+
+
+def _without_moving(node: Node, classes: str) -> Node:
+    """The same; who makes a map leaves out what robots land on, which may move."""
+    return node.configured({"moving": classes}) if node.name in (LOCALIZER, NAVIGATOR) else node
 
 
 def _navigator(graph: Graph, detectors: Sequence[Node]) -> Node:

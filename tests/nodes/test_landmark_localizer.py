@@ -117,6 +117,17 @@ def test_numbers_of_tags_and_of_other_things_are_not_confused():
     assert classes == {"tag36h11_3", "object_3"}
 
 
+def test_what_moves_is_no_landmark(caplog):
+    params = replace(PARAMS, moving="pad, tag36h11_3")
+    node, frames = LandmarkLocalizer(params), tree()
+    seen = [message(n / 10, tag((n / 5, 0.5)), tag((0.0, 1.0), 4)) for n in range(9)]
+    for one in seen:
+        answer = node.step(params, detections=one, frames=frames)
+    assert [one.class_id for one in answer["landmarks"].detections] == ["tag36h11_4"]
+    assert node.report()["left_out"] == {"moves": 9}
+    assert caplog.text == ""
+
+
 def test_nothing_is_drawn_anew_where_nothing_was_seen():
     node = LandmarkLocalizer(PARAMS)
     observe(node)

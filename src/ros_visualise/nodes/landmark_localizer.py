@@ -108,6 +108,9 @@ class LocalizerParams:
     object_prefix: str = param(
         "object_", "what to put before classes of other things that are numbers", group="map"
     )
+    moving: str = param(
+        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
+    )
     map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
     save_to: str = param(
         "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
@@ -185,6 +188,7 @@ class LandmarkLocalizer:
             _errors(params),
             self._ground(frames, header.stamp_ns),
             prefix,
+            names_in(params.moving),
         )
         self._localizer.observe(detections, T_fixed_camera, rules, robot)
         return self._answer(Header(header.stamp_ns, self._frame))
@@ -258,6 +262,11 @@ def write_map(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
         target.close()
     except OSError as error:
         raise target.give_up(error, 0) from None
+
+
+def names_in(text: str) -> frozenset[str]:
+    """Those of a list with commas."""
+    return frozenset(name.strip() for name in text.split(",")) - {""}
 
 
 def _errors(p: LocalizerParams) -> ErrorModel:

@@ -34,7 +34,7 @@ from ros_visualise.landmarks.navigation.motion import OdometryNoise
 from ros_visualise.landmarks.navigation.navigator import Navigator, Now, Settings
 from ros_visualise.landmarks.navigation.sights import view_of
 from ros_visualise.nodes import action, node
-from ros_visualise.nodes.landmark_localizer import write_map
+from ros_visualise.nodes.landmark_localizer import names_in, write_map
 from ros_visualise.params import param
 
 log = logging.getLogger(__name__)
@@ -75,6 +75,9 @@ class NavigatorParams:
         max=10,
         slider=(0, 1),
         group="map",
+    )
+    moving: str = param(
+        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
     )
     corner_floor: float = param(
         0.1,
@@ -227,7 +230,8 @@ class LandmarkNavigator:
             T = frames.lookup(
                 self._base_frame, detections.header.frame_id, detections.header.stamp_ns
             )
-            view = view_of(detections, T, params.class_prefix, params.corner_floor)
+            moving = names_in(params.moving)
+            view = view_of(detections, T, params.class_prefix, params.corner_floor, moving)
             self._navigator.see(view)
         return (answer | self._shown()) or None
 

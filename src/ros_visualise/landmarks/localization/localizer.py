@@ -33,12 +33,14 @@ class Rules:
 
     ``sightings`` are how many make a landmark. ``ground`` is where things stand that are seen
     without a range; None where nobody knows. ``prefix`` is put before classes that are numbers.
+    ``moving`` are classes that are no landmarks, as they move.
     """
 
     sightings: int = 3
     errors: ErrorModel = field(default_factory=ErrorModel)
     ground: Ground | None = None
     prefix: str = ""
+    moving: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,7 @@ class Localizer:
         for track in self._tracks:
             track.carry(kept, self._robot.covariance)
         measure = Measure(detections.camera_info, T_fixed_camera)
-        rest = list(self._located(detections, T_fixed_camera, rules.prefix))
+        rest = list(self._located(detections, T_fixed_camera, rules))
         matched = self._match(rest)
         for one, track, fits in matched:
             track.take(fits, stamp_ns)
@@ -128,9 +130,12 @@ class Localizer:
         self._tentative = [one for one in self._tentative if one.last_ns >= oldest_ns]
 
     def _located(
-        self, detections: Detections, T_fixed_camera: Floats, prefix: str
+        self, detections: Detections, T_fixed_camera: Floats, rules: Rules
     ) -> Iterator[_Seen]:
         for detection in detections.detections:
+            if rules.moving & {one.class_id for one in detection.hypotheses}:
+                self.left_out["moves"] += 1
+                continue
             sightings = [
                 sighting
                 for hypothesis in detection.hypotheses
@@ -139,7 +144,7 @@ class Localizer:
             ]
             if sightings:
                 class_id = detection.hypotheses[0].class_id
-                name = prefix + class_id if class_id.isdigit() else class_id
+                name = rules.prefix + class_id if class_id.isdigit() else class_id
                 yield _Seen(detection, name, sightings)
             else:
                 self.left_out["no pose"] += 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,7 +84,11 @@ class View:
 
 
 def view_of(
-    detections: Detections, T_base_camera: Floats, prefix: str = "", floor_px: float = 0.0
+    detections: Detections,
+    T_base_camera: Floats,
+    prefix: str = "",
+    floor_px: float = 0.0,
+    moving: Container[str] = (),
 ) -> View:
     """What detections tell.
 
@@ -93,13 +97,16 @@ def view_of(
         T_base_camera: (4, 4) where that is on the robot, at the time of the image.
         prefix: what to put before classes that are numbers.
         floor_px: standard deviation that corners have at least.
+        moving: classes that are no landmarks.
     """
     sights, left_out = [], {}
     found = [one for one in detections.detections if one.hypotheses]
     rays = _rays(found, detections)
     for number, one in enumerate(found):
         sight = _sight(one, rays.get(number), prefix, floor_px)
-        if sight.poses or sight.has_corners:
+        if sight.name in moving:
+            left_out[sight.name] = "moves"
+        elif sight.poses or sight.has_corners:
             sights.append(sight)
         else:
             left_out[sight.name] = "no pose"
