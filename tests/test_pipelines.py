@@ -272,3 +272,9 @@ def test_a_pad_to_land_on_is_no_landmark(navigate):
     graph = simulation_pipeline("quadrotor", landmarks=True, navigate=navigate)
     mapping = graph.node("landmark_navigator" if navigate else "landmark_localizer")
     assert mapping.params.moving == graph.node("landing_target").params.target
+
+
+@pytest.mark.parametrize("navigate", [False, True])
+def test_one_alone_tells_where_odom_is_in_the_map(navigate):
+    graph = simulation_pipeline("husky", landmarks=True, navigate=navigate)
+    assert graph.source.params.map_to_odom is not navigate

@@ -60,6 +60,7 @@ def with_landmarks(
     found = [_placed(name, topic) for name in detectors]
     detectors_there = tuple(found)
     if navigate:
+        graph = _leaving_odom(graph)
         found.append(_navigator(graph, detectors_there))
         found += _judge(graph, found[-1])
     elif has_frames(graph):
@@ -102,6 +103,14 @@ def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
     if odometry := _odometry(graph):
         inputs["odom"] = odometry
     return place(declared, inputs, known_topics(declared))
+
+
+def _leaving_odom(graph: Graph) -> Graph:
+    """The same; a simulated robot leaves it to the navigator to tell where odom is in map."""
+    source = graph.source
+    if source is None or not hasattr(source.params, "map_to_odom"):
+        return graph
+    return graph.configured({source.name: {"map_to_odom": False}})
 
 
 def _without_moving(node: Node, classes: str) -> Node:

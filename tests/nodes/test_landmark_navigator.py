@@ -42,6 +42,17 @@ def tree():
     return frames
 
 
+def test_it_begins_where_a_frame_says_that_odom_started():
+    frames = tree()
+    started = TransformStamped("odom_start", np.array([3.0, 4, 0]), LEVEL, Header(0, "map"))
+    frames.add(Transforms((started,)), static=True)
+    node = LandmarkNavigator(NavigatorParams())
+    odometry = Odometry(np.zeros(3), LEVEL, child_frame_id="base_link", header=Header(S, "odom"))
+    (odom,) = node.step(NavigatorParams(), odometry=odometry, frames=frames)["tf"].transforms
+    assert (odom.header.frame_id, odom.child_frame_id) == ("map", "odom")
+    assert np.allclose(odom.translation_xyz, [3, 4, 0])
+
+
 def written_map(path):
     tracks = [
         Track(

@@ -102,6 +102,19 @@ def test_every_message_is_in_a_frame_that_hangs_on_map(robot: str):
             frame = parents[frame]
 
 
+def test_where_odom_is_in_the_map_may_be_left_to_a_navigator():
+    ours, left = (
+        collect(Simulation("husky", "plane", settings=replace(BLIND_HUSKY, map_to_odom=tells)), 0.1)
+        for tells in (True, False)
+    )
+    (odom,) = [one for one in ours["tf_static"][0].transforms if one.child_frame_id == "odom"]
+    assert "odom" not in frame_tree(left)
+    (start,) = [one for one in left["tf_static"][0].transforms if one.header.frame_id == "map"]
+    assert start.child_frame_id == "odom_start"
+    assert np.array_equal(start.translation_xyz, odom.translation_xyz)
+    assert np.array_equal(start.quat_xyzw, odom.quat_xyzw)
+
+
 @pytest.mark.parametrize("gimbal", [True, False])
 def test_the_description_is_a_tree_of_the_same_frames(gimbal: bool):
     settings = replace(BLIND_QUADROTOR, camera_gimbal=gimbal)

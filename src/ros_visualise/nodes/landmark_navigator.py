@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -275,13 +276,14 @@ class LandmarkNavigator:
     def _start(self, frames: FrameTree, header: Header) -> rigid.Pose:
         """T_map_odom where somebody tells where the odometry began, else they are one.
 
-        That is told once: after a jump of time it holds again.
+        Of odom a frame odom_start tells it, as those of simulated robots. What was told holds
+        again after a jump of time.
         """
-        try:
-            T = frames.lookup(self._frame, header.frame_id, header.stamp_ns)
-        except NoTransform:
-            return self._begun
-        self._begun = rigid.pose(*transforms.to_pose(T))
+        for frame in (f"{header.frame_id}_start", header.frame_id):
+            with suppress(NoTransform):
+                T = frames.lookup(self._frame, frame, header.stamp_ns)
+                self._begun = rigid.pose(*transforms.to_pose(T))
+                break
         return self._begun
 
     def _shown(self) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """The frames of a simulated robot (REP 105), as transforms.
 
 ``map`` is the world. ``odom`` is where the robot starts in it, and never moves: nothing corrects
-the odometry. ``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is
-only on the topic of the ground truth.
+the odometry. Where a navigator does, it tells ``odom``, and here ``odom_start`` takes its place.
+``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is only on the topic
+of the ground truth.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from ros_visualise.simulation.model import (
 )
 from ros_visualise.simulation.settings import RobotParams
 
-MAP, ODOM = "map", "odom"
+MAP, ODOM, ODOM_START = "map", "odom", "odom_start"
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # R_camera_optical
 _TO_OPTICAL: Quat = (0.5, -0.5, 0.5, -0.5)  # the same
@@ -72,16 +73,19 @@ class CameraMount:
         return np.array(rows(from_yaw(yaw)))
 
 
-def fixed_frames(model: Any, mount: CameraMount, start: tuple[Vector, Quat]) -> Transforms:
+def fixed_frames(
+    model: Any, mount: CameraMount, start: tuple[Vector, Quat], odom: str = ODOM
+) -> Transforms:
     """All transforms that do not change, for ``tf_static``.
 
     Args:
         start: pose of ``base_link`` in ``map`` at the start.
+        odom: the frame that is there.
     """
     place, attitude = start
     heading = from_yaw(yaw_of(attitude))
     frames = [
-        _transform(0, MAP, ODOM, np.array(place), heading),
+        _transform(0, MAP, odom, np.array(place), heading),
         _transform(
             0, BASE, "base_footprint", np.array([0.0, 0.0, -standing_height(model)]), _LEVEL
         ),

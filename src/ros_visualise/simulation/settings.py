@@ -43,6 +43,10 @@ class PadMotion(Enum):
 class RobotParams:
     """Parameters that all robots have."""
 
+    map_to_odom: bool = setting(
+        True,
+        "tell where odom is in map; false where a navigator tells it: it begins at odom_start",
+    )
     command_timeout: float = setting(
         0.5, "seconds after which a velocity command ends, if no other follows", min=0.05, max=60
     )

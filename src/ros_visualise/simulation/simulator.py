@@ -86,7 +86,8 @@ class Simulation:
             self._robot, self._model, self._data, self.settings, mount, seed, self.pad
         )
         self._schedule = Schedule(self._suite.streams, wants)
-        fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose)
+        odom = frames.ODOM if self.settings.map_to_odom else frames.ODOM_START
+        fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose, odom)
         description = describe(self._model, fixed)
         self._latched = description, fixed, scenery(self._model, self.world.assets)
         if self._mission is not None:
