@@ -235,13 +235,17 @@ def test_parameters_are_declared_and_change_no_default(file):
 
 
 def check_declared(node: str, given: Mapping[str, Any]) -> None:
-    """Each is declared; those that name nothing of the user's are as declared, or as the seed's."""
+    """Each is declared; those that name nothing of the user's are as declared, or as the seed's.
+
+    Who else tells a frame is of a launch file's own.
+    """
     declared = find(node)
     is_source = isinstance(declared, SourceType)
     defaults = (playing_params(declared) if is_source else declared.params)()
     changed = update(defaults, given)
     seed = SEED.get(node, {})
     named = {"path", "uri", "camera_info_url", "size", "mission", "tags", "class_prefix"}
+    named.add("map_to_odom")
     for spec in specs(defaults):
         if spec.name not in named:
             expected = seed.get(spec.name, getattr(defaults, spec.name))

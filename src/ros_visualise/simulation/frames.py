@@ -2,8 +2,8 @@
 
 ``map`` is the world. ``odom`` is where the robot starts in it, and never moves: nothing corrects
 the odometry. Where a navigator does, it tells ``odom``, and here ``odom_start`` takes its place.
-``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is only on the topic
-of the ground truth.
+``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is only on the
+topic of the ground truth.
 """
 
 from __future__ import annotations
