@@ -1,11 +1,14 @@
 """Maps from worlds of which all is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_worlds import SIZE, drifting, flight, floor, turn, world
 
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.mapping.mapping import map_of
+from ros_visualise.landmarks.mapping.outliers import outliers
 from ros_visualise.landmarks.mapping.problem import DistancePrior, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
 from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED, Noise, Prior, logarithm
@@ -161,6 +164,15 @@ def test_an_id_that_is_there_twice_is_named(random):
     [wrong] = made.outliers
     assert (wrong.name, wrong.kind) == ("tag36h11_3", "twice")
     assert wrong.value == pytest.approx(np.hypot(1.2, 0.6), abs=0.1)
+
+
+def test_a_tag_that_the_search_threw_away_is_not_there_twice(random, cameras, tags):
+    found = smooth(world(random, cameras, tags, 0.1))
+    far = found.tags.t.copy()
+    far[3] += [5e4, 0, 0]
+    is_other = np.array([one.tag != 3 for one in found.problem.sightings])
+    thrown = replace(found, tags=found.tags._replace(t=far), inliers=found.inliers & is_other)
+    assert [(one.name, one.kind) for one in outliers(thrown)] == [("tag36h11_3", "astray")]
 
 
 def test_wild_corners_are_refused(random, cameras, tags):

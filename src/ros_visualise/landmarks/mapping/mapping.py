@@ -19,7 +19,7 @@ from ros_visualise.landmarks.mapping.mounting import (
     freely_mounted,
     imu_mounting,
 )
-from ros_visualise.landmarks.mapping.outliers import UNSTEADY, Outlier, corrected, outliers
+from ros_visualise.landmarks.mapping.outliers import ASTRAY, UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
 from ros_visualise.landmarks.mapping.terms import Prior
@@ -78,7 +78,7 @@ def map_of(
         new = [one for one in outliers(found) if one.kind != UNSTEADY]
         if not new or is_over():
             break
-        explained += new
+        explained += [one for one in new if one.kind != ASTRAY]
         again = smooth(corrected(found.problem, new), prior=prior, is_over=is_over)
         found = again or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]

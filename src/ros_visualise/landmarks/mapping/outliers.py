@@ -10,11 +10,13 @@ import numpy as np
 from ros_visualise.data import Hypothesis
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting
-from ros_visualise.landmarks.mapping.refitting import refit
+from ros_visualise.landmarks.mapping.refitting import FARTHEST, refit
 from ros_visualise.landmarks.mapping.smoothing import Smoothed
 from ros_visualise.landmarks.mapping.terms import State, Terms
 
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
+ASTRAY = "astray"
+"""The search threw the tag far off, which is no fault of the tag."""
 
 _REFUSED, _LEAST = 0.2, 4  # of a tag's sightings, and how many: from here on it is looked at
 _AGREE = 0.6  # of those sightings, that fit where the tag may be as well
@@ -23,7 +25,7 @@ _RESIZED = 0.03  # of its size, from which on that is not what was given
 
 @dataclass(frozen=True)
 class Outlier:
-    """A tag, what is wrong with it (`SIZE`, `MOVED`, `TWICE` or `UNSTEADY`), and in words.
+    """A tag, what is wrong with it (`SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`), and in words.
 
     ``value`` is its size by that which was given, or how far it moved or is apart, in metres;
     ``sightings`` are those that are of the other place.
@@ -65,6 +67,9 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
     there, here = refused[other.fits], np.setdiff1d(rows, refused)
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
+    if apart > FARTHEST * terms.problem.sightings[rows[0]].size_m:
+        text = f"{share}: it was put where nobody sees it"
+        return Outlier(name, ASTRAY, text, apart, refused[other.fits].tolist())
     if apart < terms.problem.sightings[rows[0]].size_m / 2:
         return Outlier(name, UNSTEADY, f"{share}; it has not moved")
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))

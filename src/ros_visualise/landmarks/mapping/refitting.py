@@ -17,7 +17,9 @@ from ros_visualise.landmarks.pose.refinement import linearise, moved
 
 _ROUNDS = 12
 _BEGINNINGS = 5
-_FARTHEST = 1000.0  # times a tag's side, from where nobody sees it
+FARTHEST = 1000.0
+"""Times a tag's side, from where nobody sees it."""
+
 _LOOSE = 9.0  # times the gate: what the views add, which are not wholly where they seem
 
 
@@ -63,7 +65,7 @@ def _fitted(terms: Terms, state: State, rows: Numbers, start: Refit, sized: bool
             size = max(size * float(np.exp(np.clip(step[6], -0.5, 0.5))), 1e-3)
         residuals, by = _seen(terms, state, rows, R, t, size)
     ranges = np.linalg.norm(state.views.t[terms.corners.views[rows]] - t, axis=1)
-    in_range = ranges < _FARTHEST * terms.problem.sightings[rows[0]].size_m
+    in_range = ranges < FARTHEST * terms.problem.sightings[rows[0]].size_m
     return Refit(R, t, size, ((residuals**2).sum(axis=1) < _LOOSE * GATE) & in_range)
 
 
