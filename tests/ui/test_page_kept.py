@@ -1,5 +1,6 @@
-"""What is arranged on the page is kept in a file."""
+"""What is arranged on the page is kept: in its address, and in a file."""
 
+import numpy as np
 import pytest
 from page_client import Client
 
@@ -7,6 +8,69 @@ from ros_visualise.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
 from ros_visualise.ui.arrangements import read_arrangement
 from ros_visualise.ui.page import Page
+
+
+def wait_until(tab, check):
+    for _ in range(600):
+        if check():
+            return
+        tab.wait_for_timeout(50)
+    pytest.fail("it did not come about")
+
+
+def test_reload_and_a_link_lose_nothing(browse, page, runtime):
+    tab = browse()
+    filters = runtime.parameters["filters"]
+    assert "#" not in tab.url
+    filters.update({"threshold": 77})
+    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+
+    filters.update({"threshold": 50})
+    tab.reload()
+    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=50"))
+    assert filters.current.threshold == 50  # what it was before is not set again
+
+    link = f"{page.url}/#filters/threshold=78&edge_detector/show=/edges_overlay&a/b=1&windows=x"
+    tab.goto("about:blank")
+    tab.goto(link)
+    wait_until(tab, lambda: filters.current.threshold == 78)
+    wait_until(tab, lambda: "/edges_overlay" in runtime.report().topics)
+    kept = "#filters/threshold=78&edge_detector/show=/edges_overlay"
+    wait_until(tab, lambda: tab.url.endswith(kept))
+
+    other = browse()
+    wait_until(other, lambda: other.url == tab.url)
+    filters.update({"threshold": 60})
+    for one in (tab, other):
+        wait_until(one, lambda one=one: "threshold=60" in one.url)
+
+
+def test_links_of_other_sites_arrange_nothing(chromium, page, runtime):
+    context = chromium.new_context()
+    tab = context.new_page()
+    tab.route(
+        "http://evil.example/",
+        lambda route: route.fulfill(
+            body=f"<a href='{page.url}/#filters/threshold=3'>look</a>", content_type="text/html"
+        ),
+    )
+    tab.goto("http://evil.example/")
+    tab.click("a")
+    wait_until(tab, lambda: tab.url == f"{page.url}/")
+    assert runtime.parameters["filters"].current.threshold == 128
+    context.close()
+
+
+def test_each_browser_has_its_own_view(port, scene, server):
+    one, other = Client(port), Client(port)
+    one.read_until(lambda: len(server.get_clients()) == 2)
+    first, second = server.get_clients().values()
+    scene.look_from(first.client_id, np.array([1.0, 2, 3]), np.array([0.0, 0, 1]))
+    np.testing.assert_allclose(first.camera.position, [1, 2, 3])
+    np.testing.assert_allclose(first.camera.look_at, [0, 0, 1])
+    np.testing.assert_allclose(second.camera.position, [0, 0, 0])
+    for client in (one, other):
+        client.socket.close()
 
 
 def test_a_file_arranges_the_page(port, runtime, tmp_path):

@@ -96,7 +96,7 @@ class Desk:
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._kept = Kept(gui, self._arrangement)
+        self._kept = Kept(gui, self._worker, self._scene, self._arrangement)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:

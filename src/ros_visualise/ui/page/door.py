@@ -12,7 +12,7 @@ import os
 import re
 import secrets
 import socket
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from ipaddress import ip_address
 from urllib.parse import SplitResult, urlsplit
@@ -62,6 +62,15 @@ class Door:
         if self.token and not hmac.compare_digest(_first_part(path).encode(), self.token.encode()):
             return "open the whole address that was printed when this page was started"
         return ""
+
+    def is_foreign(self, sites: Sequence[str]) -> bool:
+        """Whether another web site may have led a browser here.
+
+        Args:
+            sites: each ``Sec-Fetch-Site`` of an allowed request. Browsers send it to this machine
+                and over https. Where they do not, the token tells that nobody else made the link.
+        """
+        return list(sites) not in (["none"], ["same-origin"]) and not (self.token and not sites)
 
     def inside(self, path: str) -> str:
         """The path of an allowed request, without the token."""

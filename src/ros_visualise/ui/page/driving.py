@@ -101,7 +101,7 @@ class Driving:
         if self._topic is not None and self._topic in graph.node(node).inputs.values():
             self._stop()
 
-    def _hear(self, told: str) -> None:
+    def _hear(self, told: str, _: int) -> None:
         """Take what a browser tells: ``PRESS NUMBER NAME ...``, without names when released."""
         press, *names = told.split() or [""]
         if _STOP in names:

@@ -174,7 +174,8 @@ class _Connection(ServerConnection):
             if own is not None:
                 return own
             answer = process_request(connection, request) if process_request else None
-            return answer and complete(answer, self._gate.title)
+            is_foreign = self._gate.door.is_foreign(request.headers.get_all("Sec-Fetch-Site"))
+            return answer and complete(answer, self._gate.title, is_foreign)
 
         await super().handshake(admit, self._answer, None)
 

@@ -1,18 +1,25 @@
-"""What people arranged on the page: what a YAML file of it holds."""
+"""What people arranged on the page: kept in its address, and in a YAML file."""
 
 from __future__ import annotations
 
 import asyncio
 import inspect
+import secrets
 from collections.abc import Iterator, Mapping
+from html import escape
 from typing import Any
+from urllib.parse import parse_qsl, quote, urlencode
 
+import numpy as np
 import viser
 
 from ros_visualise.errors import UsageError
 from ros_visualise.ui.arrangements import Arrangement, Value
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.elements import refusal
+from ros_visualise.ui.page.scripts import add_channel
+from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.scene.scene import Scene
 
 _KINDS = (
     viser.GuiSliderHandle,
@@ -23,6 +30,9 @@ _KINDS = (
 )
 _NOT_KEPT = ("recording", "robot")
 """Folders whose elements say what to do now, not how the page is."""
+_SWITCHES = {"True": True, "False": False}
+_MOST_IN_ADDRESS = 4000  # characters; browsers may send little more in one text
+_FARTHEST_M = 1e6  # of a view
 
 
 class Kept:
@@ -30,25 +40,39 @@ class Kept:
 
     A place is the folders and the tab in which an element is, and its label; of several the same,
     the later ones are numbered. What stands in no folder, as playback, is not kept. A value for an
-    element that is not there yet waits until it is.
+    element that is not there yet waits until it is, and one for a choice until there is that to
+    choose.
+
+    Each browser's address has these values too (``scripts/address.js``). One that is opened with an
+    address sets what this names; all else stays as it is.
 
     Args:
         gui: of the page.
+        worker: sets what the address of a browser names.
+        scene: what each browser has its own view of.
         wanted: how the page is to be arranged at first.
     """
 
-    def __init__(self, gui: viser.GuiApi, wanted: Arrangement) -> None:
-        self._gui = gui
+    def __init__(
+        self, gui: viser.GuiApi, worker: Worker, scene: Scene, wanted: Arrangement
+    ) -> None:
+        self._gui, self._scene = gui, scene
         self._first: dict[str, Value] = {}
-        self._waiting: dict[str, Any] = dict(wanted)
+        self._waiting: dict[str, Value] = dict(wanted)
+        add_channel(gui, worker, "address", self._take_address)
+        add_channel(gui, worker, "view", self._take_view)
+        self._run = secrets.token_hex(8)
+        self._element = gui.add_html("")
 
     def refresh(self) -> None:
-        """Take in elements that are new, and set those whose value waits."""
+        """Take in elements that are new, set those whose value waits, and tell the browsers."""
         there = dict(self._elements())
         for place, element in there.items():
             self._first.setdefault(place, element.value)
         for place in self._waiting.keys() & there.keys():
-            self._set(there[place], self._waiting.pop(place), place)
+            if _has(there[place], self._waiting[place]):
+                self._set(there[place], self._waiting.pop(place), place)
+        self._tell()
 
     @property
     def arrangement(self) -> dict[str, Value]:
@@ -59,12 +83,38 @@ class Kept:
             if element.value != self._first.get(place, element.value)
         }
 
+    def _tell(self) -> None:
+        address = urlencode(self.arrangement, safe="/ ,:", quote_via=quote).replace(" ", "%20")
+        if len(address) > _MOST_IN_ADDRESS:  # whole values, as many as have room
+            address = address[: address.rfind("&", 0, _MOST_IN_ADDRESS)]
+        anchor = ",".join(f"{xyz:.3f}" for xyz in self._scene.anchor)
+        content = (
+            f'<i hidden data-run="{self._run}" data-address="{escape(address)}"'
+            f' data-anchor="{anchor}"></i>'
+        )
+        if content != self._element.content:
+            self._element.content = content
+
+    def _take_address(self, address: str, _: int) -> None:
+        self._waiting = dict(parse_qsl(address, keep_blank_values=True))
+        self.refresh()
+
+    def _take_view(self, told: str, client: int) -> None:
+        try:
+            places = [float(text) for text in told.split(",")]
+        except ValueError:
+            places = []
+        if len(places) != 6 or not all(abs(xyz) < _FARTHEST_M for xyz in places):
+            raise UsageError("the page's address: a view is six numbers, of metres")
+        self._scene.look_from(client, np.array(places[:3]), np.array(places[3:]))
+
     def _set(self, element: Any, value: Value, place: str) -> None:
         """As a person would: with all that follows from it.
 
         Raises:
             UsageError: it cannot have that value.
         """
+        value = _read(element, value) if isinstance(value, str) else value
         if reason := refusal(element, value):
             raise UsageError(f"{place}: {reason}")
         value = type(element.value)(value)
@@ -99,3 +149,19 @@ class Kept:
 
 
 _NOBODY = -1  # no browser's number
+
+
+def _has(element: Any, value: Value) -> bool:
+    return not isinstance(element, viser.GuiDropdownHandle) or value in element.options
+
+
+def _read(element: Any, text: str) -> Value:
+    """The value that a text in an address means for an element."""
+    if isinstance(element, viser.GuiCheckboxHandle):
+        return _SWITCHES.get(text, text)
+    if isinstance(element, viser.GuiTextHandle | viser.GuiDropdownHandle):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -207,6 +207,17 @@ class Scene:
             self.view.reset()
 
     @property
+    def anchor(self) -> Floats:
+        """What stays in view, in the coordinates of the cameras: (3,) metres."""
+        with self._lock:
+            return self.view.anchor
+
+    def look_from(self, client: int, position: Floats, look_at: Floats) -> None:
+        """Have one browser look from a place at another: (3,) metres each, from the `anchor`."""
+        with self._lock:
+            self.view.look_from(client, position, look_at)
+
+    @property
     def problems(self) -> dict[str, str]:
         """Topic -> why it is not drawn."""
         with self._lock:

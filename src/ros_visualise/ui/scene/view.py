@@ -37,6 +37,7 @@ class View:
         self._offset = np.zeros(3)
         self._robot: Floats | None = None
         self._held: Floats | None = None
+        self._wanted: dict[int, tuple[Floats, Floats]] = {}  # browser -> where it wants to look
         self._world = server.scene.add_frame("/world", show_axes=False)
         self._extent: Callable[[], npt.NDArray[np.floating]] = lambda: np.zeros((0, 3))
         self._grid = server.scene.add_grid(
@@ -54,6 +55,18 @@ class View:
     def offset(self) -> Floats:
         """Where the fixed frame is in the coordinates of the cameras: (3,) metres."""
         return self._offset
+
+    @property
+    def anchor(self) -> Floats:
+        """What views are kept by, (3,) metres in the coordinates of the cameras: the robot that is
+        followed, else the fixed frame."""
+        return self._offset if self._held is None or not self.follows else self._offset + self._held
+
+    def look_from(self, client: int, position: Floats, look_at: Floats) -> None:
+        """Have one browser look from a place at another: (3,) metres each, from the `anchor`."""
+        if not self._settled:
+            self._wanted[client] = position, look_at
+        self._show(client, position + self.anchor, look_at + self.anchor)
 
     @property
     def shown(self) -> bool:
@@ -93,13 +106,25 @@ class View:
 
     def reset(self) -> None:
         """Have everybody look at the robot, or at everything, from behind and above."""
+        self._wanted.clear()
+        self._show_all()
+
+    def _show_all(self) -> None:
+        """Have everybody look from behind and above, but for those who want something else."""
         position, look_at = self._pose()
         initial = self._server.initial_camera
         initial.position, initial.look_at, initial.fov = position, look_at, float(_FOV)
-        for client in self._server.get_clients().values():
-            with client.atomic():
-                client.camera.position, client.camera.look_at = position, look_at
-                client.camera.fov = float(_FOV)
+        for client in self._server.get_clients():
+            self._show(client, position, look_at)
+        for client, (position, look_at) in self._wanted.items():
+            self._show(client, position + self.anchor, look_at + self.anchor)
+
+    def _show(self, client: int, position: Floats, look_at: Floats) -> None:
+        there = self._server.get_clients().get(client)
+        if there is not None:
+            with there.atomic():
+                there.camera.position, there.camera.look_at = position, look_at
+                there.camera.fov = float(_FOV)
 
     def _settle(self) -> None:
         """Look as soon as there is something, and once more when it turned out to be larger."""
@@ -108,13 +133,14 @@ class View:
         now_s = self._clock()
         if self._started_s is None:
             self._started_s = now_s
-            self.reset()
+            self._show_all()
         elif now_s - self._started_s > _SETTLED_S:
             self._settled = True
             before = self._far
             self._pose()
             if self._far > _GROWN * before:
-                self.reset()
+                self._show_all()
+            self._wanted.clear()
 
     def _points(self) -> npt.NDArray[np.floating]:
         """What tells how large everything is, without what is nowhere."""

@@ -14,37 +14,60 @@ from websockets.http11 import Response
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "hold.js")
+_SCRIPTS = ("send.js", "hold.js", "address.js")
 """In the order in which they run, before viser's own."""
 _HEAD, _TITLE = b"<head>", b"<title>Viser</title>"
 
 
-def complete(response: Response, title: str) -> Response:
-    """The answer to a request; viser's page with title and scripts, anything else as it is."""
+def complete(response: Response, title: str, is_foreign: bool) -> Response:
+    """The answer to a request; viser's page with title and scripts, anything else as it is.
+
+    Args:
+        response: the answer.
+        title: of the page.
+        is_foreign: another web site may have led here, and the page's address arranges nothing.
+    """
     if response.headers.get("Content-Type", "").startswith("text/html"):
         is_packed = response.headers.get("Content-Encoding") == "gzip"
-        response.body = _completed(bytes(response.body or b""), is_packed, title)
+        response.body = _completed(bytes(response.body or b""), is_packed, title, is_foreign)
         del response.headers["Content-Length"]
         response.headers["Content-Length"] = str(len(response.body))
     return response
 
 
 def add_channel(
-    gui: viser.GuiApi, worker: Worker, name: str, action: Callable[[str], object]
+    gui: viser.GuiApi, worker: Worker, name: str, action: Callable[[str, int], object]
 ) -> None:
-    """Do this with each text that a script of ours sends by ``rv.send(name, text)``."""
+    """Do this with each text that a script of ours sends by ``rv.send(name, text)``.
+
+    Args:
+        gui: of the page.
+        worker: does it.
+        name: of the channel.
+        action: called with the text, and with the number of the browser that sent it.
+    """
     element = gui.add_text(name, "", visible=False)
-    element.on_update(worker.listener(None, action))
+
+    async def heard(event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
+        client = event.client_id
+        assert client is not None  # no program sends any
+        await worker.listener(None, lambda text: action(text, client))(event)
+        element._impl.value = ""  # else viser would leave out a text that is sent again
+
+    element.on_update(heard)
     gui.add_html(f'<i hidden data-channel="{name}" data-uuid="{element._impl.uuid}"></i>')
 
 
 @lru_cache(maxsize=4)
-def _completed(page: bytes, is_packed: bool, title: str) -> bytes:
+def _completed(page: bytes, is_packed: bool, title: str, is_foreign: bool) -> bytes:
     if is_packed:
         page = gzip.decompress(page)
     if _HEAD not in page or _TITLE not in page:
         raise RuntimeError("this viser has another page: nothing can be added to it")
-    scripts = "".join(f"<script>\n{(_FOLDER / name).read_text()}</script>" for name in _SCRIPTS)
+    texts = [(_FOLDER / name).read_text() for name in _SCRIPTS]
+    if is_foreign:
+        texts.insert(1, "rv.isForeign = true;\n")  # rv is made by the first
+    scripts = "".join(f"<script>\n{text}</script>" for text in texts)
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     page = page.replace(_TITLE, f"<title>{escape(title)}</title>".encode(), 1)
     return gzip.compress(page) if is_packed else page

@@ -1,0 +1,58 @@
+// Keeps how the page is arranged in its address, behind the #: what the program tells in
+// data-address, and "view=x,y,z,x,y,z", where this browser's camera is and what it looks at, from
+// data-anchor. A page that is opened with such an address, or whose program was started again, tells
+// it the program. If another web site opened it (rv.isForeign), it tells nothing. viser takes what
+// is behind the # for a part of its server's address, and must not see it as it starts.
+(() => {
+  const PERIOD_MS = 500;
+  const isForeign = rv.isForeign || window.opener !== null;
+  let run = ""; // of the program that was told of our address
+  let view = "";
+  let isMoved = false; // the camera, by hand
+
+  const opened = location.hash;
+  history.replaceState(null, "", location.pathname + location.search);
+
+  function split(hash) {
+    const [, address, view] = hash.match(/^#?(.*?)(?:(?:^|&|(?<=#))view=([^&]*))?$/);
+    return { address, view: view ?? "" };
+  }
+
+  function tell(hash, isSame) {
+    const found = split(hash);
+    if (found.address && !isSame(found.address)) rv.send("address", found.address);
+    if (found.view) rv.send("view", (view = found.view));
+  }
+
+  function look(anchor) {
+    const from = anchor.split(",").map(Number);
+    const { position, look_at } = rv.camera;
+    const places = [...position, ...look_at].map((xyz, i) => (xyz - from[i % 3]).toFixed(2));
+    return places.join(",");
+  }
+
+  function write(address) {
+    const hash = [address, view && `view=${view}`].filter(Boolean).join("&");
+    if (hash !== location.hash.slice(1))
+      history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
+    sessionStorage.setItem("rv-shown", `${run} ${address}`);
+  }
+
+  setInterval(() => {
+    const there = document.querySelector("[data-address]")?.dataset;
+    if (!there) return;
+    if (there.run !== run) {
+      const hash = run ? location.hash : opened;
+      run = there.run;
+      // A tab that is loaded again has nothing to tell: others may have gone on since.
+      const shown = sessionStorage.getItem("rv-shown");
+      if (!isForeign) return tell(hash, (address) => shown === `${run} ${address}`);
+    }
+    if (isMoved && rv.camera) view = look(there.anchor);
+    write(there.address);
+  }, PERIOD_MS);
+
+  for (const moved of ["pointerdown", "wheel"])
+    window.addEventListener(moved, (event) => (isMoved ||= event.target.matches?.("canvas")), true);
+  window.addEventListener("hashchange", () => isForeign || tell(location.hash, () => false));
+})();
