@@ -10,7 +10,9 @@
   let view = "";
   let isMoved = false; // the camera, by hand
 
-  const opened = location.hash;
+  // Loaded again before the program heard of it, a tab still knows it.
+  const opened = location.hash || sessionStorage.getItem("rv-opened") || "";
+  if (!isForeign) sessionStorage.setItem("rv-opened", opened);
   history.replaceState(null, "", location.pathname + location.search);
 
   function split(hash) {
@@ -36,6 +38,7 @@
     if (hash !== location.hash.slice(1))
       history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
     sessionStorage.setItem("rv-shown", `${run} ${address}`);
+    sessionStorage.removeItem("rv-opened");
   }
 
   setInterval(() => {
