@@ -191,7 +191,7 @@ def test_nodes_lists_every_parameter_with_its_range():
         "edge_detector",
     } <= set(nodes)
     low = nodes["edge_detector"]["params"]["low"]
-    assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 200, 0, 800)
+    assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 100, 0, 800)
     assert nodes["fps_control"]["outputs"] == {"image": "sensor_msgs/msg/Image"}
     assert nodes["path"]["actions"] == {"clear": find("path").actions["clear"]}
     text = run("nodes")
@@ -238,7 +238,7 @@ class TestRefusals:
     def test_settings(self, video):
         says = {
             "fps_control.fps=999": "from 0 to 240",
-            "fps_control.speed=1": "there are fps, enabled",
+            "fps_control.speed=1": "there is fps, enabled",
             "nothing.fps=1": "there is streamer, fps_control, filters, edge_detector",
             "fps=1": "NODE.PARAM=VALUE",
             "fps_control.enabled=maybe": "true or false",

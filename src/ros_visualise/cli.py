@@ -94,7 +94,7 @@ class _Parser(argparse.ArgumentParser):
             message = f"to play {path}: {self.prog} {_command_for(Path(path))} {path}"
         elif found:
             there = re.findall(r"[^', ]+", found["there"])
-            message = f"{found['what']}: no {found['given']!r}{near(found['given'], there)}"
+            message = f"{found['what']}: no '{found['given']}'{near(found['given'], there)}"
         say(f"{self.prog}: {message}; see {self.prog} --help")
         self.exit(2)
 

@@ -78,4 +78,6 @@ def _near_file(path: Path) -> str:
         there = sorted(os.listdir(path.parent))
     except (OSError, ValueError):
         return ""
+    if path.name in there:  # it is no file
+        return ""
     return near(path.name, there, listed=False)

@@ -103,7 +103,7 @@ def test_every_filter_takes_every_kind_and_size(changes, size):
 
 def test_alpha_is_neither_lost_nor_filtered():
     one = image("rgba8")
-    found = run(one, blur="gaussian", threshold_mode="binary")
+    found = run(one, blur="gaussian", threshold_mode="binary", threshold=128)
     assert np.array_equal(found.pixels[..., 3], one.pixels[..., 3])
     assert set(np.unique(found.pixels[..., :3])) == {0, 255}
     assert np.array_equal(run(one, flip="vertical").pixels, one.pixels[::-1])
@@ -119,6 +119,7 @@ def test_both_orders_of_colour_give_the_same(encoding):
         "hsv": "keep",
         "saturation_min": 60,
         "threshold_mode": "to_zero",
+        "threshold": 128,
     }
     found, same = run(one, **changes).pixels, run(swapped, **changes).pixels
     assert np.array_equal(found, same[..., ::-1])

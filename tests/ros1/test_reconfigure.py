@@ -194,7 +194,7 @@ def test_a_change_from_elsewhere_is_published_and_put_on_the_parameter_server(se
         ({"doubles": [DoubleParameter("count", 1.5)]}, "a whole number"),
         ({"bools": [BoolParameter("count", True)]}, "a whole number"),
         ({"doubles": [DoubleParameter("open", float("nan"))]}, "open=nan: must be"),
-        ({"ints": [IntParameter("cuont", 3)]}, "count, free, ratio"),
+        ({"ints": [IntParameter("cuont", 3)]}, "did you mean count"),
     ],
 )
 def test_what_is_refused_leaves_everything_and_is_said_once(
