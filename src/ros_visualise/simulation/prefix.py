@@ -25,8 +25,9 @@ def prefixed(message: Any, prefix: str) -> Any:
     """
     if not prefix or isinstance(message, MarkerArray):  # which stand in the map
         return message
-    if isinstance(message, Text):
-        return Text(_prefixed_urdf(message.text, prefix))
+    if isinstance(message, Text):  # a description, or what the robot does
+        is_urdf = message.text.startswith("<")
+        return Text(_prefixed_urdf(message.text, prefix)) if is_urdf else message
     if isinstance(message, Transforms):
         return Transforms(tuple(prefixed(one, prefix) for one in message.transforms))
     header = Header(message.header.stamp_ns, _name(message.header.frame_id, prefix))
