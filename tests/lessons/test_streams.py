@@ -86,7 +86,7 @@ def test_an_imu_is_told_by_its_numbers():
         if all(said):
             texts = [answer["text"].text for answer in said]
     assert "100 measurements a second" in texts[0]
-    density = float(texts[1].partition("gyroscope       N = ")[2].split()[0])
+    density = float(texts[1].partition("gyroscope")[2].partition("N = ")[2].split()[0])
     assert density == pytest.approx(0.02 / 10, rel=0.05)
 
 

@@ -49,7 +49,8 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
         All light passes one point. A thing at (X, Y, Z), metres to the right, down and ahead, is
         seen at
 
-            u = fx X / Z + cx        v = fy Y / Z + cy
+            u = fx X / Z + cx
+            v = fy Y / Z + cy
 
         with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The corner of the cube
         (1 m) at ({x:.2f}, {y:.2f}, {z:.2f}) m is at ({u:.1f}, {v:.1f}). At {distance:g} m one metre

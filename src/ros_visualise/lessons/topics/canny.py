@@ -183,7 +183,8 @@ def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
     text = """
         Two thresholds sort what is left:
 
-            strong:  |G| > {high}        weak:  {low} < |G| ≤ {high}
+            strong:  |G| > {high}
+            weak:    {low} < |G| ≤ {high}
 
         Here {strong} pixels are strong, white, and {weak} weak, orange. {none} are below both.
         """

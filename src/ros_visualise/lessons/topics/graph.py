@@ -82,8 +82,10 @@ class Rate:
         text = """
             {number} messages have come on the topic. Of the last {count}:
 
-                by their stamps   {stamped}
-                by our clock      {arrived}
+                by their stamps
+                {stamped}
+                by our clock
+                {arrived}
 
             A topic has a name and a type. Whoever publishes on it knows nobody who listens, and who
             listens does not know who publishes: so nodes can be exchanged. Red are the intervals

@@ -61,7 +61,8 @@ def pixels(image: Image, params: PixelsParams) -> dict[str, Message]:
         green and red there is. At ({x}, {y}): blue {blue}, green {green}, red {red}; in gray
         {gray}, which is written into the pixels.
 
-            {width} × {height} pixels × 3 channels × 1 byte = {size} bytes
+            {width} × {height} pixels
+            × 3 channels × 1 byte = {size} bytes
         """
     blue, green, red = bgr[y, x]
     return show(

@@ -178,7 +178,8 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
         Corners that are off by {sigma:g} pixels put the tag in the wrong place. To first order
         the covariance of the pose is
 
-            Σ = (Jᵀ J)⁻¹ σ²,   J: how the corners move with the pose
+            Σ = (Jᵀ J)⁻¹ σ²
+            J: how the corners move with the pose
 
         Seen from above: dots are {trials} poses of corners with noise, the ellipses hold 39 % and
         86 %. Sideways the deviation is {x:.2f} mm, along the line of sight {z:.2f} mm: how far it

@@ -132,8 +132,12 @@ class Measured:
         text = """
             The IMU of this run gives {rate:.0f} measurements a second. In the last {seconds:.0f} s:
 
-                turn rate      mean {turn} rad/s    deviation {turn_noise} rad/s
-                acceleration   mean {force} m/s²    deviation {force_noise} m/s²
+                turn rate, rad/s
+                mean {turn}
+                dev. {turn_noise}
+                acceleration, m/s²
+                mean {force}
+                dev. {force_noise}
 
             At rest the turn rates would be zero and the acceleration 9.81 m/s² upwards, for an
             accelerometer feels what carries it. What the mean is beside that is the bias; the rest
@@ -176,13 +180,18 @@ class Allan:
             How long should one average? The Allan deviation is that of means over a time τ from
             the means right after them:
 
-                σ²(τ) = ½ ⟨ (mean over the next τ − mean over this τ)² ⟩
+                σ²(τ) = ½ ⟨ (mean over the next τ
+                             − mean over this τ)² ⟩
 
             White noise falls as N / √τ; then comes a floor, the instability of the bias; then it
             rises, as the bias walks away. Of {count} measurements, {seconds:.0f} s:
 
-                gyroscope       N = {gyro_walk:.2e} rad/s/√Hz    floor {gyro_floor:.2e} rad/s
-                accelerometer   N = {force_walk:.2e} m/s²/√Hz    floor {force_floor:.2e} m/s²
+                gyroscope
+                    N = {gyro_walk:.2e} rad/s/√Hz
+                floor = {gyro_floor:.2e} rad/s
+                accelerometer
+                    N = {force_walk:.2e} m/s²/√Hz
+                floor = {force_floor:.2e} m/s²
 
             That holds of a sensor at rest: the motion of a robot looks like more noise. The longer
             it runs, the farther to the right one sees.
