@@ -45,6 +45,12 @@ def test_reload_and_a_link_lose_nothing(browse, page, runtime):
         wait_until(one, lambda one=one: "threshold=60" in one.url)
 
 
+def test_what_changed_before_anybody_looked_is_kept_too(browse, page, runtime):
+    runtime.parameters["filters"].update({"threshold": 77})
+    tab = browse()
+    wait_until(tab, lambda: tab.url.endswith("#filters/threshold=77"))
+
+
 def test_links_of_other_sites_arrange_nothing(chromium, page, runtime):
     context = chromium.new_context()
     tab = context.new_page()

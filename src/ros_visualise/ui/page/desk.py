@@ -72,6 +72,7 @@ class Desk:
         self._add_main_panel(gui)
         self._follow_scene()
         arrange(gui, self._windows, self._choice.chosen, self._has_scene)
+        self._kept.take_in()
         self._warnings = Warnings(self._say_soon)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
@@ -204,6 +205,7 @@ class Desk:
             self._plots = Plots(self._server.gui, self._graph)
         had_scene = self._has_scene
         self._follow_scene()
+        self._kept.take_in()
         if before != self._windows or had_scene != self._has_scene:
             self._choice.show()
 

@@ -64,11 +64,15 @@ class Kept:
         self._run = secrets.token_hex(8)
         self._element = gui.add_html("")
 
+    def take_in(self) -> None:
+        """Note the values that elements have which are new: what is changed later is kept."""
+        for place, element in self._elements():
+            self._first.setdefault(place, element.value)
+
     def refresh(self) -> None:
         """Take in elements that are new, set those whose value waits, and tell the browsers."""
+        self.take_in()
         there = dict(self._elements())
-        for place, element in there.items():
-            self._first.setdefault(place, element.value)
         for place in self._waiting.keys() & there.keys():
             if _has(there[place], self._waiting[place]):
                 self._set(there[place], self._waiting.pop(place), place)
