@@ -27,7 +27,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"commands", "executables", "installation"},
-    {"cli", "options", "calibrate_options", "trajectory_options"},
+    {"cli", "options"},
     {"entry"},
     {"__main__"},
 ]

@@ -10,24 +10,24 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ros_visualise.calibrate_options import add_calibrate
 from ros_visualise.completion import SHELLS, complete
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
 from ros_visualise.limits import DEFAULT_MEMORY, set_max_memory
 from ros_visualise.near import near
-from ros_visualise.options import (
+from ros_visualise.options.calibrate import add_calibrate
+from ros_visualise.options.landmarks import add_landmarks
+from ros_visualise.options.shared import (
     MISSION,
-    add_landmark_options,
     add_memory_option,
     add_playing_options,
     add_world_options,
     not_negative,
     positive,
 )
+from ros_visualise.options.trajectory import add_trajectory
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
-from ros_visualise.trajectory_options import add_trajectory
 
 _OPTION = re.compile("--[a-z][a-z-]*")
 _CHOICE = re.compile(
@@ -230,7 +230,7 @@ def _add_asking(commands: Any) -> None:
     info.add_argument("--json", action="store_true", help="print it as one JSON object")
     add_memory_option(info)
     _add_convert(commands)
-    _add_landmarks(commands)
+    add_landmarks(commands)
     add_trajectory(commands)
     add_calibrate(commands)
     nodes = commands.add_parser(
@@ -243,32 +243,6 @@ def _add_asking(commands: Any) -> None:
     completion.set_defaults(module="completion")
     completion.add_argument("shell", choices=SHELLS, help='for bash and zsh: eval "$(...)"')
     nodes.add_argument("--json", action="store_true", help="print it as one JSON object")
-
-
-def _add_landmarks(commands: Any) -> None:
-    landmarks = commands.add_parser(
-        "landmarks", help="find tags and objects in pictures, videos and recordings, and map them"
-    )
-    landmarks.set_defaults(module="landmarks")
-    landmarks.add_argument(
-        "input",
-        metavar="SRC",
-        help="a picture, a folder of pictures, a video, a recording (with images, or with tags that"
-        " were found before), or a simulated robot: quadrotor or husky",
-    )
-    add_landmark_options(landmarks)
-    landmarks.add_argument(
-        "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
-    )
-    landmarks.add_argument(
-        "--survey",
-        default="",
-        metavar="FILE.yaml",
-        help="places of tags, or distances between them, that were measured: for --map",
-    )
-    landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
-    landmarks.add_argument("--json", action="store_true", help="print it as one JSON object")
-    add_memory_option(landmarks)
 
 
 def _add_convert(commands: Any) -> None:

@@ -7,7 +7,7 @@ from argparse import ArgumentTypeError
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.options import add_memory_option, not_negative
+from ros_visualise.options.shared import add_memory_option, not_negative
 
 
 def add_trajectory(commands: Any) -> None:

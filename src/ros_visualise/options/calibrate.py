@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.options import add_memory_option, positive
+from ros_visualise.options.shared import add_memory_option, positive
 
 
 def add_calibrate(commands: Any) -> None:

@@ -32,7 +32,7 @@ def _checked(
 
 not_negative = _checked(float, lambda n: 0 <= n <= _MAX_S, f"a number from 0 to {_MAX_S:g}")
 positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, to {_MAX_S:g}")
-_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, to {MAX_TAG_M:g}")
+tag_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, to {MAX_TAG_M:g}")
 _seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
 _rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")
 _count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
@@ -72,53 +72,6 @@ def add_world_options(parser: Any) -> None:
     parser.add_argument(
         "--seed", type=_seed, default=0, help="seed of all random errors (default: 0)"
     )
-
-
-def add_landmark_options(parser: ArgumentParser) -> None:
-    """What is looked for, and in which part of the source."""
-    group = parser.add_argument_group("landmarks")
-    group.add_argument(
-        "--families",
-        default="",
-        metavar="NAME,...",
-        help="families of tags, such as tag25h9 or 5x5_1000 (default: tag36h11)",
-    )
-    group.add_argument(
-        "--tags",
-        default="",
-        metavar="SIZES.yaml",
-        help="sizes of tags, and bundles of several, as apriltag_ros has them",
-    )
-    group.add_argument(
-        "--size",
-        type=_size,
-        metavar="METRES",
-        help="side of the black square of all other tags; without it there are no poses",
-    )
-    group.add_argument(
-        "--model",
-        default="",
-        metavar="FILE.onnx|none",
-        help="the network that finds objects (default: the own one, for helipads, posts and"
-        " vehicles, where the extra detect is installed; none: tags alone)",
-    )
-    group.add_argument(
-        "--calibration",
-        default="",
-        metavar="FILE.yaml",
-        help="the camera's calibration, as ROS writes it; without one there are no poses",
-    )
-    source = parser.add_argument_group("source")
-    source.add_argument(
-        "--topic", default="", help="of a recording: the images, or the tags that were found before"
-    )
-    add_world_options(source)
-    source.add_argument(
-        "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: the robot's own)"
-    )
-    source.set_defaults(world=None, seed=None)  # what nobody gave is not refused
-    _add_part(source)
-    _add_settings(parser.add_argument_group("nodes"))
 
 
 def add_playing_options(parser: ArgumentParser) -> None:
@@ -171,10 +124,10 @@ def _add_pace(parser: ArgumentParser) -> None:
         help=f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
     )
     group.add_argument("--loop", action="store_true", help="start again at the end")
-    _add_part(group)
+    add_part(group)
 
 
-def _add_part(group: Any) -> None:
+def add_part(group: Any) -> None:
     """Which part of the source."""
     group.add_argument(
         "--start", type=not_negative, metavar="S", help="begin so many seconds after the start"
@@ -183,7 +136,7 @@ def _add_part(group: Any) -> None:
     group.add_argument("--frames", type=_count, metavar="N", help="stop after so many frames")
 
 
-def _add_settings(group: Any) -> None:
+def add_settings(group: Any) -> None:
     """Parameters of nodes."""
     group.add_argument(
         "--set",
@@ -220,7 +173,7 @@ def _add_nodes(parser: ArgumentParser) -> None:
         metavar="MAP.yaml",
         help="tell by tags where the robot is, in a map as it was saved, or in a new one",
     )
-    _add_settings(group)
+    add_settings(group)
     group.add_argument(
         "--node",
         action="append",

@@ -1,0 +1,90 @@
+"""What can be asked of the command ``landmarks``."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from pathlib import Path
+from typing import Any
+
+from ros_visualise.options.shared import (
+    MISSION,
+    add_memory_option,
+    add_part,
+    add_settings,
+    add_world_options,
+    tag_size,
+)
+
+
+def add_landmarks(commands: Any) -> None:
+    """The command ``landmarks``."""
+    landmarks = commands.add_parser(
+        "landmarks", help="find tags and objects in pictures, videos and recordings, and map them"
+    )
+    landmarks.set_defaults(module="landmarks")
+    landmarks.add_argument(
+        "input",
+        metavar="SRC",
+        help="a picture, a folder of pictures, a video, a recording (with images, or with tags that"
+        " were found before), or a simulated robot: quadrotor or husky",
+    )
+    _add_what_is_asked(landmarks)
+    landmarks.add_argument(
+        "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
+    )
+    landmarks.add_argument(
+        "--survey",
+        default="",
+        metavar="FILE.yaml",
+        help="places of tags, or distances between them, that were measured: for --map",
+    )
+    landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
+    landmarks.add_argument("--json", action="store_true", help="print it as one JSON object")
+    add_memory_option(landmarks)
+
+
+def _add_what_is_asked(parser: ArgumentParser) -> None:
+    """What is looked for, and in which part of the source."""
+    group = parser.add_argument_group("landmarks")
+    group.add_argument(
+        "--families",
+        default="",
+        metavar="NAME,...",
+        help="families of tags, such as tag25h9 or 5x5_1000 (default: tag36h11)",
+    )
+    group.add_argument(
+        "--tags",
+        default="",
+        metavar="SIZES.yaml",
+        help="sizes of tags, and bundles of several, as apriltag_ros has them",
+    )
+    group.add_argument(
+        "--size",
+        type=tag_size,
+        metavar="METRES",
+        help="side of the black square of all other tags; without it there are no poses",
+    )
+    group.add_argument(
+        "--model",
+        default="",
+        metavar="FILE.onnx|none",
+        help="the network that finds objects (default: the own one, for helipads, posts and"
+        " vehicles, where the extra detect is installed; none: tags alone)",
+    )
+    group.add_argument(
+        "--calibration",
+        default="",
+        metavar="FILE.yaml",
+        help="the camera's calibration, as ROS writes it; without one there are no poses",
+    )
+    source = parser.add_argument_group("source")
+    source.add_argument(
+        "--topic", default="", help="of a recording: the images, or the tags that were found before"
+    )
+    add_world_options(source)
+    source.add_argument(
+        "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: the robot's own)"
+    )
+    source.set_defaults(world=None, seed=None)  # what nobody gave is not refused
+    add_part(source)
+    add_settings(parser.add_argument_group("nodes"))
