@@ -131,9 +131,14 @@ def test_parameters_from_a_file_and_then_from_the_line(video, tmp_path):
 def test_a_node_of_ones_own(video, request):
     example = request.config.rootpath / "examples" / "01_own_filter.py"
     own = ["--node", f"{example}:posterize", "--set", "posterize.levels=3"]
+    halved = ["--set", "fps_control.fps=15"]
     report = json.loads(run("video", video, *QUICK, "--json", *own).stdout)
     assert report["topics"]["/posterize"]["messages"] == 30
     assert report["nodes"]["posterize"]["processed"] == 30
+    own[1] += "@streamer"
+    report = json.loads(run("video", video, *QUICK, "--json", *own, *halved).stdout)
+    assert report["nodes"]["posterize"]["processed"] == 30, "it comes before fps_control"
+    assert report["nodes"]["filters"]["processed"] == 15
     assert "from 2 to 32" in refused("video", video, *own[:2], "--set", "posterize.levels=1")
 
 

@@ -56,6 +56,7 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
     [
         ("..", "has no name of its own; give the name of a file or folder"),
         ("r.avi", r"r.avi: a recording's name ends in .mcap, .bag or .mp4"),
+        ("r.mp5", r"; did you mean .mp4\?"),
         ("r.bag@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
         ("r.mp4@/nope", "no topic /nope; there are /image_raw, /camera_info, /edges, /edges_over"),
         ("r.mp4@/edges,/image_raw", "holds one topic of images"),

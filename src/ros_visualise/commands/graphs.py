@@ -33,6 +33,7 @@ from ros_visualise.topic_names import known_topics
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 _NONE = "none"
+_PARAMS = "give a YAML file as NODE: {PARAM: VALUE}"
 _PATH = "path"
 
 
@@ -213,10 +214,10 @@ def _topic(name: str | None) -> str | None:
 def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
     try:
         values = load_yaml(path)
+    except FileNotFoundError:
+        raise OpenError.missing(path, _PARAMS) from None
     except OSError as error:
-        raise OpenError(
-            f"{path}: {error.strerror}; give a YAML file as NODE: {{PARAM: VALUE}}"
-        ) from None
+        raise OpenError(f"{path}: {error.strerror}; {_PARAMS}") from None
     except BadYaml as error:
         raise OpenError(f"{path}: not YAML: {error}") from None
     values = {} if values is None else values

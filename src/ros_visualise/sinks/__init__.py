@@ -17,6 +17,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.near import near
 from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.recordings import Extra
 
@@ -125,6 +126,7 @@ def kind_of(path: Path) -> Kind:
         raise UsageError(
             f"{path}: a recording's name ends in .mcap, .bag or .mp4, or then in @/TOPIC; without"
             " any of these it is the folder of a ROS 2 bag"
+            + near(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
 
