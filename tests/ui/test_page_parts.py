@@ -4,9 +4,11 @@ import threading
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from enum import Enum
-from itertools import pairwise
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 
+import cv2
+import numpy as np
 import pytest
 
 from ros_visualise.data import Image
@@ -16,6 +18,7 @@ from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.params import param, specs
 from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
+from ros_visualise.ui.colors import PALETTE
 from ros_visualise.ui.page.controls import add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
@@ -48,6 +51,13 @@ class Gui:
 @pytest.fixture
 def elements():
     return {spec.name: add_element(Gui(), spec, shown(spec.default)) for spec in specs(Every)}
+
+
+def test_no_two_colours_look_alike():
+    lab = cv2.cvtColor(np.array([PALETTE], np.float32) / 255, cv2.COLOR_RGB2LAB)[0]
+    for one, other in combinations(lab, 2):
+        assert np.linalg.norm(one - other) > 30  # CIE 1976; one that is just seen is 2.3
+    assert len(PALETTE) >= 12
 
 
 def test_each_type_has_its_element(elements):
