@@ -34,6 +34,7 @@ from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
+from ros_visualise.ui.shown import teller
 
 _PERIOD_S, _DRIVE_PERIOD_S = 0.2, 0.05
 _WINDOW_S = 2.0
@@ -65,6 +66,8 @@ class Desk:
         self._driver = Worker(self._say_soon, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
+        robot = teller(self._graph)[0]
+        self._robot_name = None if robot is None else robot.name
         self._windows: list[Window] = []
         self._windows = self._make_windows()
         self._images = ImageThread(self._pictures(), self._is_watched, self._in_haste)
@@ -152,7 +155,8 @@ class Desk:
         if there is not None and there.shows(node, self._runtime):
             return there
         gui = self._server.gui
-        return Window(gui, self._runtime, node, self._worker, self._scene, self._act)
+        act = None if node.name == self._robot_name else self._act
+        return Window(gui, self._runtime, node, self._worker, self._scene, act)
 
     def _act(self, node: str, action: str) -> None:
         """Do an action on a thread of its node, so that driving and other nodes need not wait."""

@@ -25,7 +25,11 @@ _NO_OVERLAY = "none"
 
 
 class Window:
-    """One node: its main parameters above the image that it publishes, the others below."""
+    """One node: its main parameters above the image that it publishes, the others below.
+
+    Args:
+        act: given a node and its action, does it; None: its actions are offered elsewhere.
+    """
 
     def __init__(
         self,
@@ -34,7 +38,7 @@ class Window:
         node: Member,
         worker: Worker,
         scene: Scene,
-        act: Callable[[str, str], None],
+        act: Callable[[str, str], None] | None,
     ) -> None:
         self.name = node.name
         self.aside = node.aside
@@ -56,7 +60,8 @@ class Window:
                 self._add_picture(runtime, images, first, len(main))
             self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
-            self._add_actions(node, act)
+            if act is not None:
+                self._add_actions(node, act)
 
     @property
     def shows_anything(self) -> bool:
