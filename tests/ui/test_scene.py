@@ -213,6 +213,16 @@ def test_the_first_fix_is_where_its_frame_is(scene, look):
     look("topics/fix/fix", lambda node: np.allclose(node["position"], [7, 119.2, 2], atol=0.3))
 
 
+def test_whoever_looks_later_sees_fixes_at_the_same_places(scene, look):
+    for second, latitude in ((1, 48.0), (2, 48.001)):
+        scene.show("/fix", NavSatFix(latitude, 11.0, 500.0, header=Header(second * S, "gps")))
+    scene.refresh()
+    look("topics/fix/fix", lambda node: np.allclose(node["position"], [0, 111.2, 0], atol=0.3))
+    scene.forget()
+    draw(scene, fix=NavSatFix(48.001, 11.0, 500.0, header=Header(S, "gps")))
+    look("topics/fix/fix", is_at([0, 0, 0]))
+
+
 def test_no_fix_and_no_number_are_not_drawn(scene, look):
     draw(scene, fix=NavSatFix(1.0, 2.0, 3.0, status=-1, header=Header(S, "gps")))
     draw(scene, fix=NavSatFix(np.nan, np.nan, np.nan, header=Header(2 * S, "gps")))

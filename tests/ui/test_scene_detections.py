@@ -3,7 +3,15 @@
 import numpy as np
 from scene_messages import LEVEL, S, draw
 
-from ros_visualise.data import Detection3D, Detections3D, Header, Hypothesis
+from ros_visualise.data import (
+    Detection3D,
+    Detections3D,
+    Header,
+    Hypothesis,
+    Marker,
+    MarkerArray,
+    MarkerType,
+)
 from ros_visualise.ui.colors import color_of
 
 
@@ -42,3 +50,20 @@ def test_a_box_that_is_none_is_said(scene):
     assert "not a number" in scene.problems["/found"]
     draw(scene, found=found(thing([1, 0, 0], quat=np.zeros(4)), stamp_s=2.0))
     assert "quaternion" in scene.problems["/found"]
+
+
+def test_what_markers_name_too_is_drawn_once(scene, look):
+    def named(text):
+        return Marker(MarkerType.TEXT_VIEW_FACING, text=text, header=Header(S, "map"))
+
+    tag = Detection3D(np.zeros(3), LEVEL, np.ones(3), (Hypothesis("tag36h11_4", 0.9),), "tag_4")
+    scene.follow({"/found": Detections3D, "/markers": MarkerArray})
+    draw(scene, found=found(tag))
+    assert not scene.is_covered("/found")
+    draw(scene, markers=MarkerArray((named("tag_5"),)))
+    assert not scene.is_covered("/found")
+    draw(scene, markers=MarkerArray((named("tag_4"),)))
+    assert scene.is_covered("/found")
+    look("topics/found", lambda node: node["visible"] is False)
+    scene.set_visible("/markers", False)
+    assert not scene.is_covered("/found")

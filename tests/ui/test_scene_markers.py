@@ -184,7 +184,7 @@ def test_a_marker_ends_with_its_lifetime_in_the_time_of_the_data(scene, look):
 
 
 def test_where_time_cannot_stop_a_marker_ends_though_nothing_comes(scene, look, clock):
-    scene.is_live = True
+    scene.time.is_live = True
     draw(scene, shapes=MarkerArray((marker(lifetime_ns=2 * S), marker(id=1, xyz=[3, 0, 0]))))
     look("topics/shapes/cube", positions([[0, 0, 0], [3, 0, 0]]))
     clock.now_s += 2.5

@@ -92,7 +92,7 @@ class Pointing:
         ahead = np.zeros(3) if start is None else place - start
         half = np.arctan2(ahead[1], ahead[0]) / 2
         quat_xyzw = np.array([0, 0, np.sin(half), np.cos(half)])
-        header = Header(self._scene.newest_ns, self._fixed)
+        header = Header(self._scene.time.newest_ns, self._fixed)
         self._runtime.publish(topic, PoseStamped(place, quat_xyzw, header))
         self._say(f"sent to {describe([place])} in {self._fixed}")
 

@@ -14,6 +14,7 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.ui.scene.links import Links
 
 _REP_105 = ("map", "odom")
+_SMALLEST_M, _LARGEST_M = 0.2, 1.5  # of a robot by which things are sized
 _ROBOTS = ("base_link", "base_footprint")
 
 
@@ -102,18 +103,21 @@ class Frames:
         moving = [link.child for link in self.links.all() if not link.static]
         return max(moving, key=lambda name: len(self._below(name)), default=None)
 
-    def reach_m(self, places: Mapping[str, Floats]) -> float:
-        """How far from the robot's body the farthest of its parts is, metres; 0: not known.
+    def robot_size_m(self, places: Mapping[str, Floats]) -> float:
+        """The size of the robot by which things are drawn, metres.
+
+        It is how far from its body the farthest of its parts is; 1 where that is not known.
 
         Args:
             places: frame -> T_fixed_frame.
         """
         robot = self.robot
         if robot is None or robot not in places:
-            return 0.0
+            return 1.0
         parts = [places[name] for name in self._below(robot) if name in places]
         away = [np.linalg.norm(T[:3, 3] - places[robot][:3, 3]) for T in parts]
-        return float(max(away, default=0.0))
+        reach_m = max(away, default=0.0)
+        return float(np.clip(reach_m, _SMALLEST_M, _LARGEST_M)) if reach_m else 1.0
 
     def _below(self, frame: str) -> list[str]:
         """All frames that hang below one."""

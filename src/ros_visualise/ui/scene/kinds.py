@@ -57,8 +57,8 @@ DRAWINGS: dict[type, type[Drawing]] = {
     CameraInfo: Camera,
 }
 CAMERAS = (Image, CameraInfo)
-HELD = (Text, Transforms, Marker, MarkerArray)
-"""What holds until it is revoked: all of it is taken, whoever looked on when it came."""
+HELD = (Text, Transforms, Marker, MarkerArray, NavSatFix)
+"""What counts later too: all of it is taken, whoever looked on when it came."""
 
 
 def is_spatial(kind: type) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray
+from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import Color
@@ -95,6 +95,12 @@ class Markers(Drawing):
             self._changed = False
             self._show()
         return next(iter(self._problems.values()), "")
+
+    @property
+    def texts(self) -> set[str]:
+        """The names that can be read there."""
+        markers = (one.marker for one in self._kept.values())
+        return {one.text for one in markers if one.type == MarkerType.TEXT_VIEW_FACING}
 
     def extent(self) -> npt.NDArray[np.floating]:
         return self._places

@@ -7,10 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from enum import Enum
+from functools import partial
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
 import viser
 
 from ros_visualise.data import CameraInfo, Floats, Image, Text, Transforms
@@ -18,6 +17,7 @@ from ros_visualise.data.frames import is_static
 from ros_visualise.errors import NoTransform
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.axes import Axes
+from ros_visualise.ui.scene.data_time import DataTime
 from ros_visualise.ui.scene.drawing import Look
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import DRAWINGS
@@ -31,7 +31,6 @@ log = logging.getLogger(__name__)
 
 _PATIENCE_S = 0.2
 _AWAITED_S = 2.0  # after a time jump, for the frame in which all was drawn
-_SMALLEST_M, _LARGEST_M = 0.2, 1.5  # of a robot by which things are sized
 
 
 class Scene:
@@ -43,9 +42,6 @@ class Scene:
     Args:
         server: the page.
         clock: seconds.
-
-    Attributes:
-        is_live: what is shown cannot be paused, and time goes on where nothing comes.
     """
 
     def __init__(
@@ -57,8 +53,7 @@ class Scene:
         self._topics = Topics(server.scene)
         self._look = Look()
         self._size_m, self._known = 1.0, 0  # of the robot, and of how many frames
-        self.is_live = False
-        self._newest = 0, 0.0  # stamp of what is shown, and when it came
+        self.time = DataTime(clock)
         self._fixed = ""
         self._lock = threading.RLock()
         self.view = View(server, clock)
@@ -92,8 +87,7 @@ class Scene:
     def show(self, topic: str, message: Any) -> None:
         """Draw a message as soon as it can be said where."""
         with self._lock:
-            if message.header.stamp_ns > self._newest[0]:
-                self._newest = message.header.stamp_ns, self._clock()
+            self.time.see(message.header.stamp_ns)
             if isinstance(message, Transforms):
                 for what in self.frames.add(message, is_static(topic)):
                     log.warning("%s: %s (said once)", topic, what)
@@ -120,7 +114,7 @@ class Scene:
         What was drawn is not there any more, until it comes again.
         """
         with self._lock:
-            self._newest = 0, 0.0
+            self.time.forget()
             self.frames.forget()
             self._forgot_s = self._clock()
             for _, entry in self._topics:
@@ -139,9 +133,9 @@ class Scene:
                 self._update(topic, entry)
             self._places = self.frames.places()
             self._measure()
-            self._axes.draw(self._places, self._sized)
+            self._axes.draw(self._places, self._look.for_robot(self._size_m))
             self._model.place(self._places)
-            self.view.update(self._robot(), self._extent)
+            self.view.update(self._robot(), partial(self._topics.extent, self._places))
 
     def pick(self, ray: Ray) -> Floats | None:
         """The place (3,) in the fixed frame that is meant by a click; None: only sky.
@@ -164,11 +158,6 @@ class Scene:
         with self._lock:
             T_fixed_robot = self._robot()
             return None if T_fixed_robot is None else T_fixed_robot[:3, 3]
-
-    @property
-    def newest_ns(self) -> int:
-        """The stamp of what is shown."""
-        return self._newest[0]
 
     def color(self, topic: str) -> Color:
         """That of a topic in the scene, where it has one of its own."""
@@ -244,30 +233,19 @@ class Scene:
             self.calibrations[message.header.frame_id] = info
         self.frames.see(message.header.frame_id)
         if DRAWINGS[entry.kind].gathers:
-            self._topics.drawing(topic).gather(message, self._now_ns())
+            self._topics.drawing(topic).gather(message, self.time.now_ns)
         if entry.wanted:
             entry.waiting, entry.until_s = message, self._clock() + _PATIENCE_S
-
-    @property
-    def _sized(self) -> Look:
-        return self._look.for_robot(self._size_m)
 
     def _measure(self) -> None:
         """Size axes and points by the robot, as far as it is known."""
         if len(self._places) == self._known:
             return
         self._known = len(self._places)
-        reach_m = self.frames.reach_m(self._places)
-        size_m = min(max(reach_m, _SMALLEST_M), _LARGEST_M) if reach_m else 1.0
+        size_m = self.frames.robot_size_m(self._places)
         if size_m != self._size_m:
             self._size_m = size_m
             self._redraw()
-
-    def _extent(self) -> npt.NDArray[np.floating]:
-        """Points (N, 3) that tell how large all is: of what is drawn, else of the frames."""
-        drawn = self._topics.extent()
-        frames = [T[:3, 3] for T in self._places.values()]
-        return drawn if len(drawn) or not frames else np.array(frames)
 
     def _redraw(self) -> None:
         for _, entry in self._topics:
@@ -282,18 +260,12 @@ class Scene:
                 entry.follow(self.frames)
             if entry.drawing is not None:
                 if entry.drawing.gathers:
-                    entry.problem = entry.drawing.update(self.frames, self._now_ns())
+                    entry.problem = entry.drawing.update(self.frames, self.time.now_ns)
                 entry.drawing.visible = self._topics.is_seen(topic)
         except Exception as error:
             entry.waiting = None
             entry.problem = f"{type(error).__name__}: {error}"
             self._say(topic, entry.problem, error)
-
-    def _now_ns(self) -> int:
-        """The time of the data: that of the newest message, and on where nobody can stop it."""
-        stamp_ns, came_s = self._newest
-        passed_s = self._clock() - came_s if self.is_live else 0.0
-        return stamp_ns + round(passed_s * 1e9)
 
     def _say(self, topic: str, what: str, bug: Exception | None = None) -> None:
         if topic not in self._said:
@@ -314,7 +286,7 @@ class Scene:
             return
         drawing.place(T)
         drawing.settle(message, self.frames)
-        entry.draw(drawing, self._sized)
+        entry.draw(drawing, self._look.for_robot(self._size_m))
         if entry.problem:
             self._say(topic, entry.problem)
 

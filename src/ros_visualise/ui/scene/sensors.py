@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from contextlib import suppress
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,50 +25,69 @@ _LENGTH = 0.6
 class Fix(Drawing):
     """A `NavSatFix`: a trail on the plane through the first one, x east, y north, z up.
 
-    The first one is where its frame is then; where nobody knows that, in the map's origin.
+    That one is in the map's origin, where nobody knows where the frame of a fix is.
     """
+
+    gathers: ClassVar[bool] = True
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
-        self._datum: Floats = np.zeros(3)
+        self._datum: Floats | None = None
         self.T_frame_body: Floats = np.eye(4)
         self._trail = Trail()
+        self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
         self._line = Line(scene, f"{name}/trail", color)
         self._dot = scene.add_icosphere(f"{name}/fix", 0.1, color=color, visible=False)
 
+    def gather(self, message: Any, now_ns: int) -> None:
+        """Go on with the trail, from the very first fix, as a path of fixes does."""
+        position = self._on_plane(message)
+        if position is not None:
+            self._trail.add(message.header.stamp_ns, position)
+
     def draw(self, message: Any, look: Look) -> None:
-        assert isinstance(message, NavSatFix)
-        place = np.array([message.latitude, message.longitude, message.altitude])
-        place[2] = np.nan_to_num(place[2])  # a fix may lack its height
-        if message.status < 0 or not np.isfinite(place).all():
+        position = self._on_plane(message)
+        if position is None:
             return
-        if self._plane is None:
-            self._plane = LocalPlane(*place)
-        position = self._datum + self._plane.to_enu(place)
-        self.T_frame_body[:3, 3] = position
-        self._trail.add(message.header.stamp_ns, position)
-        self._line.show(self._trail.vertices)
-        self._dot.position, self._dot.scale, self._dot.visible = position, look.axes_size, True
+        datum = np.zeros(3) if self._datum is None else self._datum
+        self.T_frame_body[:3, 3] = datum + position
+        self._vertices = datum + self._trail.vertices
+        self._line.show(self._vertices)
+        self._dot.position, self._dot.scale = datum + position, look.axes_size
+        self._dot.visible = True
 
     def frame_of(self, message: Any, frames: Frames) -> str:
         return "map" if "map" in frames.names else ""
 
     def settle(self, message: Any, frames: Frames) -> None:
-        if self._plane is not None:
+        position = self._on_plane(message)
+        frame = message.header.frame_id
+        if self._datum is not None or position is None or frame in ("", frames.fixed):
             return
-        try:
-            T_fixed_sensor = frames.locate(message.header.frame_id, message.header.stamp_ns)
-        except NoTransform:
-            T_fixed_sensor = self.T_fixed_frame
-        self._datum = (transforms.inverse(self.T_fixed_frame) @ T_fixed_sensor)[:3, 3]
+        with suppress(NoTransform):
+            T_fixed_sensor = frames.locate(frame, message.header.stamp_ns)
+            T_frame_sensor = transforms.inverse(self.T_fixed_frame) @ T_fixed_sensor
+            self._datum = T_frame_sensor[:3, 3] - position
 
     def extent(self) -> npt.NDArray[np.floating]:
-        return thinned(self._trail.vertices)
+        return thinned(self._vertices)
 
     def reset(self) -> None:
+        self._plane = self._datum = None
         self._trail.clear()
-        self._line.show(np.zeros((0, 3)))
+        self._vertices = np.zeros((0, 3))
+        self._line.show(self._vertices)
+
+    def _on_plane(self, fix: NavSatFix) -> Floats | None:
+        """Metres east, north and up of the first fix; None where a fix says nothing."""
+        place = np.array([fix.latitude, fix.longitude, fix.altitude])
+        place[2] = np.nan_to_num(place[2])  # a fix may lack its height
+        if fix.status < 0 or not np.isfinite(place).all():
+            return None
+        if self._plane is None:
+            self._plane = LocalPlane(*place)
+        return self._plane.to_enu(place)
 
 
 class ImuDrawing(Drawing):

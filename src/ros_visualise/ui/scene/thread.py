@@ -50,7 +50,7 @@ class SceneThread:
         in_haste: Callable[[], bool],
     ) -> None:
         self._runtime, self._scene = runtime, scene
-        scene.is_live = runtime.playback is None
+        scene.time.is_live = runtime.playback is None
         self._is_watched = is_watched
         self._held: dict[str, Subscription] = {}
         self._messages: dict[str, Subscription] = {}

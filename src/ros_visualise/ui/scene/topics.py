@@ -14,6 +14,7 @@ import viser
 
 from ros_visualise.data import (
     CameraInfo,
+    Detections3D,
     Floats,
     NavSatFix,
     Odometry,
@@ -27,6 +28,7 @@ from ros_visualise.ui.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
+from ros_visualise.ui.scene.markers import Markers
 from ros_visualise.ui.scene.poses import Pose
 from ros_visualise.ui.scene.sensors import Fix
 
@@ -150,8 +152,12 @@ class Topics:
         return entry.visible and entry.shown is not None and not self.is_covered(topic)
 
     def is_covered(self, topic: str) -> bool:
-        """Whether an earlier topic shows what the same camera sees; images come first."""
+        """Whether another topic shows the same: an earlier one what the same camera sees, where
+        images come first, or markers what was detected."""
         entry = self._entries[topic]
+        if entry.kind is Detections3D and entry.message is not None:
+            names = {one.id for one in entry.message.detections}
+            return bool(names) and names <= self._texts()
         if entry.kind not in CAMERAS or entry.message is None:
             return False
         cameras = {name: one for name, one in self if one.kind in CAMERAS and one.visible}
@@ -163,6 +169,11 @@ class Topics:
                 return True
         return False
 
+    def _texts(self) -> set[str]:
+        """The names that markers show."""
+        drawn = [one.drawing for _, one in self if one.visible]
+        return {text for one in drawn if isinstance(one, Markers) for text in one.texts}
+
     def robot(self) -> Floats | None:
         """T_fixed_robot by the first odometry, else pose, else fix; None if there is none."""
         for kind in _TELLS_ROBOT:
@@ -171,9 +182,15 @@ class Topics:
                     return entry.drawing.T_fixed_frame @ entry.drawing.T_frame_body
         return None
 
-    def extent(self) -> npt.NDArray[np.floating]:
-        """Points (N, 3) in the fixed frame that tell how large all that is drawn is."""
+    def extent(self, places: Mapping[str, Floats]) -> npt.NDArray[np.floating]:
+        """Points (N, 3) in the fixed frame that tell how large all that is drawn is.
+
+        Args:
+            places: frame -> T_fixed_frame; they tell it where nothing is drawn.
+        """
         parts = [transforms.apply(one.T_fixed_frame, one.extent()) for one in self._shown()]
+        if not any(map(len, parts)):
+            parts = [T[None, :3, 3] for T in places.values()]
         return np.concatenate([np.zeros((0, 3)), *parts])
 
     def points(self) -> npt.NDArray[np.floating]:
