@@ -10,6 +10,7 @@ import pytest
 from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import (
+    CameraError,
     corner_sigma,
     merged,
     rig_poses,
@@ -192,6 +193,37 @@ def test_corners_that_others_found_are_worse_where_tags_are_small():
     sigmas = [corner_sigma(square * side) for side in (15, 20, 30, 60)]
     assert sigmas == sorted(sigmas, reverse=True)
     assert corner_sigma(square[None].repeat(3, 0)).shape == (3,)
-    floored = squares_poses([square * 60], [SIZE], PINHOLE, None, 0.3)[0][0]
+    floored = squares_poses([square * 60], [SIZE], PINHOLE, None, CameraError(0.3))[0][0]
     given = squares_poses([square * 60], [SIZE], PINHOLE, [0.3])[0][0]
     assert np.allclose(floored.covariance, given.covariance, rtol=0.1)
+
+
+@pytest.mark.parametrize("info", [PINHOLE, FISHEYE], ids=["pinhole", "fisheye"])
+def test_what_a_calibration_leaves_unsure_is_part_of_it(info):
+    """Each pose is told with a calibration of its own, as wrong as is said."""
+    camera, rng = CameraError(focal=0.01, center_px=3.0), np.random.default_rng(8)
+    R, t, corners = scatter(70, 40, 0.1, info=info)
+    found, trusting = [], []
+    for one in corners:
+        wrong = info.K.copy()
+        wrong[[0, 1], [0, 1]] *= 1 + rng.normal(0, camera.focal)
+        wrong[:2, 2] += rng.normal(0, camera.center_px, 2)
+        told = replace(info, K=wrong)
+        found.append(square_poses(one, SIZE, told, 0.1, camera))
+        trusting.append(square_poses(one, SIZE, told, 0.1))
+    values = nees(right_ones(found, R), R, t)
+    assert 5.2 < values.mean() < 6.9
+    assert (values < INSIDE).mean() > 0.91
+    assert nees(right_ones(trusting, R), R, t).mean() > 60
+
+
+def test_a_body_knows_the_calibration_no_better_than_each_of_its_tags():
+    """Its tags share the error of the focal length, however many they are."""
+    camera = CameraError(focal=0.02)
+    grid = np.stack(np.meshgrid(range(4), range(4), [0]), axis=-1).reshape(-1, 1, 3)
+    points = (0.1 * SQUARE + 0.1 * (grid - [1.5, 1.5, 0])).reshape(-1, 3)
+    corners = project(points * [1, -1, 1] + [0, 0, 3.0], PINHOLE)[0]
+    (body, *_) = rig_poses(corners, points, PINHOLE, 0.05, camera)
+    assert np.sqrt(body.covariance[2, 2]) == pytest.approx(0.02 * 3, rel=0.1)
+    (exact, *_) = rig_poses(corners, points, PINHOLE, 0.05)
+    assert np.sqrt(exact.covariance[2, 2]) < 0.01

@@ -121,6 +121,4 @@ class TagDetector:
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
             self._remarks.say(f"no poses of images of {size} with a calibration for {of_info}")
             info = None
-        return locate_or_remark(
-            tags, self._known, params.size, info, params.corner_floor, self._remarks
-        )
+        return locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)

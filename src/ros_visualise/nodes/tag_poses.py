@@ -36,9 +36,7 @@ class TagPoses:
         info = corners.camera_info
         if info is None and tags:
             self._remarks.say("no poses: no calibration of the camera comes with the tags")
-        found = locate_or_remark(
-            tags, self._known, params.size, info, params.corner_floor, self._remarks
-        )
+        found = locate_or_remark(tags, self._known, params.size, info, params.camera, self._remarks)
         return replace(corners, detections=found + rest)
 
     def _read(self, params: PoseParams) -> None:

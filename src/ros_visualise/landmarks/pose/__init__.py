@@ -1,6 +1,6 @@
 """From corners in an image, and the camera's calibration, to poses with a covariance."""
 
-from ros_visualise.landmarks.pose.corner_noise import corner_sigma
+from ros_visualise.landmarks.pose.corner_noise import EXACT, CameraError, corner_sigma
 from ros_visualise.landmarks.pose.estimating import (
     PoseEstimate,
     merged,
@@ -10,6 +10,8 @@ from ros_visualise.landmarks.pose.estimating import (
 )
 
 __all__ = [
+    "EXACT",
+    "CameraError",
     "PoseEstimate",
     "corner_sigma",
     "merged",

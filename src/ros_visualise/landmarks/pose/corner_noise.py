@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.data import Floats
+from ros_visualise.data import CameraInfo, Floats
 
 _BY_HEIGHT = (
     (9, 11, 13, 15.5, 18.5, 22, 26, 31, 37, 45, 90),
@@ -16,6 +18,36 @@ _BY_HEIGHT = (
 _EXTRA_PX = np.array([0, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0, 2.0, 4.0])
 """What real lenses, prints, calibrations and motion may add."""
 _PRIOR = np.array([0.99, *[0.01 / 8] * 8])
+
+
+@dataclass(frozen=True)
+class CameraError:
+    """Standard deviations of what a real camera and its calibration add to corners.
+
+    Args:
+        floor_px: to each coordinate of a corner, 0.3 is not rare; 0 of rendered images.
+        focal: of the focal lengths, as a share of them.
+        center_px: of the principal point.
+    """
+
+    floor_px: float = 0.0
+    focal: float = 0.0
+    center_px: float = 0.0
+
+    @property
+    def is_calibrated_exactly(self) -> bool:
+        return self.focal == 0 and self.center_px == 0
+
+    def of_calibration(self, corners_uv: Floats, info: CameraInfo) -> Floats:
+        """(B, 2N, 2N) what the calibration adds to corners (B, N, 2): to all of a body at once."""
+        away = self.focal * (corners_uv - info.K[:2, 2])
+        shift = np.broadcast_to(self.center_px * np.eye(2), (*corners_uv.shape, 2))
+        by = np.concatenate([away[..., None], shift], axis=-1).reshape(len(corners_uv), -1, 3)
+        noise: Floats = by @ np.swapaxes(by, 1, 2)
+        return noise
+
+
+EXACT = CameraError()
 
 
 def corner_sigma(corners_uv: npt.ArrayLike) -> Floats:

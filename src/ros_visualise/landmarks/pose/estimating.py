@@ -10,7 +10,13 @@ import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.landmarks.pose.corner_noise import corner_noise, whitening, with_extra
+from ros_visualise.landmarks.pose.corner_noise import (
+    EXACT,
+    CameraError,
+    corner_noise,
+    whitening,
+    with_extra,
+)
 from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
 from ros_visualise.landmarks.pose.refinement import Fit, linearise, refine
@@ -48,7 +54,7 @@ def square_poses(
     size_m: float,
     info: CameraInfo,
     sigma_px: float | None = None,
-    floor_px: float = 0.0,
+    camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a square tag may have: best first, one, two, or none if there is none.
@@ -62,7 +68,8 @@ def square_poses(
         info: the camera's calibration.
         sigma_px: standard deviation of each coordinate of a corner; by default `corner_noise`
             tells, and what the residuals tell, `with_extra`.
-        floor_px: what the camera adds at least where ``sigma_px`` is not given.
+        camera: what the camera and its calibration add; its floor counts where ``sigma_px`` is
+            not given.
         noise_px2: (8, 8) covariance of the corners as the finder tells it, `Tag.covariance_px2`.
 
     Raises:
@@ -74,7 +81,7 @@ def square_poses(
         raise ValueError(f"corners of a square are (4, 2), not {corners.shape}")
     sigmas = None if sigma_px is None else [sigma_px]
     noise = None if noise_px2 is None else np.asarray(noise_px2)[None]
-    return squares_poses(corners[None], [size_m], info, sigmas, floor_px, noise)[0]
+    return squares_poses(corners[None], [size_m], info, sigmas, camera, noise)[0]
 
 
 def squares_poses(
@@ -82,7 +89,7 @@ def squares_poses(
     sizes_m: npt.ArrayLike,
     info: CameraInfo,
     sigmas_px: npt.ArrayLike | None = None,
-    floor_px: float = 0.0,
+    camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> list[tuple[PoseEstimate, ...]]:
     """As `square_poses`, of T tags in one image at once: corners (T, 4, 2), sizes and sigmas (T,).
@@ -96,9 +103,10 @@ def squares_poses(
     seen = np.where(_is_seen(corners)[:, None, None], corners, np.nan)
     points = _SQUARE * sizes[:, None, None]
     if sigmas_px is None:
-        return _estimate(points, seen, info, corner_noise(seen, floor_px, noise_px2), False)
+        noise = corner_noise(seen, camera.floor_px, noise_px2)
+        return _estimate(points, seen, info, noise, False, camera)
     variances = np.asarray(sigmas_px, np.float64)[:, None, None] ** 2
-    return _estimate(points, seen, info, variances * np.eye(8), True)
+    return _estimate(points, seen, info, variances * np.eye(8), True, camera)
 
 
 def rig_poses(
@@ -106,7 +114,7 @@ def rig_poses(
     points_xyz: npt.ArrayLike,
     info: CameraInfo,
     sigma_px: npt.ArrayLike | None = None,
-    floor_px: float = 0.0,
+    camera: CameraError = EXACT,
     noise_px2: npt.ArrayLike | None = None,
 ) -> tuple[PoseEstimate, ...]:
     """The poses that a rigid body of several tags may have, as `square_poses` has them.
@@ -117,7 +125,7 @@ def rig_poses(
         info: the camera's calibration.
         sigma_px: for all points or (N,); by default as of a square, the points being
             the corners of tags, four to each.
-        floor_px, noise_px2: as of squares, of each tag.
+        camera, noise_px2: as of squares, of each tag.
 
     Raises:
         UncalibratedCamera: there is no calibration.
@@ -128,11 +136,11 @@ def rig_poses(
         raise ValueError(f"a body has 4 points or more: {corners.shape} and {points.shape}")
     given = sigma_px is not None
     if sigma_px is None:
-        noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), floor_px, noise_px2))
+        noise = _of_body(corner_noise(corners.reshape(-1, 4, 2), camera.floor_px, noise_px2))
     else:
         deviations = np.broadcast_to(np.asarray(sigma_px, np.float64), len(points))
         noise = np.diag(np.repeat(deviations**2, 2))
-    return _estimate(points[None], corners[None], info, noise[None], given)[0]
+    return _estimate(points[None], corners[None], info, noise[None], given, camera)[0]
 
 
 def merged(estimates: Sequence[PoseEstimate]) -> PoseEstimate:
@@ -169,7 +177,12 @@ def _of_body(noise_px2: Floats) -> Floats:
 
 
 def _estimate(
-    points: Floats, corners: Floats, info: CameraInfo, noise: Floats, given: bool
+    points: Floats,
+    corners: Floats,
+    info: CameraInfo,
+    noise: Floats,
+    given: bool,
+    camera: CameraError,
 ) -> list[tuple[PoseEstimate, ...]]:
     """Of each body (B, N, ...), all of N points; covariances may be given, or what was found."""
     rays = rays_of(corners, info)
@@ -183,8 +196,10 @@ def _estimate(
     seen = points[twice], Rays(rays[0][twice], rays[1][twice])
     whiten = whitening(noise[twice])
     fit = refine(R, t, *seen, whiten)
-    if not given:
-        raised = with_extra(noise[bodies], fit.chi2.reshape(-1, 2).min(axis=1))
+    if not given or not camera.is_calibrated_exactly:
+        best = fit.chi2.reshape(-1, 2).min(axis=1)
+        raised = noise[bodies] if given else with_extra(noise[bodies], best)
+        raised = raised + camera.of_calibration(corners[bodies], info)
         whiten = np.repeat(whitening(raised), 2, axis=0)
         fit = refine(fit.R, fit.t, *seen, whiten)
     spreads = covariances(fit, *seen, whiten)

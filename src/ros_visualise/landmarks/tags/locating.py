@@ -9,7 +9,7 @@ import numpy as np
 
 from ros_visualise.data import CameraInfo, Detection, Floats, Hypothesis
 from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
-from ros_visualise.landmarks.pose import PoseEstimate, rig_poses, squares_poses
+from ros_visualise.landmarks.pose import EXACT, CameraError, PoseEstimate, rig_poses, squares_poses
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags.finder import Tag
 from ros_visualise.landmarks.tags.known import Bundle, KnownTags
@@ -20,7 +20,7 @@ def locate(
     known: KnownTags,
     size_m: float,
     info: CameraInfo | None,
-    floor_px: float = 0.0,
+    camera: CameraError = EXACT,
 ) -> tuple[Detection, ...]:
     """Detections of tags, then those of bundles, each with the poses that it may have.
 
@@ -34,18 +34,18 @@ def locate(
         known: their sizes, and bundles.
         size_m: the side of all others; 0 where nobody knows, so that they have no poses.
         info: the camera's calibration.
-        floor_px: see `corner_noise`.
+        camera: what the camera and its calibration add to corners.
     """
     bundles = known.bundles if info else ()
     members = {id for bundle in bundles for id in bundle.corners_xyz}
     alone = [tag for tag in tags if tag.id not in members or tag.id in known.sizes]
     sizes = [known.sizes.get(tag.id, size_m) for tag in alone]
-    poses = _poses(alone, sizes, info, floor_px)
+    poses = _poses(alone, sizes, info, camera)
     several = zip(alone, sizes, poses, strict=True)
     found = [_of_tag(tag, known, size, one) for tag, size, one in several]
     if info:
         for bundle in bundles:
-            found += _of_bundle(tags, bundle, info, floor_px)
+            found += _of_bundle(tags, bundle, info, camera)
     return tuple(found)
 
 
@@ -54,14 +54,14 @@ def locate_or_remark(
     known: KnownTags,
     size_m: float,
     info: CameraInfo | None,
-    floor_px: float,
+    camera: CameraError,
     remarks: Remarks,
 ) -> tuple[Detection, ...]:
     """As `locate`; where a calibration or a size serves for no pose, that is remarked."""
     if info and not size_m and any(tag.id not in known.every for tag in tags):
         remarks.say("tags of unknown size have no poses: set size, or a file of tags")
     try:
-        return locate(tags, known, size_m, info, floor_px)
+        return locate(tags, known, size_m, info, camera)
     except (UncalibratedCamera, UnsupportedImage) as error:
         remarks.say(f"no poses: {error}")
         return locate(tags, known, size_m, None)
@@ -71,7 +71,7 @@ def _poses(
     tags: Sequence[Tag],
     sizes: Sequence[float],
     info: CameraInfo | None,
-    floor_px: float,
+    camera: CameraError,
 ) -> list[tuple[PoseEstimate, ...]]:
     found: list[tuple[PoseEstimate, ...]] = [()] * len(tags)
     sized = [number for number, size in enumerate(sizes) if size > 0]
@@ -79,7 +79,7 @@ def _poses(
         corners = np.array([tags[number].corners_uv for number in sized])
         of_known = [sizes[number] for number in sized]
         noise = _noise([tags[number] for number in sized])
-        estimates = squares_poses(corners, of_known, info, None, floor_px, noise)
+        estimates = squares_poses(corners, of_known, info, None, camera, noise)
         for number, one in zip(sized, estimates, strict=True):
             found[number] = one
     return found
@@ -100,7 +100,7 @@ def _of_tag(tag: Tag, known: KnownTags, size_m: float, poses: Sequence[PoseEstim
 
 
 def _of_bundle(
-    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, floor_px: float
+    tags: Sequence[Tag], bundle: Bundle, info: CameraInfo, camera: CameraError
 ) -> list[Detection]:
     """One detection, of all of its tags that are seen; none where none is."""
     seen = [tag for tag in tags if tag.id in bundle.corners_xyz]
@@ -109,7 +109,7 @@ def _of_bundle(
     corners = np.array([tag.corners_uv for tag in seen])
     points = np.concatenate([bundle.corners_xyz[tag.id] for tag in seen])
     flat = corners.reshape(-1, 2)
-    poses = rig_poses(flat, points, info, None, floor_px, _noise(seen))
+    poses = rig_poses(flat, points, info, None, camera, _noise(seen))
     score, first = max(map(_score, seen)), next(iter(bundle.corners_xyz))
     box = Detection.of_corners(flat, _hypotheses(bundle.name, score, first, poses), bundle.name)
     return [replace(box, corners_uv=np.zeros((0, 2)))]  # an outline it has not

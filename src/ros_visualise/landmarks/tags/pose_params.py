@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ros_visualise.landmarks.pose import CameraError
 from ros_visualise.limits import MAX_TAG_M
 from ros_visualise.params import param
 
@@ -32,3 +33,24 @@ class PoseParams:
         slider=(0, 2),
         group="poses",
     )
+    focal_sigma: float = param(
+        0.0,
+        "standard deviation of the calibration's focal lengths, percent; calibrate tells it",
+        min=0,
+        max=50,
+        slider=(0, 2),
+        group="poses",
+    )
+    center_sigma: float = param(
+        0.0,
+        "standard deviation of the calibration's principal point, pixels; calibrate tells it",
+        min=0,
+        max=1000,
+        slider=(0, 10),
+        group="poses",
+    )
+
+    @property
+    def camera(self) -> CameraError:
+        """What the camera and its calibration add to corners."""
+        return CameraError(self.corner_floor, self.focal_sigma / 100, self.center_sigma)
