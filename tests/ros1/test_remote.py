@@ -1,5 +1,6 @@
 """Looking at nodes in other processes: who is there, what they publish, what is recorded of it."""
 
+import logging
 import subprocess
 import sys
 import threading
@@ -12,6 +13,7 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from ros_graph import PATIENCE_S, end, wait_for
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
 
@@ -319,6 +321,25 @@ def test_figures_of_a_node_come_from_its_diagnostics(runtime, peer):
     assert told.lost == 2
     assert report.topics["/plain/image"].hz == 49.5
     assert report.topics["/plain/image"].wall_hz == 9.9
+
+
+def test_what_nodes_log_can_be_looked_at(runtime):
+    publisher = rospy.Publisher("/rosout", Log, queue_size=10)
+    wait_until(lambda: "/rosout" in runtime.told)
+    assert "/rosout" not in runtime.graph.topics
+    assert runtime.name == rospy.get_name()
+    subscription = runtime.subscribe("/rosout", 100)
+    line = Log(level=Log.WARN, name="/planner", msg="no path")
+
+    def told():
+        publisher.publish(line)
+        found = subscription.take(0.1)
+        return found if found and found.node == "/planner" else None
+
+    found = wait_until(told)
+    assert (found.level, found.text) == (logging.WARNING, "no path")
+    subscription.close()
+    publisher.unregister()
 
 
 def test_nodes_that_share_a_process_are_shown_each_with_its_topics(peer):

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from functools import partial
+from typing import ClassVar
 
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams
@@ -14,6 +15,8 @@ from ros_visualise.runtime.topics import Subscription, Topic
 class Told:
     """One node that publishes topics of these types, and takes those of ``inputs``."""
 
+    name = ""
+    told: ClassVar = {}
     playback = None
 
     def __init__(self, inputs=None, **kinds):
@@ -34,6 +37,11 @@ class Told:
         topics = [*outputs, *node.inputs.values()]
         self._topics = {name: Topic(on_demand=False) for name in topics}
         self._number = self.epoch = 0
+
+    def add(self, topic, kind):
+        """One more topic, beside the graph's."""
+        self.told = {**self.told, topic: kind}
+        self._topics[topic] = Topic(on_demand=False)
 
     def say(self, **messages):
         """Publish one message on each of these topics."""

@@ -89,7 +89,7 @@ def test_an_action_of_the_robot_ends_the_driving(port):
         client.read_until(lambda: hold() and told.actions == [("path", "clear")])
         before = len(told.velocities)
         client.read_until(lambda: hold() and len(told.velocities) > before + 1)
-        client.set("take off", True)
+        client.set("ask it to", "take off")
         client.read_until(lambda: truth.take(10).position_xyz[2] > 1.0)
         after = told.velocities[told.velocities.index((0.0, 0.0, 0.0)) :]
         assert after == [(0.0, 0.0, 0.0)], "one that stops it, then none any more"

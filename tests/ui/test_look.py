@@ -21,6 +21,7 @@ from ros_visualise.data import (
     PointCloud,
 )
 from ros_visualise.data.diagnostics import Level
+from ros_visualise.data.logs import Log
 from ros_visualise.ui.look import Looker, link
 from ros_visualise.ui.look.taps import Taps
 
@@ -144,6 +145,38 @@ def test_the_log_is_told_from_a_line_on(looker):
     assert [line["text"] for line in lines] == ["line 0", "line 1", "line 2"]
     after = said(ask(looker, f"ask=log&after={lines[1]['number']}"))["lines"]
     assert [line["text"] for line in after] == ["line 2"]
+
+
+def test_the_log_of_a_graph_is_told_beside_our_own(told, looker):
+    told.name = "/viewer"
+    told.add("/rosout", Log)
+    looker.refresh()
+    for node, text in (("/planner", "no path"), ("/viewer", "is here already")):
+        told.say(rosout=Log(node, logging.ERROR, text, Header(7_500_000_000)))
+    looker.refresh()
+    (line,) = said(ask(looker, "ask=log"))["lines"]
+    number = line.pop("number")
+    assert line == {"time": 7.5, "level": "ERROR", "node": "/planner", "text": "no path"}
+    assert number == 1
+
+
+def test_diagnostics_are_the_newest_of_each_name(told, looker):
+    def say(*several):
+        looker.refresh()
+        told.say(diagnostics=DiagnosticArray(several, Header(1)))
+        looker.refresh()
+        return {one["name"]: one for one in said(ask(looker, "ask=diagnostics"))["statuses"]}
+
+    say(DiagnosticStatus("motor", Level.ERROR, "hot", {"C": "81"}))
+    found = say(DiagnosticStatus("battery"), DiagnosticStatus("lidar", Level.WARN))
+    assert found["motor"]["values"] == [["C", "81"]]
+    assert (found["motor"]["level"], found["lidar"]["level"], found["battery"]["level"]) == (
+        2,
+        1,
+        0,
+    )
+    assert found["robot"]["message"] == "OK", "our own nodes tell, too"
+    assert say(DiagnosticStatus("motor", Level.OK, "cool"))["motor"]["message"] == "cool"
 
 
 def test_topics_are_asked_for_only_while_somebody_looks(told):

@@ -1,6 +1,7 @@
 """The page of a graph that changes while somebody looks: what is the same stays."""
 
 import time
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -25,6 +26,8 @@ def make(name, output=None, params=NoParams):
 class Changing:
     """A graph whose nodes a test takes away and adds."""
 
+    name = ""
+    told: ClassVar = {}
     playback = None
 
     def __init__(self):

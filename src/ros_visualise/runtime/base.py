@@ -52,11 +52,21 @@ class ActiveRecording(Protocol):
 
 
 class Runtime(Protocol):
-    """A running graph, as page, windows and command line see it."""
+    """A running graph, as page, windows and command line see it.
+
+    Attributes:
+        name: of the node that this process is where the graph runs elsewhere; else empty.
+    """
+
+    name: str
 
     @property
     def graph(self) -> Graph:
         """What runs."""
+
+    @property
+    def told(self) -> Mapping[str, type]:
+        """Topics beside the graph's that can be looked at: what nodes log, and how they are."""
 
     @property
     def parameters(self) -> Mapping[str, Parameters[Any]]:

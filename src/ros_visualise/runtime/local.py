@@ -46,6 +46,9 @@ class LocalRuntime:
         OpenError: the source cannot be opened.
     """
 
+    name = ""
+    told: Mapping[str, type] = {}
+
     def __init__(self, graph: Graph, playback: Playback | None) -> None:
         self.graph = graph
         self.playback = playback

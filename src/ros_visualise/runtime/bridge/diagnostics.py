@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ros_visualise.data import DiagnosticArray, DiagnosticStatus, Header, Level
+from ros_visualise.data import DiagnosticArray, Header
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.rate import Clock
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.report import NodeReport, figures_of
+from ros_visualise.runtime.statuses import Statuses
 
 GATE = "dropped as asked"
 """The figure that names the reason for the drops that a node is there for."""
@@ -39,32 +40,13 @@ class Diagnostics:
         diagnostics = TopicType(type_name(DiagnosticArray))
         self._publisher = middleware.advertise("/diagnostics", diagnostics)
         self._clock: Clock = middleware.clock()
-        self._lost: dict[str, int] = {}
+        self._statuses = Statuses()
 
     def publish(self, nodes: Mapping[str, NodeStatus]) -> None:
         """Publish the statuses of nodes, by their full names."""
         if not self._publisher.connections:
             return
-        statuses = tuple(self._status(name, told) for name, told in nodes.items())
-        self._publisher.publish(DiagnosticArray(statuses, Header(self._clock.now_ns())))
-
-    def _status(self, name: str, told: NodeStatus) -> DiagnosticStatus:
-        lost = told.report.lost
-        new, self._lost[name] = lost - self._lost.get(name, 0), lost
-        return DiagnosticStatus(
-            name,
-            Level.WARN if new else Level.OK,
-            f"dropped {new} messages in the last second" if new else "OK",
-            {key: str(value) for key, value in _flat(told.figures).items()},
+        statuses = tuple(
+            self._statuses.status(name, told.report, told.figures) for name, told in nodes.items()
         )
-
-
-def _flat(report: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """``{"dropped": {"rate": 3}}`` as ``{"dropped/rate": 3}``; what is not known is left out."""
-    flat: dict[str, Any] = {}
-    for key, value in report.items():
-        if isinstance(value, Mapping):
-            flat |= _flat(value, f"{prefix}{key}/")
-        elif value is not None:
-            flat[prefix + key] = value
-    return flat
+        self._publisher.publish(DiagnosticArray(statuses, Header(self._clock.now_ns())))

@@ -13,10 +13,13 @@ from ros_visualise.data import (
     ParameterEvent,
     Text,
 )
+from ros_visualise.data.logs import Log, Ros1Log
 from ros_visualise.messages import data_class, type_name
 from ros_visualise.runtime.middleware import Listing
 
 _COMPRESSED = type_name(CompressedImage)
+_TOLD = {kind.type_name: kind for kind in (Log, Ros1Log, DiagnosticArray)}
+_TOLD_AGAIN = "/rosout_agg"
 _SHOWN = set(MESSAGES) - {DiagnosticArray, ParameterEvent, Text}
 
 
@@ -32,12 +35,13 @@ class Peer(NamedTuple):
 class Sight(NamedTuple):
     """What there is at one moment.
 
-    ``types``: the topics of messages that we have a class for, with that; ``compressed``: image
-    topics that come compressed too.
+    ``types``: the topics of messages that we have a class for, with that; ``told``: those on which
+    nodes tell of themselves; ``compressed``: image topics that come compressed too.
     """
 
     peers: tuple[Peer, ...]
     types: Mapping[str, type]
+    told: Mapping[str, type]
     compressed: frozenset[str]
 
 
@@ -65,7 +69,8 @@ def survey(listing: Listing, own: str) -> Sight:
         )
         if _matters(peer, shown, listing.onlookers):
             peers.append(peer)
-    return Sight(tuple(peers), shown, frozenset(compressed))
+    told = {name: _TOLD[kind] for name, kind in kinds if kind in _TOLD and name != _TOLD_AGAIN}
+    return Sight(tuple(peers), shown, told, frozenset(compressed))
 
 
 def _pairs(ends: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, str]]:

@@ -53,11 +53,12 @@ class RemoteRuntime:
 
     def __init__(self, middleware: Middleware, compressed: bool = False) -> None:
         self._middleware = middleware
+        self.name = middleware.resolve("~")
         self.graph = Graph(None, ())
         self.parameters: dict[str, Parameters[Any]] = {}
         self._met: dict[str, Parameters[Any]] = {}
         self._compressed = compressed
-        self._sight = Sight((), {}, frozenset())
+        self._sight = Sight((), {}, {}, frozenset())
         self._figures = Figures(middleware)
         self._key: object = None
         self._seen_s: dict[str, float] = {}
@@ -71,6 +72,11 @@ class RemoteRuntime:
         self._look()
         self._thread = threading.Thread(target=self._follow, name="discovery", daemon=True)
         self._thread.start()
+
+    @property
+    def told(self) -> Mapping[str, type]:
+        """The topics on which nodes log, and tell how they are."""
+        return self._sight.told
 
     def subscribe(self, topic: str, depth: int = 1) -> Subscription:
         """Look at a topic, beginning with its last message if it was looked at before."""
@@ -147,7 +153,7 @@ class RemoteRuntime:
     def _look(self) -> None:
         """See who is there; the graph changes only if something about it has."""
         try:
-            self._sight = survey(self._middleware.look(), self._middleware.resolve("~"))
+            self._sight = survey(self._middleware.look(), self.name)
         except ConnectionError as error:
             log.debug("the graph cannot be looked at: %s", error)
             return
@@ -197,9 +203,9 @@ class RemoteRuntime:
     def _relay(self, topic: str) -> Relay:
         with self._lock:
             if topic not in self._relays:
-                self._relays[topic] = Relay(
-                    self._middleware, topic, self._sight.types.get(topic, Image), self._numbering
-                )
+                types = {**self._sight.told, **self._sight.types}
+                kind = types.get(topic, Image)
+                self._relays[topic] = Relay(self._middleware, topic, kind, self._numbering)
             return self._relays[topic]
 
     def _comes_compressed(self, topic: str) -> bool:

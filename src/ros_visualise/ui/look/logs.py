@@ -21,12 +21,11 @@ class Lines(logging.Handler):
         self._guard = threading.Lock()
 
     def emit(self, record: logging.LogRecord) -> None:
-        line = {
-            "time": record.created,
-            "level": record.levelname,
-            "node": record.threadName or "",
-            "text": record.getMessage()[:_LONGEST],
-        }
+        self.add(record.created, record.levelname, record.threadName or "", record.getMessage())
+
+    def add(self, time_s: float, level: str, node: str, text: str) -> None:
+        """Add a line; the time is seconds since 1970."""
+        line = {"time": time_s, "level": level, "node": node, "text": text[:_LONGEST]}
         with self._guard:
             self._number += 1
             self._lines.append({"number": self._number, **line})

@@ -8,7 +8,6 @@ from functools import cache
 from pathlib import Path
 from urllib.parse import quote
 
-from ros_visualise.data import DiagnosticArray
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
@@ -16,12 +15,13 @@ from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
 from ros_visualise.ui.look.logs import Lines
 from ros_visualise.ui.look.taps import Taps
+from ros_visualise.ui.look.told import Told
 from ros_visualise.ui.look.trees import tree_of
 
 log = logging.getLogger(__name__)
 
 _FOLDER = Path(__file__).parent / "pages"
-PAGES = ("image", "plots", "messages", "log")
+PAGES = ("image", "plots", "messages", "log", "diagnostics")
 _HEADER = "X-Ros-Visualise"
 """What our own pages send with each question. No other site can: browsers would ask us first."""
 _WAIT_S = 0.5
@@ -36,6 +36,7 @@ class Looker:
         self._messages = Taps(runtime, 1)
         self._curves = Curves(runtime)
         self._lines = Lines()
+        self._told = Told(runtime, self._lines)
         logging.getLogger("ros_visualise").addHandler(self._lines)
         self._answers: Mapping[str, Callable[[Question], Answer]] = {
             "topics": self._topics,
@@ -44,6 +45,7 @@ class Looker:
             "fields": self._curves.fields,
             "curves": self._curves.curves,
             "log": self._log,
+            "diagnostics": self._diagnostics,
             "play": self._play,
         }
 
@@ -62,7 +64,8 @@ class Looker:
             return as_json({"error": str(error)}, 422)
 
     def refresh(self) -> None:
-        """Let go of topics that nobody asked for lately."""
+        """Take in what nodes tell; let go of topics that nobody asked for lately."""
+        self._told.take()
         self._images.rest()
         self._messages.rest()
         self._curves.rest()
@@ -73,6 +76,7 @@ class Looker:
         self._images.rest(all_of_them=True)
         self._messages.rest(all_of_them=True)
         self._curves.close()
+        self._told.close()
 
     def _answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
         if "look" in question:
@@ -90,14 +94,12 @@ class Looker:
 
     def _topics(self, _: Question) -> Answer:
         topics = self._runtime.graph.topics
-        diagnostics = [name for name, one in topics.items() if one.type is DiagnosticArray]
         playback = self._runtime.playback
         return as_json(
             {
                 "images": self._images.topics,
                 "topics": {name: one.ros.name for name, one in topics.items()},
                 "plotted": self._curves.topics,
-                "diagnostics": diagnostics,
                 "plays": playback is not None,
             }
         )
@@ -113,6 +115,9 @@ class Looker:
 
     def _log(self, question: Question) -> Answer:
         return as_json({"lines": self._lines.after(question.whole("after") or 0)})
+
+    def _diagnostics(self, _: Question) -> Answer:
+        return as_json({"statuses": self._told.statuses(), "live": self._runtime.playback is None})
 
     def _play(self, question: Question) -> Answer:
         playback = self._runtime.playback

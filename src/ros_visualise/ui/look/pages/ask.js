@@ -29,7 +29,7 @@ const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 function addPages() {
   const nav = document.querySelector("nav");
   const here = asked("look");
-  for (const page of ["image", "plots", "messages", "log"]) {
+  for (const page of ["image", "plots", "messages", "log", "diagnostics"]) {
     const link = element("a", page, page === here ? "here" : "");
     link.href = `?look=${page}`;
     nav.append(link);

@@ -1,6 +1,6 @@
 // What the nodes say, the newest below.
 const $ = (id) => document.getElementById(id);
-const LEVELS = ["INFO", "WARNING", "ERROR", "CRITICAL"];
+const LEVELS = ["DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL"];
 const lines = [];
 
 function fits(line) {

@@ -2,7 +2,6 @@
 const $ = (id) => document.getElementById(id);
 const opened = new Set();
 let held = false;
-const LEVELS = ["ok", "warn", "bad", "bad"];
 
 function branch(name, value, path, depth) {
   if (value === null || typeof value !== "object") {
@@ -23,9 +22,6 @@ function branch(name, value, path, depth) {
   const count = list ? ` ${value.length} of them` : "";
   const head = element("summary", name, "name");
   head.append(element("span", count, "dim"));
-  if (typeof value.level === "number" && "message" in value) {  // of a diagnostic status
-    head.append(element("span", ` ${value.name}: ${value.message}`, LEVELS[value.level] || ""));
-  }
   box.append(head);
   box.ontoggle = () => { opened.delete(path); opened.delete(`-${path}`); opened.add(box.open ? path : `-${path}`); };
   if (box.open) entries.forEach(([key, one]) => box.append(branch(key, one, `${path}.${key}`, depth + 1)));
@@ -42,10 +38,9 @@ async function update() {
 }
 async function start() {
   addPages();
-  const { topics, diagnostics } = await (await ask("topics")).json();
+  const { topics } = await (await ask("topics")).json();
   for (const topic of Object.keys(topics)) $("topic").add(new Option(topic));
-  const wanted = asked("topic") || diagnostics[0];
-  if (wanted in topics) $("topic").value = wanted;
+  if (asked("topic") in topics) $("topic").value = asked("topic");
   const choose = () => {
     remember({ topic: $("topic").value });
     $("type").textContent = topics[$("topic").value];

@@ -1,0 +1,65 @@
+"""What the nodes of a graph log."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from ros_visualise.data.fields import header, read_header, read_time, time
+from ros_visualise.data.header import Header
+from ros_visualise.data.message import Message
+
+_LEVELS = {
+    1: logging.DEBUG,
+    2: logging.INFO,
+    4: logging.WARNING,
+    8: logging.ERROR,
+    16: logging.CRITICAL,
+}
+"""ROS 1's levels, as Python numbers them. ROS 2 numbers them as Python does."""
+
+
+@dataclass(frozen=True)
+class Log(Message):
+    """One line that a node has logged, as ROS 2 has it; ``level`` is one of Python's logging."""
+
+    type_name: ClassVar[str] = "rcl_interfaces/msg/Log"
+    plotted: ClassVar[bool] = False
+
+    node: str
+    level: int
+    text: str
+    header: Header = Header()
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of an rcl_interfaces/msg/Log."""
+        return {"stamp": time(self.header.stamp_ns), "level": self.level, **self._said()}
+
+    @classmethod
+    def read(cls, message: Any) -> Log:
+        """The line in an rcl_interfaces/msg/Log."""
+        stamp = Header(read_time(message.stamp))
+        return cls(str(message.name), int(message.level), str(message.msg), stamp)
+
+    def _said(self) -> dict[str, Any]:
+        said = {"name": self.node, "msg": self.text}
+        return {**said, "file": "", "function": "", "line": 0}
+
+
+@dataclass(frozen=True)
+class Ros1Log(Log):
+    """The same as ROS 1 has it."""
+
+    type_name: ClassVar[str] = "rosgraph_msgs/msg/Log"
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a rosgraph_msgs/msg/Log."""
+        level = next(theirs for theirs, ours in _LEVELS.items() if ours >= self.level)
+        return {"header": header(self.header), "level": level, "topics": [], **self._said()}
+
+    @classmethod
+    def read(cls, message: Any) -> Ros1Log:
+        """The line in a rosgraph_msgs/msg/Log."""
+        level = _LEVELS.get(int(message.level), logging.INFO)
+        return cls(str(message.name), level, str(message.msg), read_header(message.header))
