@@ -34,6 +34,7 @@ def param(
     restart: bool = False,
     group: str = "",
     saved: bool = True,
+    used: Callable[[Any], bool] = lambda params: True,
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -45,10 +46,21 @@ def param(
         restart: a change reopens the source.
         group: the folder that it is kept in on the page; none: always in view.
         saved: whether it is saved with the others; what is played, and how, is not.
+        used: whether it counts beside these other values; see `when`. If not, its slider waits.
     """
-    metadata = {"help": help, "min": min, "max": max, "slider": slider}
-    metadata |= {"restart": restart, "group": group, "saved": saved}
+    metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
+    metadata |= {"restart": restart, "group": group, "saved": saved, "used": used}
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def when(name: str, *values: Value) -> Callable[[Any], bool]:
+    """For ``used``: another parameter has one of these values."""
+    return lambda params: getattr(params, name) in values
+
+
+def unless(name: str, *values: Value) -> Callable[[Any], bool]:
+    """For ``used``: another parameter has none of these values."""
+    return lambda params: getattr(params, name) not in values
 
 
 @dataclass(frozen=True)
@@ -65,6 +77,7 @@ class Spec:
     restart: bool
     group: str
     saved: bool
+    used: Callable[[Any], bool]
 
     @property
     def choices(self) -> tuple[str, ...]:

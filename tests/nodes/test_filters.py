@@ -213,3 +213,32 @@ def test_measurements_are_refused_by_name(encoding):
     for params in (FiltersParams(), OFF):
         with pytest.raises(UnsupportedImage, match=f"{encoding} holds numbers"):
             filters(Image(pixels, encoding), params)
+
+
+SWITCHES = [
+    {},
+    {"gray": True},
+    {"width": 9},
+    *({"blur": mode} for mode in ("gaussian", "median", "bilateral")),
+    *({"equalize": mode} for mode in ("global", "clahe")),
+    {"sharpen": 2.0},
+    {"hsv": "keep"},
+    *({"threshold_mode": mode, "threshold": 128} for mode in ("binary", "otsu", "adaptive_mean")),
+    {"morphology": "gradient"},
+]
+
+
+@pytest.mark.parametrize("switched", SWITCHES, ids=str)
+def test_what_waits_for_its_switch_changes_nothing_and_what_does_not_does(switched):
+    smooth = np.kron(image("bgr8", (6, 5)).pixels, np.ones((5, 5, 1), np.uint8))
+    one = Image(smooth // 2 + 40, "bgr8", HEADER)
+    params = update(OFF, switched)
+    before = filters(one, params).pixels
+    for spec in specs(params):
+        if spec.type not in (int, float) or spec.min is None or spec.max is None:
+            continue
+        low, high = spec.range or (spec.min, spec.max)
+        ends = low, (low + high) / 2, high
+        moved = [filters(one, update(params, {spec.name: spec.type(end)})).pixels for end in ends]
+        changes = any(not np.array_equal(other, before) for other in moved)
+        assert changes == spec.used(params), spec.name

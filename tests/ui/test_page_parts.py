@@ -1,6 +1,7 @@
 """What the page is made of, without a browser."""
 
 import threading
+import time
 import xml.etree.ElementTree as ET
 from dataclasses import dataclass
 from enum import Enum
@@ -15,11 +16,12 @@ from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
-from ros_visualise.params import param, specs
+from ros_visualise.nodes.filters import FiltersParams
+from ros_visualise.params import Parameters, param, specs
 from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.colors import PALETTE
-from ros_visualise.ui.page.controls import add_element, shown
+from ros_visualise.ui.page.controls import Controls, add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.worker import Worker
@@ -68,6 +70,30 @@ def test_each_type_has_its_element(elements):
     assert elements["name"][:3] == ("text", "name", "x")
     assert elements["mode"][:3] == ("dropdown", "mode", ("soft", "3"))
     assert elements["mode"][-1] == {"initial_value": "3", "hint": "a choice"}
+
+
+def test_a_slider_waits_for_its_switch(server):
+    worker = Worker(print, lambda: None, 0.01)
+    parameters = Parameters(FiltersParams())
+    controls = Controls(server.gui, "filters", parameters, worker)
+    controls.add(specs(FiltersParams))
+    size = next(
+        one for one in server.gui._gui_input_handle_from_uuid.values() if one.label == "blur size"
+    )
+    assert size.disabled
+    worker.start()
+    parameters.update({"blur": "median"})
+    wait_for(lambda: not size.disabled)
+    parameters.update({"blur": "off"})
+    wait_for(lambda: size.disabled)
+    worker.close(1)
+
+
+def wait_for(check):
+    end_s = time.monotonic() + 20
+    while not check():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
 
 
 def test_a_slider_holds_a_value_beyond_its_range(elements):

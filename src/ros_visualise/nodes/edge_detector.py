@@ -9,7 +9,7 @@ import numpy as np
 from ros_visualise.data import Deferred, Image, Pixels
 from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.params import param, unless
 from ros_visualise.vision import color
 from ros_visualise.vision.edges import (
     Aperture,
@@ -38,8 +38,11 @@ class EdgeParams:
         "lower threshold of the hysteresis; of 16-bit images at 8 bits; swapped if above high",
         min=0,
         max=800,
+        used=unless("auto", True),
     )
-    high: int = param(200, "upper threshold of the hysteresis", min=0, max=800)
+    high: int = param(
+        200, "upper threshold of the hysteresis", min=0, max=800, used=unless("auto", True)
+    )
     auto: bool = param(
         False,
         "choose low and high from the image: low by Otsu's method on the gradient, high twice that",
@@ -50,11 +53,13 @@ class EdgeParams:
         "size of the kernel; with a larger one canny's gradients, so its thresholds too, "
         "are larger",
         group="method",
+        used=unless("method", Method.SCHARR),
     )
     l2_gradient: bool = param(
         False,
         "canny: use the gradient's Euclidean norm, which is more exact, not |dx| + |dy|",
         group="method",
+        used=lambda p: p.method is Method.CANNY and not p.auto,
     )
     sigma: float = param(
         0.0,

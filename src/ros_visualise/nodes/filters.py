@@ -8,7 +8,7 @@ from functools import partial
 from ros_visualise.data import CameraInfo, Image, Pixels
 from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.params import param, unless, when
 from ros_visualise.vision import calibration, color
 from ros_visualise.vision.color import HsvMode
 from ros_visualise.vision.depth import reusable
@@ -17,6 +17,10 @@ from ros_visualise.vision.reshape import Flip, flip, resize, target_size
 from ros_visualise.vision.smoothing import Blur, blur, sharpen
 from ros_visualise.vision.threshold import Threshold, threshold
 from ros_visualise.vision.tone import Equalize, adjust, equalize
+
+_ADAPTIVE = (Threshold.ADAPTIVE_MEAN, Threshold.ADAPTIVE_GAUSSIAN)
+_SELECTS = unless("hsv", HsvMode.OFF)
+_MORPHS = unless("morphology", Morphology.OFF)
 
 
 @dataclass(frozen=True)
@@ -29,7 +33,13 @@ class FiltersParams:
         group="size",
     )
     scale: float = param(
-        1.0, "resize by this factor; 1 is off", min=0.01, max=4, slider=(0.1, 2), group="size"
+        1.0,
+        "resize by this factor; 1 is off",
+        min=0.01,
+        max=4,
+        slider=(0.1, 2),
+        group="size",
+        used=lambda p: not (p.width or p.height),
     )
     width: int = param(
         0,
@@ -64,6 +74,7 @@ class FiltersParams:
         min=1,
         max=31,
         group="blur",
+        used=unless("blur", Blur.OFF),
     )
     blur_sigma: float = param(
         0.0,
@@ -71,6 +82,7 @@ class FiltersParams:
         min=0,
         max=20,
         group="blur",
+        used=when("blur", Blur.GAUSSIAN, Blur.BILATERAL),
     )
     bilateral_color: float = param(
         50.0,
@@ -78,6 +90,7 @@ class FiltersParams:
         min=1,
         max=255,
         group="blur",
+        used=when("blur", Blur.BILATERAL),
     )
     contrast: float = param(
         1.0, "multiply each value by this; 1 is off", min=0, max=10, slider=(0, 3), group="tone"
@@ -95,10 +108,22 @@ class FiltersParams:
         group="tone",
     )
     clahe_clip: float = param(
-        2.0, "clahe: contrast limit; 0 is no limit", min=0, max=100, slider=(0, 10), group="tone"
+        2.0,
+        "clahe: contrast limit; 0 is no limit",
+        min=0,
+        max=100,
+        slider=(0, 10),
+        group="tone",
+        used=when("equalize", Equalize.CLAHE),
     )
     clahe_tiles: int = param(
-        8, "clahe: number of tiles along each side", min=1, max=64, slider=(1, 16), group="tone"
+        8,
+        "clahe: number of tiles along each side",
+        min=1,
+        max=64,
+        slider=(1, 16),
+        group="tone",
+        used=when("equalize", Equalize.CLAHE),
     )
     sharpen: float = param(
         0.0, "strength of the unsharp mask; 0 is off", min=0, max=10, group="sharpen"
@@ -109,6 +134,7 @@ class FiltersParams:
         min=0.1,
         max=20,
         group="sharpen",
+        used=unless("sharpen", 0.0),
     )
     hsv: HsvMode = param(
         HsvMode.OFF,
@@ -121,14 +147,26 @@ class FiltersParams:
         min=0,
         max=179,
         group="hsv",
+        used=_SELECTS,
     )
-    hue_max: int = param(179, "highest hue, degrees / 2", min=0, max=179, group="hsv")
-    saturation_min: int = param(0, "lowest saturation", min=0, max=255, group="hsv")
-    saturation_max: int = param(255, "highest saturation", min=0, max=255, group="hsv")
+    hue_max: int = param(
+        179, "highest hue, degrees / 2", min=0, max=179, group="hsv", used=_SELECTS
+    )
+    saturation_min: int = param(0, "lowest saturation", min=0, max=255, group="hsv", used=_SELECTS)
+    saturation_max: int = param(
+        255, "highest saturation", min=0, max=255, group="hsv", used=_SELECTS
+    )
     value_min: int = param(
-        0, "lowest value (brightness); of 16-bit images at 8 bits", min=0, max=255, group="hsv"
+        0,
+        "lowest value (brightness); of 16-bit images at 8 bits",
+        min=0,
+        max=255,
+        group="hsv",
+        used=_SELECTS,
     )
-    value_max: int = param(255, "highest value (brightness)", min=0, max=255, group="hsv")
+    value_max: int = param(
+        255, "highest value (brightness)", min=0, max=255, group="hsv", used=_SELECTS
+    )
     threshold_mode: Threshold = param(
         Threshold.TRUNCATE,
         "apply a threshold; otsu and adaptive convert colour to gray",
@@ -140,6 +178,7 @@ class FiltersParams:
         " otsu and adaptive choose their own",
         min=0,
         max=255,
+        used=unless("threshold_mode", Threshold.OFF, Threshold.OTSU, *_ADAPTIVE),
     )
     adaptive_size: int = param(
         11,
@@ -148,6 +187,7 @@ class FiltersParams:
         max=255,
         slider=(3, 51),
         group="threshold mode",
+        used=when("threshold_mode", *_ADAPTIVE),
     )
     adaptive_offset: float = param(
         2.0,
@@ -156,12 +196,13 @@ class FiltersParams:
         max=255,
         slider=(-50, 50),
         group="threshold mode",
+        used=when("threshold_mode", *_ADAPTIVE),
     )
     morphology: Morphology = param(
         Morphology.OFF, "change the shapes of bright areas", group="morphology"
     )
     morphology_shape: Shape = param(
-        Shape.RECT, "morphology: shape of the structuring element", group="morphology"
+        Shape.RECT, "morphology: shape of the structuring element", group="morphology", used=_MORPHS
     )
     morphology_size: int = param(
         3,
@@ -169,6 +210,7 @@ class FiltersParams:
         min=1,
         max=31,
         group="morphology",
+        used=_MORPHS,
     )
 
 

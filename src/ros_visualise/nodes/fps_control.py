@@ -7,7 +7,7 @@ from typing import Any
 
 from ros_visualise.data import Image
 from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.params import param, when
 from ros_visualise.rate import Pacer
 
 
@@ -16,7 +16,12 @@ class FpsParams:
     """Parameters of `FpsControl`."""
 
     fps: int = param(
-        30, "frames per second that pass; 0 counts as 1", min=0, max=240, slider=(0, 30)
+        30,
+        "frames per second that pass; 0 counts as 1",
+        min=0,
+        max=240,
+        slider=(0, 30),
+        used=when("enabled", True),
     )
     enabled: bool = param(True, "limit the rate; off lets every frame pass")
 

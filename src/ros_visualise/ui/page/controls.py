@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -23,7 +23,7 @@ class Controls:
     """The elements for one node's parameters.
 
     A change in a browser sets the parameter. A change elsewhere, or a refusal, sets the element in
-    all browsers.
+    all browsers. Elements wait for the switch without which they change nothing.
     """
 
     def __init__(
@@ -31,6 +31,7 @@ class Controls:
     ) -> None:
         self._gui, self._node, self._parameters, self._worker = gui, node, parameters, worker
         self._elements: dict[str, viser.GuiInputHandle[Any]] = {}
+        self._used: dict[str, Callable[[Any], bool]] = {}
         self._forget = parameters.on_change(self._changed_elsewhere)
 
     def add(self, specs: Iterable[Spec]) -> None:
@@ -42,6 +43,8 @@ class Controls:
             apply = partial(self._apply, spec.name)
             element.on_update(self._worker.listener((self._node, spec.name), apply))
             self._elements[spec.name] = element
+            self._used[spec.name] = spec.used
+        self._show_use()
 
     def close(self) -> None:
         """Stop following the parameters; changes that still wait are dropped."""
@@ -61,6 +64,12 @@ class Controls:
     def _changed_elsewhere(self, _: Any, changed: Mapping[str, Value]) -> None:
         for name in changed.keys() & self._elements.keys():
             self._worker.post(("show", self._node, name), partial(self._show, name))
+        self._worker.post(("use", self._node), self._show_use)
+
+    def _show_use(self) -> None:
+        """What changes nothing beside the other values cannot be moved."""
+        for name, element in self._elements.items():
+            element.disabled = not self._used[name](self._parameters.current)
 
     def _show(self, name: str) -> None:
         if self._worker.is_posted((self._node, name)) or name not in self._elements:
