@@ -39,7 +39,7 @@ from ros_visualise.landmarks.localization.track import Track, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED, Prior
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Prior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
 from ros_visualise.yaml_files import load_yaml
 

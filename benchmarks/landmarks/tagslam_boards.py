@@ -13,7 +13,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Hypothesis
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
-from ros_visualise.landmarks.mapping.terms import LARGER, Prior
+from ros_visualise.landmarks.mapping.unknowns import LARGER, Prior
 from ros_visualise.landmarks.pose import squares_poses
 from ros_visualise.sources import open_source
 from ros_visualise.yaml_files import load_yaml

@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.commands.wording import counted
 from ros_visualise.landmarks.mapping.mapping import Map
-from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED
 from ros_visualise.printing import shown
 
 _WORST = 3  # views that are named

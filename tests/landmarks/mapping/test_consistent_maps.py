@@ -5,8 +5,10 @@ from made_passes import mean_band
 from made_worlds import drifting, flight, floor, turn, world
 
 from ros_visualise.geometry.transforms import from_parts
+from ros_visualise.landmarks.mapping.motions import logarithm
+from ros_visualise.landmarks.mapping.priors import FIRST
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.terms import FIRST, Noise, logarithm
+from ros_visualise.landmarks.mapping.unknowns import Noise
 
 SEEDS = 16
 NOISE = Noise(extra_px=0.2)

@@ -8,10 +8,11 @@ from made_worlds import SIZE, drifting, flight, floor, turn, world
 
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.mapping.mapping import map_of
+from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.outliers import outliers
 from ros_visualise.landmarks.mapping.problem import DistancePrior, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.terms import LARGER, PRINTED, Noise, Prior, logarithm
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Noise, Prior
 
 TAGS, VIEWS, SIGMA_PX = 7, 30, 0.2
 NOISE = Noise(extra_px=SIGMA_PX)

@@ -14,13 +14,10 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.minimising import GATE, robust
+from ros_visualise.landmarks.mapping.motions import between, logarithms
 from ros_visualise.landmarks.mapping.problem import Poses
-from ros_visualise.landmarks.mapping.terms import (
-    State,
-    Terms,
-    between,
-    logarithms,
-)
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import State
 from ros_visualise.landmarks.pose.refinement import moved
 
 _APART_RAD = 0.1

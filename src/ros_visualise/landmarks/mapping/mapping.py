@@ -22,7 +22,7 @@ from ros_visualise.landmarks.mapping.mounting import (
 from ros_visualise.landmarks.mapping.outliers import ASTRAY, UNSTEADY, Outlier, corrected, outliers
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
-from ros_visualise.landmarks.mapping.terms import Prior
+from ros_visualise.landmarks.mapping.unknowns import Prior
 
 _ROUNDS = 3
 _PRINTED = 0.01  # by how much all tags may be larger than is said, where a survey can tell

@@ -8,8 +8,10 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.normal import Normal, Solution, solve
+from ros_visualise.landmarks.mapping.priors import add_known
 from ros_visualise.landmarks.mapping.problem import Flags
-from ros_visualise.landmarks.mapping.terms import SHARED, State, Terms
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import SHARED, State
 
 Weigh = Callable[[Floats], tuple[Floats, Floats]]
 """Of squared residuals (S,): weights (S,), and what each sighting adds to the sum."""
@@ -80,7 +82,7 @@ def linearised(terms: Terms, state: State, weigh: Weigh) -> tuple[Normal, float]
     weights, losses = weigh(chi2_of(terms, state))
     terms.add_seen(normal, state, weights)
     of_odometry = terms.add_gone(normal, state)
-    known = terms.add_known(normal, state)
+    known = add_known(normal, state, terms.problem, terms.prior)
     return normal, float(losses.sum() + (of_odometry**2).sum() + known)
 
 

@@ -16,16 +16,11 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, kept, minimise, robust
+from ros_visualise.landmarks.mapping.motions import logarithms, relative
 from ros_visualise.landmarks.mapping.noise import scales_of_odometry
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, told
-from ros_visualise.landmarks.mapping.terms import (
-    MOUNTING,
-    Prior,
-    State,
-    Terms,
-    logarithms,
-    relative,
-)
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import MOUNTING, Prior, State
 from ros_visualise.landmarks.pose.refinement import turn
 
 _FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # what is known of a mounting before

@@ -9,7 +9,8 @@ import numpy as np
 from ros_visualise.landmarks.mapping.minimising import kept, linearised
 from ros_visualise.landmarks.mapping.normal import solve
 from ros_visualise.landmarks.mapping.problem import Flags, Problem
-from ros_visualise.landmarks.mapping.terms import Noise, State, Terms
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import Noise, State
 
 _MOST_PX = 100.0
 _PROBES = 8

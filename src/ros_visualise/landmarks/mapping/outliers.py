@@ -12,7 +12,8 @@ from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting
 from ros_visualise.landmarks.mapping.refitting import FARTHEST, refit
 from ros_visualise.landmarks.mapping.smoothing import Smoothed
-from ros_visualise.landmarks.mapping.terms import State, Terms
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import State
 
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
 ASTRAY = "astray"

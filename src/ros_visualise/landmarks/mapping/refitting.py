@@ -9,9 +9,11 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.minimising import GATE
+from ros_visualise.landmarks.mapping.motions import between, in_view
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Flags, Poses
-from ros_visualise.landmarks.mapping.terms import State, Terms, between, in_view
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import State
 from ros_visualise.landmarks.pose.rays import Rays
 from ros_visualise.landmarks.pose.refinement import linearise, moved
 

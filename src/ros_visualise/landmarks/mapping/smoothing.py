@@ -23,7 +23,8 @@ from ros_visualise.landmarks.mapping.minimising import (
 from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_odometry
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
-from ros_visualise.landmarks.mapping.terms import SHARED, UNKNOWN, Noise, Prior, State, Terms
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import SHARED, UNKNOWN, Noise, Prior, State
 
 _SCALES = (100.0, 10.0, 1.0, 0.3, 0.1)  # of the robust weights: the start is far
 _TURNS = 4

@@ -1,0 +1,90 @@
+"""What is known beforehand: what fixes the map, what was surveyed, and of the shared numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.mapping.motions import logarithm, offsets
+from ros_visualise.landmarks.mapping.normal import Normal
+from ros_visualise.landmarks.mapping.problem import DistancePrior, Poses, Problem, TagPrior
+from ros_visualise.landmarks.mapping.unknowns import (
+    SHARED,
+    Prior,
+    State,
+    differences,
+    mounting,
+)
+
+_ANCHOR = np.array([1e-4] * 3 + [1e-5] * 3)
+"""Metres and radians, that fix the map to a tag."""
+FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
+"""How far the frames are trusted where the first view is; the map has its heading from there."""
+
+
+def add_known(normal: Normal, state: State, problem: Problem, prior: Prior) -> float:
+    """What fixes the map, what was surveyed, what is known of the shared numbers; their sum."""
+    sigmas = prior.sigmas
+    free = sigmas > 0
+    G = slice(6 * normal.tags, None)
+    information = np.where(free, 1 / np.where(free, sigmas, 1) ** 2, 1e18)
+    normal.rest[G, G] += np.diag(information)
+    normal.slope_rest[G] += information * state.shared
+    total = float(information @ state.shared**2)
+    if not problem.surveyed:
+        total += _add_anchor(normal, state, problem)
+    for one in problem.surveyed:
+        total += _add_surveyed(normal, state, one)
+    for known in problem.distances:
+        total += _add_distance(normal, state, known)
+    return total
+
+
+def _add_anchor(normal: Normal, state: State, problem: Problem) -> float:
+    """The first view is where the frames say; without frames a tag is the map."""
+    odometry = problem.odometry
+    if odometry is None:
+        anchor = problem.anchor
+        apart = np.concatenate([state.tags.t[anchor], logarithm(state.tags.R[anchor])])
+        return _add_tag(normal, anchor, apart / _ANCHOR, np.diag(1 / _ANCHOR))
+    T = odometry.T_fixed_camera[:1]
+    first = Poses(state.views.R[:1], state.views.t[:1])
+
+    def residuals(shared: Floats) -> Floats:
+        R_x, t_x = mounting(shared)
+        given = Poses(T[:, :3, :3] @ R_x, T[:, :3, 3] + T[:, :3, :3] @ t_x)
+        apart: Floats = offsets(first, given) / FIRST
+        return apart
+
+    by_shared = differences(residuals, state.shared)
+    J = np.diag(1 / FIRST)[None]
+    there = residuals(state.shared)
+    normal.add(there, by_shared, (np.array([0]), J))
+    return float((there**2).sum())
+
+
+def _add_surveyed(normal: Normal, state: State, known: TagPrior) -> float:
+    off = (state.tags.t[known.tag] - known.position_xyz) / known.position_sigma
+    total = _add_tag(normal, known.tag, off, np.diag(1 / known.position_sigma) @ np.eye(3, 6))
+    if known.R is not None:
+        turned = logarithm(state.tags.R[known.tag] @ known.R.T) / known.R_sigma
+        total += _add_tag(normal, known.tag, turned, np.diag(1 / known.R_sigma) @ np.eye(6)[3:])
+    return total
+
+
+def _add_distance(normal: Normal, state: State, known: DistancePrior) -> float:
+    a, b = known.tags
+    apart = state.tags.t[b] - state.tags.t[a]
+    length = max(float(np.linalg.norm(apart)), 1e-9)
+    off = (length - known.distance_m) / known.sigma_m
+    J = np.zeros((1, 1, 6))
+    J[0, 0, :3] = apart / length / known.sigma_m
+    ends = (np.array([a]), -J), (np.array([b]), J)
+    normal.add(np.array([[off]]), np.zeros((1, 1, SHARED)), tags=ends)
+    return off**2
+
+
+def _add_tag(normal: Normal, tag: int, residual: Floats, J: Floats) -> float:
+    shared = np.zeros((1, len(residual), SHARED))
+    normal.add(residual[None], shared, tags=((np.array([tag]), J[None]),))
+    return float(residual @ residual)
