@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ros_visualise.simulation.attitude import Quat, Vector, conjugate, from_yaw, multiply, rows
 
@@ -45,6 +45,13 @@ class State(NamedTuple):
     attitude: Quat
     velocity: Vector
     rates: Vector
+
+    @classmethod
+    def of(cls, data: Any) -> State:
+        """The state of the robot's base in an ``mjData``."""
+        x, y, z, qw, qx, qy, qz = data.qpos[:7].tolist()
+        vx, vy, vz, p, q, r = data.qvel[:6].tolist()
+        return cls((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
 
 
 class SetPoint(NamedTuple):

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +12,11 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.simulation import frames
+from ros_visualise.simulation.assignments import find_mission, with_pad
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
-from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
+from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import compile_model, standing_height
 from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots import husky, quadrotor
@@ -27,7 +27,6 @@ from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.wind import Wind
 from ros_visualise.simulation.worlds import World, build_world, check_world
-from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -68,8 +67,8 @@ class Simulation:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
         self._name, self._world_name = robot, check_world(world)
-        self._mission = self._find(mission)
-        self.settings = _with_pad(settings or PARAMS[robot](), self._mission)
+        self._mission = find_mission(mission, robot, world)
+        self.settings = with_pad(settings or PARAMS[robot](), self._mission)
         self.world: World = build_world(world, self.settings.camera, _place_of_pad(self.settings))
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
@@ -205,7 +204,7 @@ class Simulation:
             UsageError: the robot has tipped over, or there is no pad to land on.
         """
         self._check_upright()
-        found = self._find(mission)
+        found = find_mission(mission, self._name, self._world_name)
         if found is not None and found.land_on and self.pad is None:
             raise UsageError("there is no pad to land on: set pad=true")
         self._mission = found
@@ -270,34 +269,6 @@ class Simulation:
         if isinstance(settings, QuadrotorParams) and self._name == "quadrotor":
             return quadrotor.Quadrotor(self._model, self._data, settings, seed)
         raise TypeError(f"{type(settings).__name__} are no settings of a {self._name}")
-
-    def _find(self, mission: Mission | str | Path | None) -> Mission | None:
-        if mission is None or isinstance(mission, Mission):
-            return mission
-        if mission == "default":
-            return self._default_mission()
-        clear_areas = CLEAR_AREAS[self._world_name]
-        if mission in SHAPES:
-            center, size = clear_areas[str(mission)]
-            return Mission(str(mission), size, center, laps=0)
-        return read_mission(mission, clear_areas)
-
-    def _default_mission(self) -> Mission:
-        """The world's path for the rover, a survey of the middle for the quadrotor."""
-        if self._name == "quadrotor":
-            return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
-        if path_xy := build_world(self._world_name, pictures=False).path_xy:
-            return follow_path(path_xy, 0.8)
-        return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)
-
-
-def _with_pad(settings: RobotParams, mission: Mission | None) -> RobotParams:
-    """The settings, with a pad where the mission lands on it."""
-    if mission is None or not mission.land_on:
-        return settings
-    if not isinstance(settings, QuadrotorParams):
-        raise OpenError("a mission with land_on is for robots that fly: take the quadrotor")
-    return replace(settings, pad=True)
 
 
 def _place_of_pad(settings: RobotParams) -> tuple[float, float, float] | None:

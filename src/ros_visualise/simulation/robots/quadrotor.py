@@ -47,7 +47,7 @@ class Quadrotor:
         self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
         self._steps = 0
         self._controller = FlightController(read_airframe(model))
-        state = self._state()
+        state = State.of(self._data)
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
         self._mode = Mode.LANDED
         self._home = state.position
@@ -90,7 +90,7 @@ class Quadrotor:
         self._carrot = None
         if self._mode is not Mode.LANDED:
             self._mode = Mode.FLYING
-            place = self._state().position
+            place = State.of(self._data).position
             if math.dist(self._reference.position, place) > _HELD_M:
                 self._reference.move(place, (0.0, 0.0, 0.0))
             self._fly([], _CLIMB)
@@ -116,11 +116,8 @@ class Quadrotor:
         x, y, z, w = goal.quat_xyzw.tolist()
         px, py, pz = goal.position_xyz.tolist()
         if pz <= 0:
-            pz = (
-                TAKE_OFF_M
-                if self._mode is Mode.LANDED
-                else max(self._reference.position[2], _LOWEST_M)
-            )
+            is_landed, height_m = self._mode is Mode.LANDED, self._reference.position[2]
+            pz = TAKE_OFF_M if is_landed else max(height_m, _LOWEST_M)
         yaw = yaw_of((w, x, y, z))
         self._cancel()
         self._after_take_off(pz, lambda: self._fly([(px, py, pz)], 2.0, yaw=yaw))
@@ -166,7 +163,7 @@ class Quadrotor:
 
     def control(self, time_s: float) -> None:
         """Set the motors' thrusts for the next step."""
-        state = self._state()
+        state = State.of(self._data)
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s, state)
         self._steps += 1
@@ -195,14 +192,9 @@ class Quadrotor:
         self._own = self._odometry.advance(stamp_ns, body.position, body.attitude, *body.velocity())
         return self._own
 
-    def _state(self) -> State:
-        x, y, z, qw, qx, qy, qz = self._data.qpos[:7].tolist()
-        vx, vy, vz, p, q, r = self._data.qvel[:6].tolist()
-        return State((x, y, z), (qw, qx, qy, qz), (vx, vy, vz), (p, q, r))
-
     def _begin_flight(self) -> None:
         """Turn the motors on."""
-        state = self._state()
+        state = State.of(self._data)
         self._controller.reset()
         self._mode = Mode.FLYING
         self._home = state.position
@@ -272,11 +264,9 @@ class Quadrotor:
 
     def _keep_near(self, state: State) -> None:
         """Hold the reference back if something holds the robot, so that it does not go on alone."""
-        off = [p - s for p, s in zip(self._reference.position, state.position, strict=True)]
+        off = self._reference.hold_within(_REACH_M, state.position, state.velocity)
         away = math.hypot(*off)
         if away > _REACH_M:
-            x, y, z = (s + _REACH_M / away * o for s, o in zip(state.position, off, strict=True))
-            self._reference.move((x, y, z), state.velocity)
             self._controller.reset()
         wanted = off if away > _HELD_M else (0.0, 0.0, 0.0)
         self._stall_detector.watch(wanted, state.velocity, state.position[:2], self._long_dt_s)

@@ -43,6 +43,19 @@ class Reference:
         """Go on from another position."""
         self.position, self.velocity = position, velocity
 
+    def hold_within(self, reach_m: float, place: Vector, velocity: Vector) -> Vector:
+        """Go on from that far from a place, with its velocity, if it was farther away.
+
+        Returns:
+            How far it was from the place, along the axes of ``map``, metres.
+        """
+        x, y, z = (p - s for p, s in zip(self.position, place, strict=True))
+        away = math.hypot(x, y, z)
+        if away > reach_m:
+            share = reach_m / away
+            self.move((place[0] + share * x, place[1] + share * y, place[2] + share * z), velocity)
+        return x, y, z
+
     def pull_to(
         self,
         target: Vector,
