@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 from ros_visualise.printing import say
 from ros_visualise.signals import STOPPED, Wish
@@ -16,26 +16,56 @@ T = TypeVar("T")
 
 _SPIN_S = 0.05
 _PATIENCE_S = 3.0
+_GRACE_S = 1.0
 
 
 def interruptible(make: Callable[[], T]) -> T:
     """What ``make`` returns, made on a thread, so that Ctrl-C need not wait for it."""
-    results: list[T] = []
-    errors: list[BaseException] = []
+    work = _Work(make)
+    while not work.is_done(_SPIN_S):
+        pass
+    return work.result
 
-    def work() -> None:
+
+def in_a_second(wish: Wish, make: Callable[[], T]) -> T | None:
+    """What ``make`` returns; None where it takes a second more when somebody asks for the end."""
+    work = _Work(make)
+    since_s = None
+    while not work.is_done(_SPIN_S):
+        now_s = time.monotonic()
+        since_s = now_s if since_s is None and wish.asked else since_s
+        if since_s is not None and now_s - since_s > _GRACE_S:
+            return None
+    return work.result
+
+
+class _Work(Generic[T]):
+    """Something that is made on a thread."""
+
+    def __init__(self, make: Callable[[], T]) -> None:
+        self._make = make
+        self._results: list[T] = []
+        self._errors: list[BaseException] = []
+        self._thread = threading.Thread(target=self._work, daemon=True)
+        self._thread.start()
+
+    def is_done(self, timeout_s: float) -> bool:
+        """Whether it is, after so long at most."""
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    @property
+    def result(self) -> T:
+        """What was made, once it is; raises what that raised."""
+        if self._errors:
+            raise self._errors[0]
+        return self._results[0]
+
+    def _work(self) -> None:
         try:
-            results.append(make())
+            self._results.append(self._make())
         except BaseException as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(_SPIN_S)
-    if errors:
-        raise errors[0]
-    return results[0]
+            self._errors.append(error)
 
 
 @contextmanager

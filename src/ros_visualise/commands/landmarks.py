@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.commands.interruptible import in_time, interruptible
+from ros_visualise.commands.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.commands.landmark_graphs import landmark_graph
-from ros_visualise.commands.mapping import Mapper
+from ros_visualise.commands.mapping import Mapped, Mapper
 from ros_visualise.commands.sightings import Sightings, image_json, landmarks_json, listen
 from ros_visualise.commands.wording import counted
 from ros_visualise.data import Header
@@ -52,11 +52,12 @@ def run(args: Namespace) -> int:
     with noticed() as wish:
         with in_time(wish, lambda: runtime.steps):
             stopped = _run(runtime, wish)
+        mapped = in_a_second(wish, lambda: mapper.finish(found.map)) if mapper else None
+        stopped = stopped or wish.asked
         if mapper:
-            interruptible(lambda: mapper.finish(found.map, lambda: bool(wish.asked)))
-            _save_map(runtime, mapper, found, args, stopped)
+            _save_map(runtime, mapped, found, args, stopped)
         report = runtime.report()
-        _tell(graph, found, mapper, report, args)
+        _tell(graph, found, mapped, report, args)
         for node in report.nodes.values():
             for note in node.unread:
                 say(f"ros-visualise: {args.input}: {note}")
@@ -76,14 +77,13 @@ def _run(runtime: LocalRuntime, wish: Wish) -> bool:
 
 
 def _save_map(
-    runtime: LocalRuntime, mapper: Mapper, found: Sightings, args: Namespace, stopped: bool
+    runtime: LocalRuntime, mapped: Mapped | None, found: Sightings, args: Namespace, stopped: bool
 ) -> None:
     """Write the map; of a run that was stopped, as far as there is one."""
-    if mapper.map is not None and mapper.map.tracks:
+    if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
-        landmarks = mapper.landmarks(found.map, found.last_ns)
-        found.map = Shown().detections(landmarks, header)
-        write_map(args.map, header.frame_id, landmarks)
+        found.map = Shown().detections(mapped.landmarks, header)
+        write_map(args.map, header.frame_id, mapped.landmarks)
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:
@@ -95,27 +95,31 @@ def _save_map(
             " by --size or --tags, and the camera's calibration"
         )
     runtime.act(LOCALIZER, "save_map")
+    if stopped:
+        say(f"ros-visualise: {args.map}: has the landmarks as they were found, not smoothed")
 
 
 def _tell(
-    graph: Graph, found: Sightings, mapper: Mapper | None, report: RunReport, args: Namespace
+    graph: Graph, found: Sightings, mapped: Mapped | None, report: RunReport, args: Namespace
 ) -> None:
     paths = _paths(graph)
     images = [image_json(image, paths.get(image.stamp_ns)) for image in found.images]
     localizer = report.nodes.get(LOCALIZER)
-    landmarks = landmarks_json(found, localizer.own["seen"] if localizer else {})
+    seen = dict(localizer.own["seen"]) if localizer else {}
+    seen |= {one.name: one.seen for one in mapped.landmarks} if mapped else {}
+    landmarks = landmarks_json(found, seen)
     if args.json:
         values: dict[str, Any] = {"images": images, "landmarks": landmarks}
-        values |= {"smoothing": mapper.values()} if mapper else {}
+        values |= {"smoothing": mapped.values()} if mapped else {}
         answer([json.dumps(values, allow_nan=False)])
         return
-    if paths and not mapper:
+    if paths and not mapped:
         rows = _of_pictures(images)
     else:
         heads = ("landmark", "seen", "position, metres", "+-", "frame")
         rows = [heads, *((*_named(one), *_placed(one)) for one in landmarks)]
     total = f"{counted(len(landmarks), 'landmark')} in {counted(len(images), 'image')}"
-    answer([*_table(rows, total), *(mapper.lines() if mapper else [])])
+    answer([*_table(rows, total), *(mapped.lines() if mapped else [])])
 
 
 def _paths(graph: Graph) -> dict[int, str]:

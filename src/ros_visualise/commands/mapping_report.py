@@ -10,10 +10,11 @@ import numpy as np
 
 from ros_visualise.commands.wording import counted
 from ros_visualise.landmarks.mapping.mapping import Map
+from ros_visualise.landmarks.mapping.outliers import UNSTEADY
 from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED
 from ros_visualise.printing import shown
 
-_WORST = 3  # views that are named
+_WORST = 3  # views, and tags, that are named
 
 
 def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
@@ -39,7 +40,7 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
             " by what was measured"
         )
     lines += [one.text for one in made.mountings]
-    lines += [f"{shown(one.name)}: {one.text}" for one in made.outliers]
+    lines += _outliers(made)
     lines += [
         f"{shown(name)}: the views do not tell which of two poses it has"
         for name, open_ in zip(found.problem.names, found.undecided, strict=True)
@@ -52,6 +53,17 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
         if one["refused"] * 2 > one["sightings"] > 1
     ][:_WORST]
     lines += [f"left out: {number} {reason}" for reason, number in left_out.items()]
+    return lines
+
+
+def _outliers(made: Map) -> list[str]:
+    """What is wrong with tags; of those that nothing explains, the worst alone."""
+    explained = [one for one in made.outliers if one.kind != UNSTEADY]
+    rest = sorted((one for one in made.outliers if one.kind == UNSTEADY), key=lambda o: -o.value)
+    named = [*explained, *rest[:_WORST]]
+    lines = [f"{shown(one.name)}: {one.text}" for one in named]
+    if more := rest[_WORST:]:
+        lines.append(f"{counted(len(more), 'more tag')} with sightings that do not fit; see --json")
     return lines
 
 

@@ -70,11 +70,6 @@ class Sightings:
         """Name -> in how many images it was found."""
         return Counter(name for image in self.images for name in sorted(image.names))
 
-    @property
-    def last_ns(self) -> dict[str, int]:
-        """Name -> when it was found last."""
-        return {name: image.stamp_ns for image in self.images for name in image.names}
-
     def _add_image(self, number: int, message: Image | Detections) -> None:
         if isinstance(message, Image):
             size: tuple[int, int] | None = (message.width, message.height)

@@ -51,24 +51,22 @@ class Map:
 def map_of(
     problem: Problem,
     gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None,
-    is_over: Callable[[], bool] = bool,
 ) -> Map | None:
     """A map of the tags of a recording; None where nothing hangs together.
 
     Args:
         gyro: of the stamps of views, what an IMU measured.
-        is_over: whether somebody asked for the end.
 
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
     is_measured = bool(problem.surveyed or problem.distances)
     prior = Prior(printed=_PRINTED if is_measured else 0.0)
-    found = smooth(problem, prior=prior, is_over=is_over)
+    found = smooth(problem, prior=prior)
     if found is None:
         return None
     mountings = []
-    if problem.odometry is not None and not is_over():
+    if problem.odometry is not None:
         mounting, freed = camera_mounting(found)
         mountings.append(mounting)
         if mounting.is_wrong:  # else tags would be blamed for it
@@ -76,10 +74,10 @@ def map_of(
     explained: list[Outlier] = []
     for _ in range(_ROUNDS):
         new = [one for one in outliers(found) if one.kind != UNSTEADY]
-        if not new or is_over():
+        if not new:
             break
         explained += [one for one in new if one.kind != ASTRAY]
-        again = smooth(corrected(found.problem, new), prior=prior, is_over=is_over)
+        again = smooth(corrected(found.problem, new), prior=prior)
         found = again or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     measured = gyro(found.problem.stamps_ns) if gyro else None

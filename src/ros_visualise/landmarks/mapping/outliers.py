@@ -28,7 +28,8 @@ _RESIZED = 0.03  # of its size, from which on that is not what was given
 class Outlier:
     """A tag, what is wrong with it (`SIZE`, `MOVED`, `TWICE`, `UNSTEADY`, `ASTRAY`), and in words.
 
-    ``value`` is its size by that which was given, or how far it moved or is apart, in metres;
+    ``value`` is its size by that which was given, how far it moved or is apart in metres, or of one
+    that is unsteady which part of its sightings does not fit;
     ``sightings`` are those that are of the other place.
     """
 
@@ -53,8 +54,9 @@ def outliers(found: Smoothed) -> list[Outlier]:
 
 
 def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
+    part = len(refused) / len(rows)
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
-    if len(refused) * 2 > len(rows):
+    if part > 0.5:
         share += ", so that it is not in the map"
     sized = refit(terms, state, rows, sized=True)
     explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
@@ -64,7 +66,7 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
         return Outlier(name, SIZE, text, sized.size)
     other = refit(terms, state, refused, sized=False)
     if other is None or other.fits.mean() < _AGREE:
-        return Outlier(name, UNSTEADY, f"{share}; no other place explains them")
+        return Outlier(name, UNSTEADY, f"{share}; no other place explains them", part)
     there, here = refused[other.fits], np.setdiff1d(rows, refused)
     stamps_s = terms.problem.stamps_ns[terms.corners.views] / 1e9
     apart = float(np.linalg.norm(other.t - state.tags.t[terms.corners.tags[rows[0]]]))
@@ -72,7 +74,7 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
         text = f"{share}: it was put where nobody sees it"
         return Outlier(name, ASTRAY, text, apart, refused[other.fits].tolist())
     if apart < terms.problem.sightings[rows[0]].size_m / 2:
-        return Outlier(name, UNSTEADY, f"{share}; it has not moved")
+        return Outlier(name, UNSTEADY, f"{share}; it has not moved", part)
     first, then = sorted((here, there), key=lambda one: stamps_s[one].min(initial=np.inf))
     if len(first) and len(then) and stamps_s[first].max() < stamps_s[then].min():
         text = f"it was moved by {apart:.2f} m before {stamps_s[then].min():.1f} s"

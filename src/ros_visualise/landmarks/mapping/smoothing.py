@@ -5,7 +5,6 @@ Source: W. Triggs and others, Bundle Adjustment - A Modern Synthesis, 2000.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,7 +65,6 @@ def smooth(
     problem: Problem,
     noise: Noise | None = None,
     prior: Prior = UNKNOWN,
-    is_over: Callable[[], bool] = bool,
 ) -> Smoothed | None:
     """The poses that fit best; None where no two things hang together.
 
@@ -74,7 +72,6 @@ def smooth(
         problem: what was recorded.
         noise: of what is measured; None: it is estimated from what does not fit.
         prior: of the shared numbers.
-        is_over: whether somebody asked for the end: then what is found by then is told.
 
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
@@ -94,8 +91,8 @@ def smooth(
         if noise is None:
             _estimate_px(terms, state)
         state = minimise(terms, state, robust(9 * scale * GATE), 10)
-    state, worse = _turned(terms, state, noise is None, is_over)
-    state, inliers = _settled(terms, state, noise is None, is_over)
+    state, worse = _turned(terms, state, noise is None)
+    state, inliers = _settled(terms, state, noise is None)
     return told(terms, state, inliers, worse < DECIDED, noise is None)
 
 
@@ -103,16 +100,14 @@ def _estimate_px(terms: Terms, state: State) -> None:
     terms.with_noise(extra_px=extra_of_corners(terms, state))
 
 
-def _turned(
-    terms: Terms, state: State, estimated: bool, is_over: Callable[[], bool]
-) -> tuple[State, Floats]:
+def _turned(terms: Terms, state: State, estimated: bool) -> tuple[State, Floats]:
     """With tags and views turned over that fit better so, until none does."""
     worse = np.full(terms.problem.counts[1], np.inf)
     for _ in range(_TURNS):
         of_views = turn_views(terms, state)
         of_tags = turn_tags(terms, of_views.state)
         worse = of_tags.worse
-        if not of_views.changed + of_tags.changed or is_over():
+        if not of_views.changed + of_tags.changed:
             break
         state = minimise(terms, of_tags.state, robust(9 * GATE), 10)
         if estimated:
@@ -120,9 +115,7 @@ def _turned(
     return state, worse
 
 
-def _settled(
-    terms: Terms, state: State, estimated: bool, is_over: Callable[[], bool]
-) -> tuple[State, Flags]:
+def _settled(terms: Terms, state: State, estimated: bool) -> tuple[State, Flags]:
     """With those sightings alone that fit, and noise as large as what is left."""
     inliers = np.zeros(len(terms.corners.views), bool)
     for _ in range(_SETTLED):
@@ -131,7 +124,7 @@ def _settled(
             terms.noise = scales_of_odometry(terms, state, inliers)
         before, inliers = inliers, chi2_of(terms, state) < GATE
         state = minimise(terms, state, kept(inliers), 10)
-        if (before == inliers).all() or is_over():
+        if (before == inliers).all():
             break
     return state, inliers
 

@@ -1,0 +1,108 @@
+"""Things without corners in a map that was smoothed: localized once more, from its views."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from ros_visualise.data import (
+    Detection3D,
+    Detections,
+    Floats,
+    Header,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.errors import NoTransform
+from ros_visualise.geometry import rotations
+from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.landmarks.localization.estimate import known
+from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.mapping.gathering import Gathered, is_tag
+from ros_visualise.landmarks.mapping.mapping import Map
+from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
+
+_LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
+"""What is still wrong with a view of a smoothed map, and for how long."""
+
+
+def objects_again(
+    made: Map, gathered: Gathered, frame_id: str, params: LocalizerParams
+) -> list[Track]:
+    """All that is no tag, by the localizer and what was found, the camera being where it was.
+
+    Args:
+        made: the map, which tells how wrong the frames were.
+        gathered: what was found, and the frames.
+        frame_id: of the map.
+        params: of the localizer.
+    """
+    params = replace(
+        params,
+        attitude_sigma=min(params.attitude_sigma, _LEFT_DEG),
+        position_sigma=min(params.position_sigma, _LEFT_M),
+        attitude_time=_LEFT_S,
+        position_time=_LEFT_S,
+        fixed_frame=frame_id,
+        map="",
+    )
+    localizer = LandmarkLocalizer(params)
+    frames, answer, last_ns = FrameTree(), None, 0
+    for message in _objects(gathered):
+        told = _where(made, gathered, frame_id, message, params.ground_frame)
+        if told:
+            frames.add(Transforms(told), static=False)
+            answer = localizer.step(params, objects=message, frames=frames)
+            last_ns = message.header.stamp_ns
+    seen = localizer.report()["seen"]
+    found = answer["landmarks"].detections if answer else ()
+    is_new = [one for one in found if one.class_id not in gathered.tag_names]
+    return [_track(one, last_ns, seen.get(one.id, 1)) for one in is_new]
+
+
+def _objects(gathered: Gathered) -> Iterator[Detections]:
+    """Images with things that are no tags, in order of time."""
+    for message in sorted(gathered.messages, key=lambda one: one.header.stamp_ns):
+        rest = tuple(one for one in message.detections if not is_tag(one))
+        if rest:
+            yield replace(message, detections=rest)
+
+
+def _where(
+    made: Map, gathered: Gathered, frame_id: str, message: Detections, ground: str
+) -> tuple[TransformStamped, ...]:
+    """Where the camera was, and the ground's frame if it is another; nothing if nobody knows."""
+    header = message.header
+    T = gathered.place(frame_id, message)
+    if T is None:
+        return ()
+    found = [_stamped(header.frame_id, made.correction(header.stamp_ns) @ T, header, frame_id)]
+    if ground and ground != frame_id:
+        try:
+            T = gathered.frames.lookup(frame_id, ground, header.stamp_ns)
+        except NoTransform:
+            return ()
+        found.append(_stamped(ground, T, header, frame_id))
+    return tuple(found)
+
+
+def _stamped(child: str, T: Floats, header: Header, frame_id: str) -> TransformStamped:
+    quat_xyzw = rotations.from_matrix(T[:3, :3])
+    return TransformStamped(child, T[:3, 3], quat_xyzw, Header(header.stamp_ns, frame_id))
+
+
+def _track(one: Detection3D, last_ns: int, seen: int) -> Track:
+    best = one.hypotheses[0]
+    here = known(best.position_xyz, rotations.to_matrix(best.quat_xyzw), np.array(best.covariance))
+    return Track(
+        one.class_id,
+        best.number,
+        one.id == one.class_id,
+        (Branch(here, 0.0),),
+        last_ns,
+        size_xyz=one.size_xyz,
+        sizes=int(one.size_xyz.any()),
+        seen=seen,
+    )
