@@ -61,3 +61,21 @@ def test_a_step_shows_the_next_image(client, playback):
     client.set("playback", "▸")
     wait_until(lambda: playback.state.position_s > before)
     assert not playback.state.playing
+
+
+def test_marks_are_numbers_buttons_and_keys(client, playback):
+    playback.seek(3.0)
+    wait_until(lambda: playback.state.position_s == 3.0)
+    client.set("mark", "[ here")
+    wait_until(lambda: playback.state.part_s == (3.0, None))
+    client.read_until(lambda: client.values["from"] == 3.0)
+    playback.seek(5.0)
+    client.set("mark", "here ]")
+    wait_until(lambda: playback.state.part_s == (3.0, 5.0))
+    client.read_until(lambda: client.values["to"] == 5.0)
+    client.set("from", 6.25)
+    wait_until(lambda: playback.state.part_s == (6.25, None))
+    client.set("to", 4.0)
+    wait_until(lambda: playback.state.part_s == (0.0, 4.0))
+    client.set("mark", "none")
+    wait_until(lambda: playback.state.part_s == (0.0, None))

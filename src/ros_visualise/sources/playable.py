@@ -24,7 +24,10 @@ class Playable(Protocol[T_co]):
 
 
 class PlaybackState(NamedTuple):
-    """What a page shows of a playback; ``duration_s`` is None where it is not known."""
+    """What a page shows of a playback; ``duration_s`` is None where it is not known.
+
+    ``part_s`` is the part that is played, with None where it ends with the recording.
+    """
 
     position_s: float
     duration_s: float | None
@@ -32,6 +35,7 @@ class PlaybackState(NamedTuple):
     ended: bool
     rate: float
     loop: bool
+    part_s: tuple[float, float | None]
 
 
 def time_before(source: Playable[object], time_ns: int, items_back: int) -> int:

@@ -8,6 +8,7 @@ from contextlib import closing, contextmanager
 from typing import TypeVar
 
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.sources.marks import Marks
 from ros_visualise.sources.playable import Playable, PlaybackState, time_before
 from ros_visualise.sources.played_length import PlayedLength, check_start
 from ros_visualise.sources.quota import Quota
@@ -52,6 +53,7 @@ class Playback:
         self._line = Timeline(self._clock, rate, live_stamps)
         self._asked = Requests()
         self._quota = Quota(duration_s, frames)
+        self._marks = Marks()
         self._loop, self._hold = loop, hold
         self._laps = self._epoch = 0
         self._closed = False
@@ -94,10 +96,16 @@ class Playback:
         """Its present state."""
         with self._changed:
             target_ns, line = self._asked.target_ns, self._line
-            position_ns = self._position_ns if target_ns is None else target_ns
-            playing = line.running and not self._ended
+            position_s = (self._position_ns if target_ns is None else target_ns) / 1e9
+            playing, length_s = line.running and not self._ended, self._length.seconds
             return PlaybackState(
-                position_ns / 1e9, self._length.seconds, playing, self._ended, line.rate, self._loop
+                position_s,
+                length_s,
+                playing,
+                self._ended,
+                line.rate,
+                self._loop,
+                self._marks.part_s,
             )
 
     def time_ns(self) -> int:
@@ -150,6 +158,18 @@ class Playback:
         """Start again at the end, or not."""
         with self._changing():
             self._loop = loop
+
+    def set_part(self, begin_s: float = 0.0, end_s: float | None = None) -> None:
+        """Play what lies between two times, both included; a person may still seek elsewhere.
+
+        Raises:
+            ParameterError: the end does not come after the beginning.
+        """
+        with self._changing():
+            end_ns = None if end_s is None else round(end_s * 1e9)
+            self._marks.set(round(begin_s * 1e9), end_ns)
+            if not self._marks.has(self._position_ns):
+                self._asked.seek(self._marks.begin_ns)
 
     def restart(self) -> None:
         """End the present run, as the source is to be opened anew; see `take_restart`."""
@@ -227,11 +247,11 @@ class Playback:
     def _play_from(
         self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
     ) -> Generator[tuple[int, T], None, bool]:
-        """Play; returns whether the end was reached."""
+        """Play; returns whether the end was reached, of the recording or of the part."""
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
-                if not self._wait_turn(time_ns, is_frame(item)):
-                    return False
+                if not self._wait_turn(self._marks.place(time_ns), is_frame(item)):
+                    return self._marks.next_ns is not None
                 yield self._line.stamp_ns, item
         return True
 
@@ -241,8 +261,9 @@ class Playback:
             place_ns = self._line.place_ns(time_ns)
             gap_ns = self._line.gap_ns(place_ns)
             self._done = self._quota.ends_within(gap_ns)
-            if self._done or not self._wait_until_due(place_ns):
+            if self._done or not self._wait_until_due(place_ns, time_ns):
                 return False
+            self._marks.passed(time_ns)
             self._asked.steps = max(0, self._asked.steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
                 self._length.pass_message(gap_ns)
@@ -250,9 +271,9 @@ class Playback:
             self._position_ns = time_ns
             return True
 
-    def _wait_until_due(self, place_ns: int) -> bool:
+    def _wait_until_due(self, place_ns: int, time_ns: int) -> bool:
         with self._line.awaiting(place_ns):
-            while not (self._closed or self._asked.lead_away):
+            while not (self._closed or self._asked.lead_away or self._marks.end_before(time_ns)):
                 now_ns = self._clock.monotonic_ns()
                 due_ns = now_ns if self._asked.steps else self._line.due_ns(place_ns, now_ns)
                 if due_ns is not None and due_ns <= now_ns:
@@ -265,7 +286,8 @@ class Playback:
         """The time to read from next; None to end."""
         with self._changed:
             if at_end:
-                self._length.end(self._position_ns)
+                if self._marks.next_ns is None:
+                    self._length.end(self._position_ns)
                 self._wait_at_end()
             self._ended = self._closed or self._done or not self._wants_more()
             if self._ended or self._asked.reopen:
@@ -275,7 +297,9 @@ class Playback:
             self._line.is_fresh = True
             self._epoch += 1
             position_ns, frames_back = self._asked.take_place(self._position_ns)
-        return time_before(recording, position_ns, frames_back)
+        start_ns = time_before(recording, position_ns, frames_back)
+        self._marks.enter(start_ns)
+        return start_ns
 
     def _wait_at_end(self) -> None:
         while self._hold and not (self._closed or self._done or self._wants_more()):
@@ -287,8 +311,8 @@ class Playback:
         return self._asked.lead_away or (self.has_played and (self._asked.start_over or loops))
 
     def _begin_loop(self) -> int:
-        self._line.begin_loop(self._length.promised_ns or 0)
+        self._line.begin_loop(self._marks.begin_lap(self._length.promised_ns or 0))
         self._epoch += self._asked.start_over
         self._laps += not self._asked.start_over
         self._line.is_fresh, self._asked.start_over = self._asked.start_over, False
-        return 0
+        return self._marks.begin_ns

@@ -63,6 +63,7 @@ def arrange(
         _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
     for window in windows:
         window.visible = window in chosen
+        window.panel.expand()  # on a phone, where each would begin as a line
 
 
 def _place(panels: Sequence[viser.PanelHandle], columns: int, width: int) -> None:

@@ -6,6 +6,10 @@ _ROOM = "\n".join(
     f".mantine-ScrollArea-root:has(.rv-rows-{n}) {{ --rv-rows: {n}; }}" for n in range(_ROWS + 1)
 )
 
+_SHEET = ".mantine-Paper-root:has(> div > .mantine-ScrollArea-root)"
+_BODY = '[style*="grid-template-rows: 1fr"]'
+"""What viser shows on a phone, and in it the elements of the main panel, beside the windows."""
+
 STYLE = f"""<style>
 /* An image fills its window's width; in a docked window it stays in view below the parameters. */
 img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
@@ -63,9 +67,22 @@ table.rv-topics small {{ display: block; opacity: .55; font-size: .65rem; }}
 .rv-frames {{ overflow-x: auto; padding: 0 .8em .5em; }}
 svg.rv-graph {{ display: block; width: calc(100% - 1.2em); max-width: 26em;
   margin: 0 auto .4em; }}
+/* On a phone all is in one sheet: playback, then the windows, then the folders. */
+@media (max-width: 36em) {{
+  {_SHEET} {{ width: 100% !important; max-height: var(--rv-sheet) !important; }}
+  {_SHEET} div:has(> div > {_BODY}) {{ width: 100% !important; }}
+  div:has(> {_BODY}) {{ display: flex; flex-direction: column; padding-bottom: .8em; }}
+  div:has(> {_BODY}) > .mantine-Divider-root {{ margin-bottom: .5em; }}
+  {_BODY}, {_BODY} > div, {_BODY} > div > div, {_BODY} > div > div > div, {_BODY} + div {{
+    display: contents !important; }}
+  {_BODY} + div > * {{ order: 1; }}
+  {_BODY} > div > div > div > .mantine-Paper-root {{ order: 2; margin: .8em .8em 0; }}
+  :is(img[src^="blob:"], .rv-whole) {{ max-height: calc(var(--rv-sheet) - 26em); }}
+}}
 </style>"""
 
 IMAGES_ALONE = """<style>
+:root { --rv-sheet: 100dvh; }
 /* Docked windows meet: viser keeps 120 pixels of the 3D scene free between them. */
 @media (min-width: 37em) {
   [data-dock-root] { width: calc(100% + 116px) !important; }
@@ -77,6 +94,7 @@ IMAGES_ALONE = """<style>
 """Beside `STYLE`, where nothing is drawn in 3D."""
 
 BESIDE_SCENE = """<style>
+:root { --rv-sheet: 72dvh; }
 /* Windows share a column evenly, however often it was halved; more than four of them scroll. */
 [data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]) {
   min-height: max(180px, calc((100vh - 50px) / 4)) !important; }

@@ -14,6 +14,7 @@ from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playable import PlaybackState
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.part import Part
 from ros_visualise.ui.page.worker import Worker
 
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
@@ -51,6 +52,7 @@ class Transport:
         self._time.max = max(self._time.max, _end_s(self._state))
         set_value(self._rate, _shown_rate(self._state.rate))
         set_value(self._loop, self._state.loop)
+        self._part.refresh()
         is_moved = self._worker.is_posted(_SEEK)
         if not is_moved and time.monotonic() - self._moved_s > _HANDS_OFF_S:
             set_value(self._time, round(self._state.position_s, 2))
@@ -77,6 +79,7 @@ class Transport:
         self._loop.on_update(self._worker.listener("loop", self._playback.set_loop))
         if len(self._playback.step_topics) > 1:
             self._add_step_topic(gui)
+        self._part = Part(gui, self._playback, self._worker)
 
     def _add_step_topic(self, gui: viser.GuiApi) -> None:
         playback = self._playback
@@ -95,7 +98,7 @@ class Transport:
         ]
         if not self._live:
             keys.append(("One image back", "arrowleft", partial(playback.step, -1)))
-            keys.append(("To the start", "home", partial(playback.seek, 0.0)))
+            keys.append(("To the start", "home", lambda: playback.seek(playback.state.part_s[0])))
         for label, key, action in keys:
             self._worker.add_key(gui, label, key, partial(self._do, action))
 
@@ -138,8 +141,15 @@ def _describe(state: PlaybackState) -> str:
     speed = "as fast as it goes" if state.rate == 0 else f"{state.rate:g} ×"
     return (
         f'<div class="rv-caption">{_clock(state.position_s)}{length}'
-        f"<span>{what}, {speed}</span></div>"
+        f"<span>{what}, {speed}</span></div>" + _describe_part(*state.part_s)
     )
+
+
+def _describe_part(begin_s: float, end_s: float | None) -> str:
+    if not begin_s and end_s is None:
+        return ""
+    end = "the end" if end_s is None else _clock(end_s)
+    return f'<div class="rv-caption">[ {_clock(begin_s)} to {end} ]</div>'
 
 
 def _clock(seconds: float) -> str:
