@@ -27,7 +27,9 @@ def test_an_image_and_its_sliders_fit(chromium, page, size):
     )
     tab = context.new_page()
     tab.goto(page.url)
-    tab.wait_for_function(f"(({BOXES})() ?? []).some((box) => box.bottom - box.top > 200)")
+    tab.wait_for_function(
+        f"(({BOXES})() ?? []).some((box) => box.bottom - box.top > 200)", timeout=90_000
+    )
     boxes = tab.evaluate(BOXES)
     for above, below in pairwise(boxes):
         assert above["bottom"] <= below["top"] + 1
