@@ -10,27 +10,29 @@ from typing import Any
 
 import pytest
 import yaml
+from launched import (
+    LAUNCH,
+    NEEDED,
+    OPTIONS,
+    PACKAGE,
+    PIPELINE_OPTIONS,
+    PLAYER_OPTIONS,
+    LaunchedGraph,
+    joined,
+)
 
-from ros_visualise.graph import Graph
 from ros_visualise.nodes import SourceType, find, find_all
 from ros_visualise.params import specs, update
-from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
+from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
 from ros_visualise.presets import preset
 from ros_visualise.runtime.playing import playing_params
 
-PACKAGE = Path(__file__).parents[2]
-LAUNCH = PACKAGE / "launch"
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))
 MAIN_IMAGES = ("main_video", "main_usb_cam", "main_rosbag")
-NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own", "recording": "/a.bag"}
-PLAYER_OPTIONS = {"path", "topics", "image", "wait_for", "max_memory"}
-OPTIONS = {"view", "host", "port", "allow_origin", "window", "record_dir"}
-OPTIONS |= {"image_transport", "start", "duration", "clock"}
 SEED = preset("seed", image_pipeline("streamer"))
-PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
 
 
-class Launched:
+class Launched(LaunchedGraph):
     """What roslaunch's own loader makes of a launch file."""
 
     def __init__(self, name: str, **args: Any) -> None:
@@ -45,13 +47,11 @@ class Launched:
         self.ours = {n.name: n for n in self.config.nodes if n.package == "ros_visualise"}
 
     def params(self, node: str) -> dict[str, Any]:
-        """A node's private parameters."""
         prefix = f"/{node}/"
         params = self.config.params.items()
         return {n.removeprefix(prefix): p.value for n, p in params if n.startswith(prefix)}
 
     def resolve(self, node: str, topic: str) -> str:
-        """A topic's name on the graph, after the node's remappings."""
         from rosgraph.names import resolve_name
 
         remapped = {resolve_name(a, "/"): resolve_name(b, "/") for a, b in self.remaps(node)}
@@ -60,30 +60,6 @@ class Launched:
     def remaps(self, node: str) -> list[list[str]]:
         remaps: list[list[str]] = self.nodes[node].remap_args
         return remaps
-
-    def graph(self) -> dict[str, dict[str, str]]:
-        """Node -> its inputs and outputs with their topics on the graph."""
-        joined = {}
-        for node in self._graph_nodes():
-            process = node.name if node.name in self.ours else "pipeline"
-            ports = {**node.inputs, **{f"{port} out": t for port, t in node.outputs.items()}}
-            joined[node.name] = {port: self.resolve(process, t) for port, t in ports.items()}
-        return joined
-
-    def _graph_nodes(self) -> list[Any]:
-        if "pipeline" in self.ours:
-            given = self.params("pipeline")
-            nodes = [find(n) for n in given["nodes"].split()]
-            return list(chain(nodes, given.get("source")).members)
-        nodes = [process for process in self.ours if process != "player"]
-        return [n for process in nodes for n in alone(find(process)).members]
-
-
-def joined(graph: Graph) -> dict[str, dict[str, str]]:
-    return {
-        node.name: {**node.inputs, **{f"{port} out": t for port, t in node.outputs.items()}}
-        for node in graph.members
-    }
 
 
 @pytest.mark.parametrize("pipeline", ["false", "true"])

@@ -1,0 +1,108 @@
+"""The launch files of ROS 2 start the graphs of `pipelines`, with what the nodes declare.
+
+That they start what those of ROS 1 do, tests in ``tests/ros1`` say.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from launched import LAUNCH, NEEDED, OPTIONS, PACKAGE, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
+from ros2_launch import Launched, Refused
+
+from ros_visualise.nodes import SourceType, find
+from ros_visualise.params import update
+from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
+from ros_visualise.runtime.playing import playing_params
+
+FILES = sorted(path.name.removesuffix(".launch.xml") for path in LAUNCH.glob("*.launch.xml"))
+MAIN = [name for name in FILES if name.startswith("main_")]
+
+
+@pytest.mark.parametrize("pipeline", ["false", "true"])
+@pytest.mark.parametrize(
+    ("name", "args", "source"),
+    [
+        ("main_video", {}, "streamer"),
+        ("main_usb_cam", {}, "camera"),
+        ("main_usb_cam", {"camera_driver": "usb_cam"}, None),
+        ("main_rosbag", {}, None),
+    ],
+)
+def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
+    launched = Launched(name, pipeline=pipeline, **args)
+    nodes = [find(node) for node in IMAGE_NODES]
+    expected = image_pipeline(source) if source else chain(nodes)
+    assert launched.graph() == joined(expected)
+
+
+@pytest.mark.parametrize("robot", ["husky", "quadrotor"])
+def test_path_follows_a_simulated_robot(robot):
+    launched = Launched("main_path", bag="none", simulator=robot)
+    graph, expected = launched.graph(), joined(simulation_pipeline(robot))
+    assert graph[robot] == expected[robot]
+    assert graph["path"]["odom"] == expected["path"]["odom"]
+    assert all(node.params["use_sim_time"] for node in launched.all)
+
+
+def test_robots_have_a_namespace_each():
+    robots = Launched("main_robots", bag="none", second="rover", seed=4)
+    assert {node.namespace for node in robots.all} == {"/uav1", "/rover"}
+    seeds = {node.name: node.params["seed"] for node in robots.all if node.type == "quadrotor"}
+    assert seeds == {"/uav1/quadrotor": 4, "/rover/quadrotor": 5}
+
+
+@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("pipeline", ["false", "true"])
+def test_parameters_are_declared(name, pipeline):
+    launched = Launched(name, pipeline=pipeline, bag="none", size="640x480")
+    for process, node in launched.ours.items():
+        given = launched.params(process)
+        if node.type == "pipeline":
+            inner = {n: v for n, v in given.items() if n not in PIPELINE_OPTIONS}
+            for path, value in inner.items():
+                check_declared(path.partition("/")[0], {path.partition("/")[2]: value})
+        elif node.type in ("node", "viewer"):
+            assert set(given) <= OPTIONS
+        else:
+            options = OPTIONS | (PLAYER_OPTIONS if node.type == "player" else set())
+            check_declared(node.type, {n: v for n, v in given.items() if n not in options})
+
+
+def check_declared(node, given):
+    declared = find(node)
+    kind = playing_params(declared) if isinstance(declared, SourceType) else declared.params
+    update(kind(), given)
+
+
+@pytest.mark.parametrize("name", MAIN)
+def test_unknown_view_is_refused(name):
+    with pytest.raises(Refused, match="view:=doors; choose windows, web, none"):
+        Launched(name, view="doors")
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_argument_is_documented(name):
+    for argument, (description, has_default) in Launched(name).arguments.items():
+        assert description, argument
+        assert has_default or argument in NEEDED, argument
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_named_file_exists(name):
+    launched = Launched(name, rqt="true")
+    for node in launched.ours.values():
+        assert (PACKAGE / "nodes" / node.type).is_file()
+    for tool in ("rviz", "rqt"):
+        if name in MAIN:
+            assert Path(launched.nodes[tool].args.split()[1]).is_file()
+
+
+@pytest.mark.parametrize("path", sorted(LAUNCH.rglob("*.launch.xml")), ids=lambda path: path.name)
+def test_nothing_that_is_included_changes_what_follows(path):
+    """What an include sets holds for the rest of its file, unless a group ends it."""
+    tree = ElementTree.parse(path)
+    groups = {id(include) for group in tree.iter("group") for include in group}
+    assert all(id(include) in groups for include in tree.iter("include"))
