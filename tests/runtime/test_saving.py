@@ -18,7 +18,7 @@ from ros_visualise.params import Parameters, param
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime import saving
 from ros_visualise.runtime.local import LocalRuntime
-from ros_visualise.runtime.saving import live_parameters, save, save_anew
+from ros_visualise.runtime.saving import live_parameters, load, of_node, save, save_anew
 
 SET = {
     "fps_control": {"fps": 7},
@@ -140,6 +140,49 @@ def test_the_viewer_saves_all_nodes(tmp_path):
         )
     assert saved["filters"]["blur"] == "median"
     assert saved["edge_detector"]["low"] == 11
+
+
+def test_a_file_of_parameters_wins(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("filters: {blur: median}\nuav1: {filters: {threshold: 7}}\n")
+    hub = Hub()
+    with hub.running("filters", params=str(file), threshold=9, blur="gaussian"):
+        current = wait_for(lambda: hub.parameters.get("/filters"), "filters")[1].current
+    assert (current.blur.value, current.threshold) == ("median", 9)
+    given = {"nodes": "fps_control filters", "source": "none", "params": str(file)}
+    with hub.running("pipeline", **given):
+        current = wait_for(lambda: hub.parameters.get("/pipeline/filters"), "filters")[1].current
+    assert current.blur.value == "median"
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "expected"),
+    [
+        ("filters: {low: 1}", "/filters", {"low": 1}),
+        ("filters: {low: 1}", "/uav1/filters", {"low": 1}),
+        ("filters: {low: 1}\nuav1: {filters: {low: 2}}", "/uav1/filters", {"low": 2}),
+        (
+            "filters: {low: 1, high: 3}\nuav1: {filters: {low: 2}}",
+            "/uav2/filters",
+            {"low": 1, "high": 3},
+        ),
+        ("filters: {ros__parameters: {low: 1}}", "/filters", {"low": 1}),
+        ("uav1: {filters: {low: 1}}", "/uav1", {}),
+        ("other: {low: 1}", "/filters", {}),
+    ],
+)
+def test_a_file_names_nodes_from_any_namespace_on(tmp_path, text, name, expected):
+    (tmp_path / "mine.yaml").write_text(text)
+    assert of_node(load(tmp_path / "mine.yaml"), name) == expected
+
+
+def test_none_is_an_empty_text(tmp_path):
+    hub = Hub()
+    write_video(tmp_path / "v.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)
+    given = {"path": str(tmp_path / "v.mkv"), "size": "none", "camera_info_url": "none"}
+    with hub.running("streamer", **given):
+        current = wait_for(lambda: hub.parameters.get("/streamer"), "streamer")[1].current
+    assert current.size == ""
 
 
 def answer(hub, service):

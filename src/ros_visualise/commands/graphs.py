@@ -11,7 +11,7 @@ from typing import Any
 from ros_visualise.commands.insertion import parse_insertion
 from ros_visualise.commands.lesson_graphs import lesson_graph
 from ros_visualise.data import Detections, Image
-from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
@@ -25,15 +25,14 @@ from ros_visualise.pipelines import (
     simulation_pipeline,
 )
 from ros_visualise.presets import preset
+from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.video_pixels import parse_size
 from ros_visualise.topic_names import known_topics
-from ros_visualise.yaml_files import BadYaml, load_yaml
 
 _NONE = "none"
-_PARAMS = "give a YAML file as NODE: {PARAM: VALUE}"
 _PATH = "path"
 
 
@@ -104,7 +103,7 @@ def with_settings(graph: Graph, args: Namespace) -> Graph:
     """
     if args.params:
         try:
-            graph = _configured(graph, _read_yaml(args.params), args)
+            graph = _configured(graph, load(args.params), args)
         except ParameterError as error:
             raise UsageError(f"{args.params}: {error}") from None
     for text in args.set:
@@ -209,18 +208,3 @@ def _size(args: Namespace) -> dict[str, str]:
 
 def _topic(name: str | None) -> str | None:
     return "" if name == _NONE else name
-
-
-def _read_yaml(path: Any) -> dict[str, dict[str, Any]]:
-    try:
-        values = load_yaml(path)
-    except FileNotFoundError:
-        raise OpenError.missing(path, _PARAMS) from None
-    except OSError as error:
-        raise OpenError(f"{path}: {error.strerror}; {_PARAMS}") from None
-    except BadYaml as error:
-        raise OpenError(f"{path}: not YAML: {error}") from None
-    values = {} if values is None else values
-    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
-        raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
-    return values

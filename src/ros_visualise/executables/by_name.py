@@ -70,7 +70,8 @@ def _own(given: Sequence[str]) -> NodeType | SourceType:
 def _run_pipeline(middleware: Middleware) -> int:
     """Run several nodes in one process; between them images pass by reference."""
     names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
-    graph = chain([choose_node(name) for name in names], middleware.option("source", "") or None)
+    source = middleware.option("source", "none")
+    graph = chain([choose_node(name) for name in names], None if source == "none" else source)
     return run_graph(middleware, graph, {node.name: node.name for node in graph.members})
 
 

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from ros_visualise.errors import UsageError
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.runtime.middleware import Middleware
+from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions
 
 OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock", "max_memory"),
+    *("image_transport", "start", "duration", "clock", "max_memory", "params"),
 )
 """Those that every executable reads."""
 
@@ -52,6 +54,16 @@ def choose_image_transport(middleware: Middleware) -> bool:
     if transport not in ("raw", "compressed"):
         raise UsageError(f"image_transport={transport}: choose raw or compressed")
     return bool(transport == "compressed")
+
+
+def choose_params(middleware: Middleware) -> dict[str, Any]:
+    """What the file holds that ``~params`` names; see `ros_visualise.runtime.saving.of_node`.
+
+    Raises:
+        OpenError: it cannot be read, or holds something else.
+    """
+    path = middleware.option("params", "none")
+    return {} if path == "none" else load(Path(middleware.find_file(str(path))))
 
 
 def seconds(middleware: Middleware, option: str) -> float:

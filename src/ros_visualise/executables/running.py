@@ -11,14 +11,19 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.errors import OpenError, RosVisualiseError
-from ros_visualise.executables.options import choose_image_transport, choose_view, seconds
+from ros_visualise.executables.options import (
+    choose_image_transport,
+    choose_params,
+    choose_view,
+    seconds,
+)
 from ros_visualise.graph import Graph, M
 from ros_visualise.params import Parameters, update
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
-from ros_visualise.runtime.saving import save_anew
+from ros_visualise.runtime.saving import of_node, save_anew
 from ros_visualise.sources.calibration_store import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
@@ -97,10 +102,13 @@ def _configured(
     """The graph with the parameters that launch files and command line gave to its nodes."""
     graph = _extended(middleware, graph, namespaces)
     source = graph.source
+    loaded = choose_params(middleware)
 
     def configured(member: M) -> M:
         kind = playing_params(source.type) if member is source else type(member.params)
         values = middleware.starting_values(kind, namespaces[member.name], options)
+        values |= of_node(loaded, f"{middleware.resolve('~')}/{namespaces[member.name]}")
+        values = _without_none(values, kind())
         if hasattr(kind, "camera_info_url"):
             url = str(values.get("camera_info_url", ""))
             values["camera_info_url"] = locate(url, middleware.resolve("~"))
@@ -110,6 +118,15 @@ def _configured(
         return replace(member, params=update(kind(), values))
 
     return graph.changed(configured)
+
+
+def _without_none(values: Mapping[str, Any], defaults: object) -> dict[str, Any]:
+    """What was given, where a text that may be empty is not called ``none``, as launch files do."""
+    return {
+        name: value
+        for name, value in values.items()
+        if not (value == "none" and getattr(defaults, name, None) == "")
+    }
 
 
 def _extended(middleware: Middleware, graph: Graph, namespaces: Mapping[str, str]) -> Graph:

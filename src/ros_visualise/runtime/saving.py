@@ -1,4 +1,4 @@
-"""Saving the parameters of nodes as YAML, which ``--params`` and launch files load."""
+"""Saving the parameters of nodes as YAML, and loading them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.files import TargetFile
-from ros_visualise.yaml_files import to_yaml
+from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
+
+_FORM = "give a YAML file as NODE: {PARAM: VALUE}"
 
 
 def live_parameters(runtime: Runtime) -> dict[str, Parameters[Any]]:
@@ -87,3 +89,42 @@ def _values(parameters: Mapping[str, Parameters[Any]]) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     return str(value.value) if isinstance(value, Enum) else value
+
+
+def load(path: Path) -> dict[str, dict[str, Any]]:
+    """What a file of parameters holds, by the names of nodes.
+
+    Raises:
+        OpenError: it cannot be read, or holds something else.
+    """
+    try:
+        values = load_yaml(path)
+    except FileNotFoundError:
+        raise OpenError.missing(path, _FORM) from None
+    except OSError as error:
+        raise OpenError(f"{path}: {error.strerror}; {_FORM}") from None
+    except BadYaml as error:
+        raise OpenError(f"{path}: not YAML: {error}") from None
+    values = {} if values is None else values
+    if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
+        raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
+    return values
+
+
+def of_node(values: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """What a file of parameters says of one node.
+
+    Args:
+        values: of the file, see `load`; a node may stand in a mapping of its namespace, and its
+            values below ``ros__parameters``, as ROS 2 has it.
+        name: of the node, with its namespace.
+    """
+    said: dict[str, Any] = {}
+    words = name.strip("/").split("/")
+    for first in reversed(range(len(words))):
+        found: Any = values
+        for word in words[first:]:
+            found = found.get(word) if isinstance(found, dict) else None
+        if isinstance(found, dict):
+            said |= found.get("ros__parameters", found)
+    return {name: value for name, value in said.items() if not isinstance(value, dict)}
