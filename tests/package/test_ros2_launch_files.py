@@ -106,3 +106,15 @@ def test_nothing_that_is_included_changes_what_follows(path):
     tree = ElementTree.parse(path)
     groups = {id(include) for group in tree.iter("group") for include in group}
     assert all(id(include) in groups for include in tree.iter("include"))
+
+
+@pytest.mark.parametrize("path", sorted(LAUNCH.rglob("*.launch.xml")), ids=lambda path: path.name)
+def test_what_an_included_file_needs_is_passed_on(path):
+    """ROS 2 refuses an include without it, even where the including file has it."""
+    for include in ElementTree.parse(path).iter("include"):
+        name = (
+            include.attrib["file"].partition("/launch/")[2].replace("$(var images_by)", "streamer")
+        )
+        passed = {arg.attrib["name"] for arg in include}
+        for arg in ElementTree.parse(LAUNCH / name).getroot().findall("arg"):
+            assert "default" in arg.attrib or arg.attrib["name"] in passed, (name, arg.attrib)
