@@ -53,52 +53,6 @@ def arrow(figure: Figure, start: Floats, end: Floats, color: Color, width: float
     )
 
 
-class Zoom:
-    """The pixels around one, enlarged, each with its number.
-
-    Args:
-        figure: what is drawn on.
-        box: where; a square.
-        center: (x, y) of the pixel.
-        reach: how many pixels are shown on each side of it.
-    """
-
-    def __init__(self, figure: Figure, box: Box, center: tuple[int, int], reach: int) -> None:
-        self._figure, self._box = figure, box
-        self._center, self._reach = center, reach
-        self._side = box[2] / (2 * reach + 1)
-
-    def draw(self, picture: Pixels, numbers: Floats | Pixels | None = None) -> None:
-        """A picture, and the numbers (height, width) of its pixels where they are given."""
-        x, y = self._center
-        n = self._reach
-        wide = cv2.copyMakeBorder(picture, n, n, n, n, cv2.BORDER_CONSTANT)
-        patch = wide[y : y + 2 * n + 1, x : x + 2 * n + 1]
-        self._figure.picture(self._box, np.ascontiguousarray(patch))
-        if numbers is None:
-            return
-        luma = patch if patch.ndim == 2 else cv2.cvtColor(patch, cv2.COLOR_BGR2GRAY)
-        height, width = picture.shape[:2]
-        for row in range(max(0, y - n), min(height, y + n + 1)):
-            for column in range(max(0, x - n), min(width, x + n + 1)):
-                is_bright = luma[row - y + n, column - x + n] > 110
-                ink = (0, 0, 0) if is_bright else (255, 255, 255)
-                place = self.place(column, row)
-                text = f"{numbers[row, column]:.0f}"
-                size = min(13.0, 1.5 * self._side / len(text))
-                self._figure.text(place[0], place[1] + size / 3, text, size, "middle", ink)
-
-    def mark(self, x: int, y: int, color: Color) -> None:
-        """The outline of a pixel."""
-        left, top = self.place(x, y) - self._side / 2
-        frame(self._figure, (left, top, self._side, self._side), color, 3)
-
-    def place(self, x: float, y: float) -> Floats:
-        """Where the middle of a pixel is on the figure, (2,)."""
-        from_center = np.array([x - self._center[0], y - self._center[1]]) + self._reach + 0.5
-        return np.array(self._box[:2]) + from_center * self._side
-
-
 def draw_histogram(figure: Figure, box: Box, pixels: Pixels, color: Color = GRAY) -> Axes:
     """How many pixels have each of 256 levels, as bars; returns the axes."""
     counts = np.bincount(pixels.ravel(), minlength=256)
@@ -125,12 +79,5 @@ def titled(pictures: Sequence[tuple[str, Pixels]], columns: int, width: int = 64
     for number, (title, picture) in enumerate(pictures):
         left, top = (number % columns) * cell + 4, (number // columns) * row
         figure.text(left, top + 17, title, 13)
-        figure.picture((left, top + 22, shown, row - 26), picture)
+        figure.picture((left, top + 22, shown, row - 26), picture, (0, 0))
     return figure
-
-
-def pixel_of(shape: tuple[int, ...], x: int, y: int, otherwise: tuple[int, int]) -> tuple[int, int]:
-    """(x, y) of the pixel that a person chose, or another one if either is below zero."""
-    if x < 0 or y < 0:
-        return otherwise
-    return min(x, shape[1] - 1), min(y, shape[0] - 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -37,6 +38,7 @@ class _Area:
 class _Picture:
     box: Box
     pixels: Pixels
+    corner: tuple[int, int] | None
 
 
 @dataclass(frozen=True)
@@ -78,9 +80,27 @@ class Figure:
         """What a line through points (N, 2) and back to the first encloses, filled."""
         self._drawn.append(_Area(np.asarray(points, np.float64), color))
 
-    def picture(self, box: Box, pixels: Pixels) -> None:
-        """A picture, gray or BGR of 8 bits; enlarged, its pixels stay squares."""
-        self._drawn.append(_Picture(box, pixels))
+    def picture(self, box: Box, pixels: Pixels, corner: tuple[int, int] | None = None) -> None:
+        """A picture, gray or BGR of 8 bits; enlarged, its pixels stay squares.
+
+        Args:
+            box: where it is.
+            pixels: of it.
+            corner: column and row of its first pixel in what the figure is about; None: it is not
+                a part of that.
+        """
+        self._drawn.append(_Picture(box, pixels, corner))
+
+    def pixel_at(self, x: float, y: float) -> tuple[int, int] | None:
+        """Column and row, in what the figure is about, of the pixel that is drawn at a place."""
+        for one in reversed(self._drawn):
+            if isinstance(one, _Picture) and one.corner is not None:
+                height, width = one.pixels.shape[:2]
+                column = math.floor((x - one.box[0]) * width / one.box[2])
+                row = math.floor((y - one.box[1]) * height / one.box[3])
+                if 0 <= column < width and 0 <= row < height:
+                    return one.corner[0] + column, one.corner[1] + row
+        return None
 
     def dot(self, x: float, y: float, radius: float, color: Color) -> None:
         """A filled circle."""

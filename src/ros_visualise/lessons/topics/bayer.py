@@ -10,26 +10,16 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import YELLOW, Zoom, frame, levels, pixel_of
+from ros_visualise.lessons.drawing import levels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import mosaic as methods
 from ros_visualise.lessons.methods.quality import psnr
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 
 _REACH = 8
-_ZOOM, _OVERVIEW = 400, 240
 _GAIN = 4  # of errors, to be seen
-
-
-@dataclass(frozen=True)
-class PlaceParams:
-    """Where one looks."""
-
-    x: int = param(-1, "column of the pixel in the middle; -1: where most colours go wrong",
-                   min=-1, max=4096, slider=(-1, 640))  # fmt: skip
-    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +31,8 @@ class _Measured:
     place: tuple[int, int]
 
 
-@node("mosaic", params=PlaceParams, inputs=TAKES, outputs=GIVES)
-def mosaic(image: Image, params: PlaceParams) -> dict[str, Message]:
+@node("mosaic", params=PixelParams, inputs=TAKES, outputs=GIVES)
+def mosaic(image: Image, params: PixelParams) -> dict[str, Message]:
     """The mosaic: each pixel measures one colour."""
     truth = _of_use(work_of(image, np.ndarray))
     measured = methods.to_mosaic(truth)
@@ -50,7 +40,7 @@ def mosaic(image: Image, params: PlaceParams) -> dict[str, Message]:
         _error(methods.demosaic(measured, "bilinear"), truth).astype(np.float32), (9, 9)
     )
     y, x = np.unravel_index(error[4:-4, 4:-4].argmax(), error[4:-4, 4:-4].shape)
-    place = pixel_of(truth.shape, params.x, params.y, (int(x) + 4, int(y) + 4))
+    place = params.pixel(truth.shape, (int(x) + 4, int(y) + 4))
     work = _Measured(truth, measured, place)
     text = """
         Before each pixel of the sensor is a filter, red, green or blue. In the pattern of Bayer
@@ -175,17 +165,8 @@ def _chroma_error(found: Pixels, truth: Pixels) -> Pixels:
 
 
 def _draw(work: _Measured, picture: Pixels, error: Pixels | None) -> Figure:
-    """The picture, its error, and the part around the place that is looked at."""
-    height, width = picture.shape[:2]
-    scale = min(_OVERVIEW / width, _ZOOM / 2 / height)
-    figure = Figure(_OVERVIEW + _ZOOM + 8, _ZOOM)
-    figure.picture((0, 0, width * scale, height * scale), picture)
-    reach = (_REACH + 0.5) * scale + 3
-    left, top = (work.place[0] + 0.5) * scale - reach, (work.place[1] + 0.5) * scale - reach
-    frame(figure, (left, top, 2 * reach, 2 * reach), YELLOW)
-    if error is not None:
-        box = (0, height * scale + 8, width * scale, height * scale)
-        figure.picture(box, levels(error, 255 / _GAIN))
-    zoom = Zoom(figure, (_OVERVIEW + 8, 0, _ZOOM, _ZOOM), work.place, _REACH)
+    """The picture, its error or else the truth, and a part around the place that is looked at."""
+    seen = work.truth if error is None else levels(error, 255 / _GAIN)
+    figure, zoom = magnified([picture, seen], work.place, _REACH)
     zoom.draw(picture)
     return figure

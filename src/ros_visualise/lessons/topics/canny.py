@@ -13,15 +13,12 @@ from ros_visualise.lessons.drawing import (
     GREEN,
     ORANGE,
     RED,
-    YELLOW,
-    Zoom,
     arrow,
     by_direction,
-    frame,
     levels,
-    pixel_of,
 )
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import canny
 from ros_visualise.lessons.methods.canny import NEIGHBOURS, Edges, Gradient, Mask
 from ros_visualise.lessons.methods.sobel import direction
@@ -31,7 +28,6 @@ from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.edges import Aperture, smooth
 
 _REACH = 3
-_ZOOM, _OVERVIEW = 400, 240
 
 
 @dataclass(frozen=True)
@@ -52,7 +48,8 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
         A derivative makes noise larger, so the picture is smoothed first: each pixel becomes a
         mean of its neighbours, weighted by a Gaussian.
 
-            G(x, y) = exp(-(x² + y²) / 2σ²) / 2πσ²,   σ = {sigma:g}
+            G(x, y) = exp(-r² / 2σ²) / 2πσ²
+            r² = x² + y²,   σ = {sigma:g}
 
         That changes a pixel of this picture by {change:.2f} gray levels on average. OpenCV's
         Canny leaves this step to whoever calls it; with σ = 0 it is off.
@@ -101,15 +98,6 @@ def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
     )
 
 
-@dataclass(frozen=True)
-class SuppressionParams:
-    """At which pixel one looks."""
-
-    x: int = param(-1, "column of the pixel that is shown; -1: where the gradient is largest",
-                   min=-1, max=4096, slider=(-1, 640))  # fmt: skip
-    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
-
-
 @dataclass(frozen=True, eq=False)
 class _Thin:
     """The gradient, and where it is a maximum."""
@@ -118,14 +106,14 @@ class _Thin:
     keeps: Mask
 
 
-@node("suppression", params=SuppressionParams, inputs=TAKES, outputs=GIVES)
-def suppression(image: Image, params: SuppressionParams) -> dict[str, Message]:
+@node("suppression", params=PixelParams, inputs=TAKES, outputs=GIVES)
+def suppression(image: Image, params: PixelParams) -> dict[str, Message]:
     """Step 3: only maxima along the gradient stay, so that edges are one pixel wide."""
     found = work_of(image, Gradient)
     keeps = canny.is_maximum(found)
     size = _norm(found)
     row, column = np.unravel_index(size.argmax(), size.shape)
-    x, y = pixel_of(size.shape, params.x, params.y, (int(column), int(row)))
+    x, y = params.pixel(size.shape, (int(column), int(row)))
     kind = int(canny.direction_class(found)[y, x])
     towards = NEIGHBOURS[kind]
     neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
@@ -136,7 +124,7 @@ def suppression(image: Image, params: SuppressionParams) -> dict[str, Message]:
         At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, taken as {taken}°. The neighbours,
         orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
 
-        Of {all} pixels with a gradient {kept} stay, {share:.1f} %. Choose another pixel by x and y.
+        Of {all} pixels with a gradient {kept} stay, {share:.1f} %. Click at another pixel.
         """
     return show(
         image,
@@ -259,23 +247,17 @@ def _at(size: Pixels, x: int, y: int) -> float:
 def _draw_suppression(
     found: Gradient, keeps: Mask, pixel: tuple[int, int], towards: tuple[int, int]
 ) -> Figure:
-    """The maxima of the whole picture, and beside them |G| around one pixel."""
-    size = _norm(found)
-    scale = min(_OVERVIEW / size.shape[1], _ZOOM / size.shape[0])
-    figure = Figure(_OVERVIEW + _ZOOM, _ZOOM)
-    box = (0, 0, size.shape[1] * scale, size.shape[0] * scale)
-    figure.picture(box, levels(np.sqrt(np.where(keeps, size, 0))))
-    (x, y), reach = pixel, (_REACH + 0.5) * scale + 4
-    middle_x, middle_y = (x + 0.5) * scale, (y + 0.5) * scale
-    frame(figure, (middle_x - reach, middle_y - reach, 2 * reach, 2 * reach), YELLOW)
-    zoom = Zoom(figure, (_OVERVIEW, 0, _ZOOM, _ZOOM), pixel, _REACH)
+    """The gradient of the whole picture, what stays of it, and |G| around one pixel."""
+    (x, y), size = pixel, _norm(found)
+    stays = np.where(keeps, size, 0)
+    figure, zoom = magnified([levels(np.sqrt(size)), levels(np.sqrt(stays))], pixel, _REACH)
     zoom.draw(levels(size), size)
     for sign in (-1, 1):
         zoom.mark(x + sign * towards[0], y + sign * towards[1], ORANGE)
     zoom.mark(x, y, BLUE)
     along = np.array([found.dx[y, x], found.dy[y, x]], float)
-    along *= 2.5 * _ZOOM / (2 * _REACH + 1) / max(float(np.linalg.norm(along)), 1.0)
-    arrow(figure, zoom.place(x, y), zoom.place(x, y) + along, GREEN)
+    along *= 2.5 / max(float(np.linalg.norm(along)), 1.0)
+    arrow(figure, zoom.place(x, y), zoom.place(x + along[0], y + along[1]), GREEN)
     return figure
 
 

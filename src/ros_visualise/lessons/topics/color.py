@@ -19,8 +19,9 @@ from ros_visualise.data import (
     Pixels,
     PointCloud,
 )
-from ros_visualise.lessons.drawing import GRAY, pixel_of, titled
+from ros_visualise.lessons.drawing import GRAY, titled
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
 from ros_visualise.nodes import node
 from ros_visualise.params import param
@@ -70,22 +71,13 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
     }
 
 
-@dataclass(frozen=True)
-class HsvParams:
-    """At which pixel one looks."""
-
-    x: int = param(-1, "column of the pixel; -1: the most colourful", min=-1, max=4096,
-                   slider=(-1, 640))  # fmt: skip
-    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
-
-
-@node("hsv", params=HsvParams, inputs=TAKES, outputs=GIVES)
-def hsv(image: Image, params: HsvParams) -> dict[str, Message]:
+@node("hsv", params=PixelParams, inputs=TAKES, outputs=GIVES)
+def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
     """HSV: which colour, how much of it, how bright."""
     bgr = work_of(image, np.ndarray)
     found = to_hsv(bgr)
     row, column = np.unravel_index(found[..., 1].argmax(), bgr.shape[:2])
-    x, y = pixel_of(bgr.shape, params.x, params.y, (int(column), int(row)))
+    x, y = params.pixel(bgr.shape, (int(column), int(row)))
     theirs = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV)
     full = np.full(found.shape[:2], 255, np.uint8)
     hue = cv2.cvtColor(cv2.merge([found[..., 0], full, full]), cv2.COLOR_HSV2BGR)
@@ -99,7 +91,7 @@ def hsv(image: Image, params: HsvParams) -> dict[str, Message]:
 
         OpenCV's hue goes from 0 to 179, half the degrees, to fit 8 bits; red is at both ends. At
         ({x}, {y}): R {red}, G {green}, B {blue} is H {h} ({degrees}°), S {s}, V {v}. cv2.cvtColor
-        differs in {differ} of {all} numbers.
+        differs in {differ} of {all} numbers. Click at another pixel.
         """
     blue, green, red = (int(one) for one in bgr[y, x])
     h, s, v = (int(one) for one in found[y, x])

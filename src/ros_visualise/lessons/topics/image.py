@@ -13,13 +13,11 @@ from ros_visualise.lessons.drawing import (
     GREEN,
     RED,
     YELLOW,
-    Zoom,
     draw_histogram,
-    frame,
-    pixel_of,
     titled,
 )
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods.quality import entropy, psnr, quantize
 from ros_visualise.nodes import node
 from ros_visualise.params import param
@@ -27,39 +25,24 @@ from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
 _REACH = 4
-_ZOOM, _OVERVIEW = 400, 240
 _ENCODED = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "bgr16", "bayer_rggb8")
 
 
-@dataclass(frozen=True)
-class PixelsParams:
-    """At which pixel one looks."""
-
-    x: int = param(-1, "column of the pixel; -1: the middle", min=-1, max=4096, slider=(-1, 640))
-    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
-
-
-@node("pixels", params=PixelsParams, inputs=TAKES, outputs=GIVES)
-def pixels(image: Image, params: PixelsParams) -> dict[str, Message]:
+@node("pixels", params=PixelParams, inputs=TAKES, outputs=GIVES)
+def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
     """Pixels: places with numbers."""
     bgr = work_of(image, np.ndarray)
     gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     height, width = gray.shape
-    x, y = pixel_of(gray.shape, params.x, params.y, (width // 2, height // 2))
-    scale = min(_OVERVIEW / width, _ZOOM / height)
-    figure = Figure(_OVERVIEW + _ZOOM, _ZOOM)
-    figure.picture((0, 0, width * scale, height * scale), bgr)
-    reach = (_REACH + 0.5) * scale + 4
-    left, top = (x + 0.5) * scale - reach, (y + 0.5) * scale - reach
-    frame(figure, (left, top, 2 * reach, 2 * reach), YELLOW)
-    zoom = Zoom(figure, (_OVERVIEW, 0, _ZOOM, _ZOOM), (x, y), _REACH)
+    x, y = params.pixel(gray.shape, (width // 2, height // 2))
+    figure, zoom = magnified([bgr, gray], (x, y), _REACH)
     zoom.draw(bgr, gray)
     zoom.mark(x, y, YELLOW)
     text = """
         A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row
         0 are at the top left. Each pixel of this one has three numbers of 8 bits, how much blue,
         green and red there is. At ({x}, {y}): blue {blue}, green {green}, red {red}; in gray
-        {gray}, which is written into the pixels.
+        {gray}, which is written into the pixels. Click at another one.
 
             {width} × {height} pixels
             × 3 channels × 1 byte = {size} bytes

@@ -10,8 +10,9 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Floats, Image, Message
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
-from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, Zoom, arrow
+from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, arrow
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import Zoom
 from ros_visualise.lessons.methods.camera import camera_matrix, project
 from ros_visualise.lessons.methods.homography import apply, ellipse, homography
 from ros_visualise.lessons.methods.tags import SQUARE, TagSeen, draw_tag, find_tag

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from ros_visualise.ui.page.presets import PresetChoice
 from ros_visualise.ui.page.recorder import Recorder
 from ros_visualise.ui.page.robot import RobotStatus
 from ros_visualise.ui.page.saver import Saver
+from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
@@ -124,6 +126,7 @@ class Desk:
         with self._windows_folder:
             self._size = self._add_size(gui)
         self._choice = Choice(gui, self._windows_folder, self._worker)
+        add_channel(gui, self._worker, "pick", self._pick)
         with gui.add_folder("recording"):
             self._recorder = Recorder(gui, self._runtime, self._worker, self._record_dir)
             Saver(gui, self._runtime, self._worker, self._record_dir, self._kept)
@@ -157,6 +160,14 @@ class Desk:
         gui = self._server.gui
         act = None if node.name == self._robot_name else self._act
         return Window(gui, self._runtime, node, self._worker, self._scene, act)
+
+    def _pick(self, told: str, _: int) -> None:
+        """Take the click that a browser tells: ``NODE ACROSS DOWN``."""
+        with suppress(ValueError):  # such as one that is no number
+            name, across, down = told.split()
+            for window in self._windows:
+                if window.name == name:
+                    window.pick(float(across), float(down))
 
     def _act(self, node: str, action: str) -> None:
         """Do an action on a thread of its node, so that driving and other nodes need not wait."""

@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from ros_visualise.data import Image, Pixels
+from ros_visualise.lessons.magnifier import pixel_at
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.feed import Feed
@@ -33,6 +34,7 @@ class Picture:
         rows: how many elements stand above it in its window.
         overlay: points that are drawn over it.
         boxes: what was found in the images.
+        picks: what a click chooses a pixel for; empty: a click opens the image whole.
     """
 
     def __init__(
@@ -43,12 +45,13 @@ class Picture:
         rows: int,
         overlay: Overlay,
         boxes: Boxes,
+        picks: str = "",
     ) -> None:
         self.topic = topic
         """What it shows; may be changed from any thread."""
         self.visible = True
         """Whether it is on the page at all; may be changed from any thread."""
-        self._rows, self._overlay, self._boxes = rows, overlay, boxes
+        self._rows, self._overlay, self._boxes, self._picks = rows, overlay, boxes, picks
         self._feed = Feed(runtime)
         self._image: Image | None = None
         self._size = 0
@@ -81,6 +84,10 @@ class Picture:
         image = self._image
         return image.width / image.height if image is not None and image.height else None
 
+    def pixel_at(self, across: float, down: float) -> tuple[int, int] | None:
+        """(x, y) of the pixel that is seen there: shares of the image's width and height."""
+        return None if self._image is None else pixel_at(self._image, across, down)
+
     def rest(self) -> None:
         """Ask for nothing until the next `refresh`."""
         self._feed.follow(None)
@@ -108,13 +115,15 @@ class Picture:
         )
 
     def _link(self) -> str:
-        """A link that lies over the picture above: a click opens the image whole."""
+        """What lies over the picture above: a click opens the image whole, or chooses a pixel."""
         image = self._image
         shape = "16 / 9" if image is None else f"{image.width} / {image.height}"
-        return (
-            f'<a class="rv-whole" href="{escape(link("image", topic=self.topic))}" target="_blank" '
-            f'title="look closely" style="aspect-ratio: {shape}"></a>'
-        )
+        look = f'href="{escape(link("image", topic=self.topic))}" target="_blank"'
+        over = f'class="rv-whole" style="aspect-ratio: {shape}"'
+        if self._picks:
+            pick = f'{over} data-pick="{escape(self._picks)}" title="choose a pixel"'
+            return f"<i {pick}></i><a {look}>look closely</a> "
+        return f'<a {over} {look} title="look closely"></a>'
 
 
 class ImageThread:

@@ -33,6 +33,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-caption {{ position: relative; }}
 .rv-whole {{ position: absolute; z-index: 2; bottom: calc(100% + .45em); left: 0; width: 100%;
   cursor: zoom-in; }}
+.rv-whole[data-pick] {{ cursor: crosshair; }}
 .rv-links {{ opacity: 1; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;

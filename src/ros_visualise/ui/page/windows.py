@@ -8,8 +8,9 @@ from itertools import groupby
 
 import viser
 
-from ros_visualise.data import PointCloud
-from ros_visualise.graph import Member
+from ros_visualise.data import Image, PointCloud
+from ros_visualise.graph import Member, Node
+from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
@@ -43,12 +44,13 @@ class Window:
         self.name = node.name
         self.aside = node.aside
         self.picture: Picture | None = None
-        self._clouds = _clouds_of(runtime)
+        self._clouds = _clouds_of(runtime, node)
         self._looks = _looks_of(node), _overlays_of(runtime, node)
         self._overlay = Overlay(runtime, scene)
         self._boxes = Boxes(runtime, lambda topic: detections_of(runtime.graph, topic))
         self._gui, self._worker = gui, worker
-        self._controls = Controls(gui, node.name, runtime.parameters[node.name], worker)
+        self._parameters = runtime.parameters[node.name]
+        self._controls = Controls(gui, node.name, self._parameters, worker)
         self._panel = gui.add_panel()
         declared = [spec for spec in specs(node.params) if not spec.restart]
         images = images_of(node)
@@ -57,7 +59,8 @@ class Window:
             self._controls.add(main)
             first = first_shown(runtime.graph, node)
             if first is not None:
-                self._add_picture(runtime, images, first, len(main))
+                picks = node.name if isinstance(node.params, PixelParams) else ""
+                self._add_picture(runtime, images, first, len(main), picks)
             self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             if act is not None:
@@ -108,7 +111,17 @@ class Window:
         self.close()
         self._panel.remove()
 
-    def _add_picture(self, runtime: Runtime, topics: Sequence[str], first: str, rows: int) -> None:
+    def pick(self, across: float, down: float) -> None:
+        """Choose the pixel that is seen at a place of the image: shares of its width and height."""
+        if self.picture is None or not isinstance(self._parameters.current, PixelParams):
+            return
+        pixel = self.picture.pixel_at(across, down)
+        if pixel is not None:
+            self._parameters.update({"x": max(pixel[0], 0), "y": max(pixel[1], 0)})
+
+    def _add_picture(
+        self, runtime: Runtime, topics: Sequence[str], first: str, rows: int, picks: str
+    ) -> None:
         chosen = None
         if len(topics) > 1:
             chosen = self._gui.add_dropdown("show", topics, initial_value=first)
@@ -118,7 +131,7 @@ class Window:
             self._add_overlay()
         if has_boxes:
             self._add_boxes()
-        self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes)
+        self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes, picks)
         if chosen is not None:
             chosen.on_update(self._worker.listener((self.name, "show"), self._choose))
 
@@ -161,14 +174,16 @@ def has_window(node: Member) -> bool:
     return bool(images_of(node) or texts_of(node) or specs(node.params) or node.type.actions)
 
 
-def _clouds_of(runtime: Runtime) -> list[str]:
-    """The topics whose points can be drawn over images."""
+def _clouds_of(runtime: Runtime, node: Member) -> list[str]:
+    """The topics whose points can be drawn over a node's images: not over figures of numbers."""
+    if isinstance(node, Node) and Image not in node.type.inputs.values():
+        return []
     return [name for name, topic in runtime.graph.topics.items() if topic.type is PointCloud]
 
 
 def _overlays_of(runtime: Runtime, node: Member) -> object:
     found = [detections_of(runtime.graph, topic) for topic in images_of(node)]
-    return _clouds_of(runtime), found
+    return _clouds_of(runtime, node), found
 
 
 def _looks_of(node: Member) -> object:

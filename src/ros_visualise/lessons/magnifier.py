@@ -1,0 +1,120 @@
+"""Pixels of a picture enlarged, about one that a person chooses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ros_visualise.data import Floats, Image, Pixels
+from ros_visualise.lessons.drawing import YELLOW, frame
+from ros_visualise.lessons.lesson import Drawn
+from ros_visualise.params import param
+from ros_visualise.sinks.figure import Box, Color, Figure
+
+_SIDE = 320  # of the pictures on the left, and of the pixels on the right
+_GAP = 8
+
+
+@dataclass(frozen=True)
+class PixelParams:
+    """At which pixel one looks."""
+
+    x: int = param(-1, "column of the pixel, as a click on the picture chooses it; -1: any",
+                   min=-1, max=4096, slider=(-1, 640))  # fmt: skip
+    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+
+    def pixel(self, shape: tuple[int, ...], otherwise: tuple[int, int]) -> tuple[int, int]:
+        """(x, y) of the pixel that was chosen, or another one if none was.
+
+        Args:
+            shape: of the picture: height, width.
+            otherwise: the other one.
+        """
+        if self.x < 0 or self.y < 0:
+            return otherwise
+        return min(self.x, shape[1] - 1), min(self.y, shape[0] - 1)
+
+
+def pixel_at(image: Image, across: float, down: float) -> tuple[int, int] | None:
+    """(x, y) of the pixel of a lesson's picture that is seen at a place of a step's image.
+
+    Args:
+        image: of the step.
+        across, down: shares of its width and height, 0 to 1.
+    """
+    if isinstance(image.data, Drawn):
+        figure = image.data.figure
+        return figure.pixel_at(across * figure.width, down * figure.height)
+    return int(across * image.width), int(down * image.height)
+
+
+class Zoom:
+    """The pixels around one, enlarged, each with its number.
+
+    Args:
+        figure: what is drawn on.
+        box: where; a square.
+        center: (x, y) of the pixel.
+        reach: how many pixels are shown on each side of it.
+    """
+
+    def __init__(self, figure: Figure, box: Box, center: tuple[int, int], reach: int) -> None:
+        self._figure, self._box = figure, box
+        self._center, self._reach = center, reach
+        self._side = box[2] / (2 * reach + 1)
+
+    def draw(self, picture: Pixels, numbers: Floats | Pixels | None = None) -> None:
+        """A picture, and the numbers (height, width) of its pixels where they are given."""
+        x, y = self._center
+        n = self._reach
+        wide = cv2.copyMakeBorder(picture, n, n, n, n, cv2.BORDER_CONSTANT)
+        patch = wide[y : y + 2 * n + 1, x : x + 2 * n + 1]
+        self._figure.picture(self._box, np.ascontiguousarray(patch), (x - n, y - n))
+        if numbers is None:
+            return
+        luma = patch if patch.ndim == 2 else cv2.cvtColor(patch, cv2.COLOR_BGR2GRAY)
+        height, width = picture.shape[:2]
+        for row in range(max(0, y - n), min(height, y + n + 1)):
+            for column in range(max(0, x - n), min(width, x + n + 1)):
+                is_bright = luma[row - y + n, column - x + n] > 110
+                ink = (0, 0, 0) if is_bright else (255, 255, 255)
+                place = self.place(column, row)
+                text = f"{numbers[row, column]:.0f}"
+                size = min(13.0, 1.5 * self._side / len(text))
+                self._figure.text(place[0], place[1] + size / 3, text, size, "middle", ink)
+
+    def mark(self, x: int, y: int, color: Color) -> None:
+        """The outline of a pixel."""
+        left, top = self.place(x, y) - self._side / 2
+        frame(self._figure, (left, top, self._side, self._side), color, 3)
+
+    def place(self, x: float, y: float) -> Floats:
+        """Where the middle of a pixel is on the figure, (2,)."""
+        from_center = np.array([x - self._center[0], y - self._center[1]]) + self._reach + 0.5
+        return np.array(self._box[:2]) + from_center * self._side
+
+
+def magnified(
+    pictures: Sequence[Pixels], pixel: tuple[int, int], reach: int
+) -> tuple[Figure, Zoom]:
+    """A figure of pictures of one size, one below the other, with room for pixels beside them.
+
+    Args:
+        pictures: they are drawn; in the first, a frame is around what is enlarged.
+        pixel: (x, y) of the pixel in the middle.
+        reach: how many pixels are shown on each side of it.
+    """
+    height, width = pictures[0].shape[:2]
+    each = (_SIDE - _GAP * (len(pictures) - 1)) / len(pictures)
+    scale = min(_SIDE / width, each / height)
+    figure = Figure(2 * _SIDE + _GAP, _SIDE)
+    for number, picture in enumerate(pictures):
+        top = number * (height * scale + _GAP)
+        figure.picture((0, top, width * scale, height * scale), picture, (0, 0))
+    half = (reach + 0.5) * scale + 3
+    left, top = (pixel[0] + 0.5) * scale - half, (pixel[1] + 0.5) * scale - half
+    frame(figure, (left, top, 2 * half, 2 * half), YELLOW)
+    return figure, Zoom(figure, (_SIDE + _GAP, 0, _SIDE, _SIDE), pixel, reach)

@@ -1,0 +1,15 @@
+// A click on an image of which one chooses a pixel, <i data-pick="node"> over it, is told as
+// "NODE ACROSS DOWN": shares of the image's width and height. The image is as wide and as high as
+// fits into its element, in the middle.
+document.addEventListener("click", ({ target, clientX, clientY }) => {
+  const over = target.closest?.("[data-pick]");
+  for (const image of over ? document.querySelectorAll("img[src^='blob:']") : []) {
+    const box = image.getBoundingClientRect();
+    const scale = Math.min(box.width / image.naturalWidth, box.height / image.naturalHeight);
+    const [width, height] = [scale * image.naturalWidth, scale * image.naturalHeight];
+    const across = (clientX - box.left - (box.width - width) / 2) / width;
+    const down = (clientY - box.top - (box.height - height) / 2) / height;
+    if (Math.min(across, down) >= 0 && Math.max(across, down) < 1)
+      rv.send("pick", [over.dataset.pick, across.toFixed(5), down.toFixed(5)].join(" "));
+  }
+});
