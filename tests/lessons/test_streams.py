@@ -5,7 +5,14 @@ import pytest
 from made_mcaps import numbered, write_mcap
 
 from ros_visualise.cli import main
-from ros_visualise.data import Header, Imu, Odometry, Transforms, TransformStamped
+from ros_visualise.data import (
+    Header,
+    Imu,
+    MarkerType,
+    Odometry,
+    Transforms,
+    TransformStamped,
+)
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_rpy
 from ros_visualise.lessons.lesson import Shown
@@ -88,6 +95,21 @@ def test_an_imu_is_told_by_its_numbers():
     assert "100 measurements a second" in texts[0]
     density = float(texts[1].partition("gyroscope")[2].partition("N = ")[2].split()[0])
     assert density == pytest.approx(0.02 / 10, rel=0.05)
+
+
+def test_the_car_stands_on_the_road_around_its_imu():
+    told = sensors.Car.declared.make(None)
+    imu = Imu(UP, np.zeros(3), np.zeros(3), header=Header(10**9, "imu_link"))
+    markers = told.step(imu, None)["markers"].markers
+    assert told.step(imu, None) is None
+    assert all(one.header.frame_id == "imu_link" and one.frame_locked for one in markers)
+    assert len({one.id for one in markers}) == len(markers)
+    wheels = [one for one in markers if one.type == MarkerType.CYLINDER and one.scale_xyz[0] > 0.5]
+    grounds = {one.position_xyz[2] - one.scale_xyz[0] / 2 for one in wheels}
+    assert len(wheels) == 4
+    assert [*grounds] == pytest.approx([-0.93]), "of the road below the IMU"
+    names = {one.text for one in markers if one.type == MarkerType.TEXT_VIEW_FACING}
+    assert {"Velodyne", "gray cameras", "colour cameras", "GPS and IMU"} == names
 
 
 def test_a_slow_node_counts_what_it_did_not_get():

@@ -6,34 +6,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ros_visualise.data import Floats, Imu, Message
-from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, ORANGE, RED, frame
+from ros_visualise.data import Floats, Imu, MarkerArray, Message
+from ros_visualise.lessons import car
+from ros_visualise.lessons.drawing import BLUE, GREEN, RED
 from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
 from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Color, Figure
+from ros_visualise.sinks.figure import Figure
 
 _WIDTH = 640
 _PERIOD_NS = 1_000_000_000
 _MOST = 200_000  # samples that are kept
 _LEAST = 100
 
-_CAR = (4.8, 1.8, 1.5)
-"""Length, width and height of the car, metres: a VW Passat estate, about."""
 
-_SENSORS: dict[str, tuple[tuple[float, float, float], Color]] = {
-    "Velodyne": ((0.81, 0.32, 1.73), RED),
-    "gray cameras": ((1.08, 0.32, 1.65), BLUE),
-    "colour cameras": ((1.08, 0.26, 1.65), GREEN),
-    "GPS and IMU": ((0.0, 0.0, 0.93), ORANGE),
-}
-"""Metres ahead of the IMU, to its left, and above the road, about: Geiger et al., Vision meets
-Robotics: The KITTI Dataset, 2013, figure 3."""
-
-
-@node("car", inputs={"imu": Imu}, outputs=GIVES)
+@node("car", inputs={"imu": Imu}, outputs={**GIVES, "markers": MarkerArray}, latched=("markers",))
 class Car:
     """KITTI's car and its sensors."""
 
@@ -55,9 +44,11 @@ class Car:
                 IMU          passive   turns, forces    100 Hz, always, and drifts
 
             None is enough alone: cameras have no scale, lasers no colours, GPS no signal in
-            tunnels, and an IMU no memory of where it began.
+            tunnels, and an IMU no memory of where it began. In 3D the car stands around the IMU of
+            this run; of a drive of KITTI it is where it was.
             """
-        return show_at(imu.header, _draw_car(), text)
+        markers = car.markers(imu.header.frame_id)
+        return {**show_at(imu.header, car.figure(), text), "markers": markers}
 
 
 @dataclass(frozen=True)
@@ -226,30 +217,6 @@ LESSON = Lesson(
 
 def _three(values: Floats) -> str:
     return "(" + ", ".join(f"{one:.4f}" for one in values) + ")"
-
-
-def _draw_car() -> Figure:
-    """From the side and from above; one metre is 100 units."""
-    figure = Figure(_WIDTH, 470)
-    scale, middle = 100.0, 270.0
-    length, width, height = (side * scale for side in _CAR)
-    left = middle - length / 2
-    for name, top, tall in (
-        ("from the side: heights above the road", 190 - height, height),
-        ("from above", 270.0, width),
-    ):
-        figure.text(12, top - 22 if top < 200 else top - 10, name, 13)
-        frame(figure, (left, top, length, tall), GRAY, 2)
-    figure.line(np.array([[20, 210], [_WIDTH - 90, 210]]), GRAY, 1)
-    for x in (left + 90, left + length - 90):
-        figure.dot(x, 190, 20, GRAY)
-    for number, (name, ((ahead, aside, up), color)) in enumerate(_SENSORS.items()):
-        x = middle - 60 + ahead * scale
-        figure.dot(x, 210 - up * scale, 7, color)
-        figure.dot(x, 270 + width / 2 - (aside - 0.16) * scale, 7, color)
-        figure.dot(_WIDTH - 175, 30 + 24 * number, 6, color)
-        figure.text(_WIDTH - 163, 34 + 24 * number, f"{name}, {up:.2f} m", 13)
-    return figure
 
 
 def _draw_measured(times_s: Floats, values: Floats) -> Figure:

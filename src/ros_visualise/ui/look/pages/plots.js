@@ -1,10 +1,11 @@
 // Numbers of any topics over the time that is played; a click goes there.
 const $ = (id) => document.getElementById(id);
 const COLORS = ["#4dabf7", "#ffa94d", "#69db7c", "#da77f2", "#ffd43b", "#ff8787", "#3bc9db", "#f783ac"];
+const NOTHING = "no topic here has numbers to plot: films have none, but for their telemetry";
 const MARGIN = { left: 62, right: 12, top: 10, bottom: 26 };
 const state = {
   chosen: new URLSearchParams(location.search).getAll("field"),
-  curves: [], position: 0, length: null, playing: false, plays: false,
+  curves: [], position: 0, length: null, playing: false, plays: false, offers: true,
   from: 0, to: 0, fitted: true, pointer: null,
 };
 const color = (name) => COLORS[state.chosen.indexOf(name) % COLORS.length];
@@ -126,7 +127,7 @@ function drawLegend() {
     row.append(mark, element("span", name), element("b", value?.toPrecision(6) ?? "–", "number"), remove);
     return row;
   });
-  if (!rows.length) rows.push(element("div", "choose numbers below", "dim"));
+  if (!rows.length) rows.push(element("div", state.offers ? "choose numbers below" : NOTHING, "dim"));
   else rows.push(element("div", `at ${time.toFixed(2)} s`, "dim number"));
   $("legend").replaceChildren(...rows);
 }
@@ -210,7 +211,8 @@ function listen() {
 async function start() {
   addPages();
   const { topics, plotted, plays } = await (await ask("topics")).json();
-  state.plays = plays;
+  Object.assign(state, { plays, offers: plotted.length > 0 });
+  $("topic").hidden = $("search").hidden = !state.offers;
   $("play").hidden = !plays;
   for (const topic of plotted) $("topic").add(new Option(`${topic} (${topics[topic]})`, topic));
   const first = state.chosen[0]?.split(":").slice(0, -1).join(":");
