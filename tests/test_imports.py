@@ -31,7 +31,7 @@ LAYERS = [
     {"entry"},
     {"__main__"},
 ]
-RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1"}]
+RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
 """Within the runtime: a room imports those before it; what is not named belongs to the first."""
 
 EVERYWHERE = {
@@ -45,7 +45,11 @@ MIDDLEWARES = {
     "ros1": {
         *("rospy", "rosgraph", "rospkg", "genpy", "dynamic_reconfigure"),
         *("rosgraph_msgs", "sensor_msgs", "std_srvs"),
-    }
+    },
+    "ros2": {
+        *("rclpy", "ament_index_python", "rcl_interfaces"),
+        *("rosgraph_msgs", "sensor_msgs", "std_srvs"),
+    },
 }
 """A middleware's folder under ``runtime`` -> the packages that may be imported there alone."""
 

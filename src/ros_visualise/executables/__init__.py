@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from importlib import import_module
 
@@ -11,10 +12,16 @@ from ros_visualise.printing import say
 
 
 def run(name: str) -> None:
-    """Run the executable of this name on a ROS 1 graph, and leave with its exit status."""
+    """Run the executable of this name on the graph of a ROS, and leave with its exit status.
+
+    It is the ROS of the workspace that was sourced: that sets ``ROS_VERSION``.
+    """
     try:
         check_installation()
-        middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()
+        if os.environ.get("ROS_VERSION") == "2":
+            middleware = import_module("ros_visualise.runtime.ros2.middleware").Ros2()
+        else:
+            middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()
         import_module("ros_visualise.executables.by_name").run(name, middleware)
     except RosVisualiseError as error:
         say(f"{name}: {error}")

@@ -12,7 +12,8 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
-from ros_visualise.data import Header, Message, Path
+from ros_visualise.data import CompressedImage, Header, Image, Message, Path
+from ros_visualise.data.fields import Fields, build
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
@@ -101,9 +102,28 @@ class Encoder:
                 f"{message.type_name}: a message cannot be converted to {_ROS[self.encoding]}"
             ) from error
 
+    def parts(self, message: Any) -> list[Buffer]:
+        """As `encode`, in pieces one after the other: pixels as they lie in memory.
+
+        Raises:
+            DamagedMessage: as `encode`.
+        """
+        if not isinstance(message, Image | CompressedImage):
+            return [self.encode(message)]
+        try:
+            fields = message.fields()
+        except ValueError as error:
+            raise DamagedMessage(str(error)) from None
+        data = fields["data"]
+        empty = Fields(message.type_name, {**fields, "data": data[:0]})
+        written = bytes(self._own.write(message.type_name, build(empty, self._own.types)))
+        return [written[:-4] + len(data).to_bytes(4, "little"), data.data]
+
     def _encode(self, message: Any) -> Buffer:
         if isinstance(message, Path):
             return self._encode_path(message)
+        if isinstance(message, Image | CompressedImage):
+            return b"".join(self.parts(message))
         return self._own.write(type_name(type(message)), self._make(message))
 
     def _make(self, message: Any, header: Header | None = None) -> Any:

@@ -17,6 +17,7 @@ from dynamic_reconfigure.msg import (
 )
 
 from ros_visualise.params import Spec, Value
+from ros_visualise.runtime.bridge.given import spelled
 
 Plain = bool | int | float | str
 
@@ -28,7 +29,6 @@ _WIDEST: dict[type, tuple[float, float]] = {
     int: (_MIN_INT, _MAX_INT),
     float: (-math.inf, math.inf),
 }
-_YAML_WORDS = {"True": ("on", "yes", "true"), "False": ("off", "no", "false")}
 
 
 def describe(declared: Sequence[Spec]) -> ConfigDescription:
@@ -71,12 +71,6 @@ def plain(spec: Spec, value: Value) -> Plain:
         return min(max(int(value), _MIN_INT), _MAX_INT)
     converted: Plain = spec.type(value)
     return converted
-
-
-def spelled(spec: Spec, value: Any) -> Any:
-    """``off``, which YAML reads as a bool, for the choice that is called so."""
-    words = _YAML_WORDS.get(str(value), ())
-    return next((choice for choice in spec.choices if choice in words), value)
 
 
 def _groups(declared: Sequence[Spec]) -> list[str]:

@@ -18,8 +18,8 @@ import struct
 
 import numpy as np
 
+from ros_visualise.runtime.bridge.buffers import MOST_HELD, SPARE, Buffer, is_held
 from ros_visualise.runtime.ros1 import same_host
-from ros_visualise.runtime.ros1.buffers import MOST_HELD, SPARE, Buffer, is_held
 
 LARGE = 4 * 2**20
 """Messages of fewer bytes go through the connection: its sockets have room for several of them."""

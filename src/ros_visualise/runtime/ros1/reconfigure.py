@@ -13,7 +13,8 @@ from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, Reconfigure
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, specs
-from ros_visualise.runtime.ros1.description import describe, from_config, plain, spelled, to_config
+from ros_visualise.runtime.bridge.given import given_values
+from ros_visualise.runtime.ros1.description import describe, from_config, plain, to_config
 from ros_visualise.runtime.ros1.registration import set_param
 
 log = logging.getLogger(__name__)
@@ -136,25 +137,10 @@ def starting_values(
     Raises:
         ParameterError: a value is of the wrong type or out of its range.
     """
-    declared = {spec.name: spec for spec in specs(params_class)}
     there = rospy.get_param(_private(namespace), {})
     given: Mapping[str, Any] = there if isinstance(there, dict) else {}
-    _warn_of_unknown(given, [*declared, *known, *_OF_ALL], namespace)
-    values = {}
-    for name, spec in declared.items():
-        if name in given:
-            value = given[name]
-            if isinstance(value, dict | list):
-                raise ParameterError(f"{name}={value}: must be a single value")
-            values[name] = spec.coerce(spelled(spec, value))
-    return values
-
-
-def _warn_of_unknown(given: Mapping[str, Any], names: list[str], namespace: str) -> None:
-    prefix = f"~{namespace}/" if namespace else "~"
-    for name in given:
-        if name not in names:
-            log.warning("no parameter %s%s; there are %s", prefix, name, ", ".join(names) or "none")
+    where = f"~{namespace}/" if namespace else "~"
+    return given_values(params_class, given, (*known, *_OF_ALL), where)
 
 
 def _private(namespace: str) -> str:

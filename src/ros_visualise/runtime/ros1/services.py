@@ -8,6 +8,7 @@ import rospy
 from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.runtime.bridge.answers import answer
 
 
 class TriggerService:
@@ -23,10 +24,7 @@ class TriggerService:
         self._service = rospy.Service(name, Trigger, self._answer)
 
     def _answer(self, _: TriggerRequest) -> TriggerResponse:
-        try:
-            return TriggerResponse(True, self._act() or "")
-        except RosVisualiseError as error:
-            return TriggerResponse(False, str(error))
+        return TriggerResponse(*answer(self._act))
 
     def close(self) -> None:
         """Offer it no longer."""

@@ -6,13 +6,14 @@ import logging
 import os
 import sys
 import threading
+from functools import partial
 from typing import Any
 
 import rospkg
 import rospy
 
 from ros_visualise.errors import OpenError
-from ros_visualise.printing import Shown
+from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
@@ -23,11 +24,11 @@ _log = logging.getLogger(__name__)
 _wish = Wish()
 
 _SAY = {
-    logging.DEBUG: rospy.logdebug,
-    logging.INFO: rospy.loginfo,
-    logging.WARNING: rospy.logwarn,
-    logging.ERROR: rospy.logerr,
-    logging.CRITICAL: rospy.logfatal,
+    logging.DEBUG: partial(rospy.logdebug, "%s"),
+    logging.INFO: partial(rospy.loginfo, "%s"),
+    logging.WARNING: partial(rospy.logwarn, "%s"),
+    logging.ERROR: partial(rospy.logerr, "%s"),
+    logging.CRITICAL: partial(rospy.logfatal, "%s"),
 }
 
 
@@ -44,11 +45,7 @@ def begin(name: str) -> None:
     except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
         sys.exit(STOPPED)
     note(_wish)
-    log = logging.getLogger("ros_visualise")
-    to_rosout = _ToRosout()
-    to_rosout.setFormatter(Shown())
-    log.addHandler(to_rosout)
-    log.setLevel(logging.INFO)
+    log_to(_SAY)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
     threading.Thread(target=watch_clock, args=(is_over,), name="clock watch", daemon=True).start()
 
@@ -91,15 +88,6 @@ def is_over() -> bool:
 def end(reason: str) -> None:
     """Leave the graph."""
     rospy.signal_shutdown(reason)
-
-
-class _ToRosout(logging.Handler):
-    """Hands log records to rospy, which prints them and publishes them on /rosout."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        _SAY[max(level for level in _SAY if level <= max(record.levelno, logging.DEBUG))](
-            "%s", self.format(record)
-        )
 
 
 def _return_to_where_it_was_typed() -> None:

@@ -9,8 +9,8 @@ import rospy
 from sensor_msgs.srv import SetCameraInfo, SetCameraInfoResponse
 
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.messages import from_message
+from ros_visualise.runtime.bridge.answers import answer
 
 
 class SetCameraInfoService:
@@ -26,11 +26,9 @@ class SetCameraInfoService:
         self._service = rospy.Service(name, SetCameraInfo, self._answer)
 
     def _answer(self, request: Any) -> SetCameraInfoResponse:
-        try:
-            self._take(from_message(request.camera_info, CameraInfo))
-        except (RosVisualiseError, ValueError) as error:
-            return SetCameraInfoResponse(False, str(error))
-        return SetCameraInfoResponse(True, "")
+        return SetCameraInfoResponse(
+            *answer(lambda: self._take(from_message(request.camera_info, CameraInfo)))
+        )
 
     def close(self) -> None:
         """Offer it no longer."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import genpy
 import numpy as np
 
-from ros_visualise.runtime.ros1.buffers import Buffer
+from ros_visualise.runtime.bridge.buffers import Buffer
 
 _AFTER_DATA = {
     "sensor_msgs/Image": 0,

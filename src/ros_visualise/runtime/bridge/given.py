@@ -1,0 +1,49 @@
+"""The values that launch files and the command line of a graph give to declared parameters."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.params import Spec, specs
+
+log = logging.getLogger(__name__)
+
+_YAML_WORDS = {"True": ("on", "yes", "true"), "False": ("off", "no", "false")}
+
+
+def given_values(
+    params: type, given: Mapping[str, Any], known: Iterable[str], where: str
+) -> dict[str, Any]:
+    """Those of declared parameters; what else is given is worth a warning.
+
+    Args:
+        params: the dataclass that declares them.
+        given: name -> what stands there.
+        known: other names that may stand there.
+        where: what their names begin with on the graph.
+
+    Raises:
+        ParameterError: a value is of the wrong type or out of its range.
+    """
+    declared = {spec.name: spec for spec in specs(params)}
+    names = [*declared, *known]
+    for name in given:
+        if name not in names:
+            there = ", ".join(names) or "none"
+            log.warning("no parameter %s%s; there are %s", where, name, there)
+    return {name: _value(spec, given[name]) for name, spec in declared.items() if name in given}
+
+
+def spelled(spec: Spec, value: Any) -> Any:
+    """``off``, which YAML reads as a bool, for the choice that is called so."""
+    words = _YAML_WORDS.get(str(value), ())
+    return next((choice for choice in spec.choices if choice in words), value)
+
+
+def _value(spec: Spec, value: Any) -> Any:
+    if isinstance(value, dict | list):
+        raise ParameterError(f"{spec.name}={value}: must be a single value")
+    return spec.coerce(spelled(spec, value))

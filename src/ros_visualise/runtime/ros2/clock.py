@@ -1,0 +1,92 @@
+"""The time of the ROS 2 graph."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
+
+from ros_visualise.rate import Clock, WallClock
+
+log = logging.getLogger(__name__)
+
+_STEP_S = 0.005
+_PERIOD_S = 0.01
+_PATIENCE_S = 5.0
+_NS = 1_000_000_000
+
+
+class SimClock:
+    """The time that somebody publishes on /clock."""
+
+    def __init__(self, node: Node) -> None:
+        self._clock = node.get_clock()
+
+    def now_ns(self) -> int:
+        """Nanoseconds as /clock has them; 0 until it has come."""
+        return int(self._clock.now().nanoseconds)
+
+    def monotonic_ns(self) -> int:
+        """The same: playing keeps to simulated time, at whatever speed that passes."""
+        return self.now_ns()
+
+    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
+        """Wait for a notification, or look at the clock again."""
+        condition.wait(None if until_ns is None else _STEP_S)
+
+
+class ClockPublisher:
+    """Publishes /clock, a hundred times a second.
+
+    Args:
+        node: of this process.
+        now_ns: gives the time.
+    """
+
+    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
+        self._now_ns = now_ns
+        self._publisher = node.create_publisher(ClockMessage, "/clock", 1)
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Time stands still."""
+        self._closed.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        message = ClockMessage()
+        while not self._closed.wait(_PERIOD_S):
+            message.clock.sec, message.clock.nanosec = divmod(self._now_ns(), _NS)
+            self._publisher.publish(message)
+
+
+def ros_clock(node: Node) -> Clock:
+    """Simulated time where ``use_sim_time`` is set, else the time of day."""
+    return SimClock(node) if uses_sim_time(node) else WallClock()
+
+
+def uses_sim_time(node: Node) -> bool:
+    """Whether the node's time is that of /clock."""
+    return bool(node.get_clock().ros_time_is_active)
+
+
+def watch_clock(node: Node, is_over: Callable[[], bool]) -> None:
+    """Say it once if ``use_sim_time`` is set and nobody publishes /clock: then no time passes."""
+    clock: Any = node.get_clock()
+    end_s = time.monotonic() + _PATIENCE_S
+    while uses_sim_time(node) and not (is_over() or clock.now().nanoseconds):
+        if time.monotonic() > end_s:
+            log.warning(
+                "use_sim_time is set, and nobody publishes /clock: no time passes; if nobody is"
+                " going to: ros2 param set %s use_sim_time false, and start this node again",
+                node.get_fully_qualified_name(),
+            )
+            return
+        time.sleep(_STEP_S * 20)

@@ -1,0 +1,105 @@
+"""What ROS 2 tells of a node's parameters -> a declaration of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+
+from ros_visualise.nodes import NodeType, SourceType
+from ros_visualise.params import specs
+from ros_visualise.runtime.playing import offered
+from ros_visualise.runtime.remote.declaring import Told, declared, name_here
+from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain
+
+_OF_ROS = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides\.|members$")
+"""Parameters that every node has, or that tell of others."""
+
+_NO_NAME = re.compile(r"\W")
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """A node's parameters here, and how they are called there.
+
+    Attributes:
+        params: the dataclass: that of our own node, if it is one of ours, else made for it.
+        node: our own node, if it is one.
+        names: of a field -> of the parameter.
+    """
+
+    params: type
+    node: NodeType | SourceType | None
+    names: Mapping[str, str]
+
+    def decode(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The values of parameters, by the fields' names."""
+        return {here: values[there] for here, there in self.names.items() if there in values}
+
+    def encode(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Fields' values, by the parameters' names."""
+        known = {spec.name: spec for spec in specs(self.params)}
+        return {self.names[here]: plain(known[here], value) for here, value in values.items()}
+
+
+def declare(
+    told: Sequence[ParameterDescriptor], values: Mapping[str, Any], prefix: str
+) -> Declaration:
+    """The declaration for descriptors: our own, if they tell the same, else one made for them.
+
+    Args:
+        told: of all parameters of a ROS 2 node.
+        values: parameter -> its value now.
+        prefix: what the names begin with of those that are meant.
+    """
+    mine = [one for one in told if _is_meant(one, prefix) and one.name in values]
+    key = frozenset(_told(one, prefix) for one in mine)
+    if key in our_own():
+        params, node = our_own()[key]
+        return Declaration(params, node, {s.name: prefix + s.name for s in specs(params)})
+    names = {_field(one.name, prefix): one.name for one in mine}
+    made = [_made(one, values[one.name], prefix) for one in mine]
+    return Declaration(declared(made), None, names)
+
+
+@cache
+def our_own() -> dict[frozenset[Any], tuple[type, NodeType | SourceType]]:
+    """Our own nodes, by what they tell; the first call takes a second of imports."""
+    return {
+        frozenset(_told(describe(spec, spec.name), "") for spec in specs(kind)): (kind, node)
+        for kind, node in offered()
+    }
+
+
+def _is_meant(told: ParameterDescriptor, prefix: str) -> bool:
+    is_ours = told.name.startswith(prefix) and not _OF_ROS.match(told.name)
+    return is_ours and told.type in KINDS and not told.read_only
+
+
+def _told(told: ParameterDescriptor, prefix: str) -> Any:
+    text = told.description, told.additional_constraints
+    return told.name.removeprefix(prefix), told.type, *text, limits(told)
+
+
+def _field(name: str, prefix: str) -> str:
+    """A name that a field can have: parameters' have dots in them."""
+    text = _NO_NAME.sub("_", name.removeprefix(prefix))
+    return name_here(text if text.isidentifier() else f"_{text}")
+
+
+def _made(told: ParameterDescriptor, value: Any, prefix: str) -> Told:
+    low, high = limits(told)
+    name = told.name.removeprefix(prefix)
+    return Told(
+        _field(told.name, prefix),
+        KINDS[told.type],
+        value,
+        told.description or name,
+        low,
+        high,
+        group=name.rpartition(".")[0],
+    )

@@ -1,0 +1,94 @@
+"""A node's declared parameters <-> ROS 2's descriptors and values."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from enum import Enum
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterType,
+)
+from rclpy.parameter import Parameter
+
+from ros_visualise.params import Spec, Value
+
+_MIN_INT, _MAX_INT = -(2**63), 2**63 - 1
+_MAX_FLOAT = sys.float_info.max
+_TYPES: dict[type, int] = {
+    bool: ParameterType.PARAMETER_BOOL,
+    int: ParameterType.PARAMETER_INTEGER,
+    float: ParameterType.PARAMETER_DOUBLE,
+    str: ParameterType.PARAMETER_STRING,
+}
+_FIELDS = {
+    ParameterType.PARAMETER_BOOL: "bool_value",
+    ParameterType.PARAMETER_INTEGER: "integer_value",
+    ParameterType.PARAMETER_DOUBLE: "double_value",
+    ParameterType.PARAMETER_STRING: "string_value",
+}
+KINDS = {number: kind for kind, number in _TYPES.items()}
+"""The types of parameters that are read here: their number in ROS 2 -> Python's."""
+
+
+def describe(spec: Spec, name: str) -> ParameterDescriptor:
+    """What ROS 2 tells of a parameter: type, range, help, choices."""
+    told = ParameterDescriptor(
+        name=name,
+        type=_TYPES.get(spec.type, ParameterType.PARAMETER_STRING),
+        description=spec.help,
+        additional_constraints=f"one of {', '.join(spec.choices)}" if spec.choices else "",
+    )
+    if spec.min is None and spec.max is None:
+        return told
+    if spec.type is int:
+        low, high = _limits(spec, _MIN_INT, _MAX_INT)
+        told.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+    elif spec.type is float:
+        low, high = _limits(spec, -_MAX_FLOAT, _MAX_FLOAT)
+        told.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return told
+
+
+def limits(told: ParameterDescriptor) -> tuple[float | None, float | None]:
+    """The limits of a number; None for those that only say how far its type goes."""
+    for range_, far in ((told.integer_range, _MAX_INT), (told.floating_point_range, _MAX_FLOAT)):
+        for one in range_:
+            low, high = sorted((one.from_value, one.to_value))
+            return (None if low <= -far else low), (None if high >= far else high)
+    return None, None
+
+
+def plain(spec: Spec, value: Value) -> bool | int | float | str:
+    """A parameter's value as ROS 2 holds it: of an Enum its text, of an int 64 bits."""
+    if isinstance(value, Enum):
+        return str(value.value)
+    if spec.type is int:
+        return min(max(int(value), _MIN_INT), _MAX_INT)
+    converted: bool | int | float | str = spec.type(value)
+    return converted
+
+
+def to_parameters(prefix: str, declared: Iterable[Spec], params: Any) -> list[Parameter]:
+    """The values of a params object, under names that begin so."""
+    return [
+        Parameter(prefix + spec.name, value=plain(spec, getattr(params, spec.name)))
+        for spec in declared
+    ]
+
+
+def values_of(names: Iterable[str], told: Iterable[Any]) -> dict[str, Any]:
+    """The single values among rcl_interfaces/msg/ParameterValue messages, by their names."""
+    return {
+        name: getattr(one, _FIELDS[one.type])
+        for name, one in zip(names, told, strict=False)
+        if one.type in _FIELDS
+    }
+
+
+def _limits(spec: Spec, low: float, high: float) -> tuple[float, float]:
+    return (low if spec.min is None else spec.min), (high if spec.max is None else spec.max)

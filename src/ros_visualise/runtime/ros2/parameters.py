@@ -1,0 +1,178 @@
+"""Our nodes' live parameters as parameters of the process's ROS 2 node."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.params import Parameters, specs
+from ros_visualise.runtime.ros2.description import describe, to_parameters
+
+log = logging.getLogger(__name__)
+
+MEMBERS = "members"
+"""The parameter that names the nodes of a process, which the names of their own begin with."""
+
+_CLOSE_S = 0.5
+
+
+class ParameterDesk:
+    """Answers for all parameters of a ROS 2 node: a request is applied as a whole or refused.
+
+    Args:
+        node: of this process.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._served: dict[str, ServedParameters] = {}
+        self._members: set[str] = set()
+        self._pushing = threading.local()
+        node.add_on_set_parameters_callback(self._on_set)
+
+    def expect(self, namespace: str, once: Mapping[str, Any]) -> None:
+        """A node of this process is going to have its parameters there.
+
+        Args:
+            namespace: what their names begin with; empty for those of the process's only node.
+            once: what was given for those that are read once.
+        """
+        if namespace:
+            self._members.add(namespace)
+        read_only = ParameterDescriptor(read_only=True, description="read when the node starts")
+        there = [name for name in once if not self.node.has_parameter(name)]
+        self.declare([(name, once[name], read_only) for name in there])
+
+    def serve(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
+        """Declare a node's parameters, until that is closed."""
+        return ServedParameters(self, parameters, f"{namespace}." if namespace else "")
+
+    def add(self, served: ServedParameters) -> None:
+        """Have requests for these parameters answered."""
+        self._served[served.prefix] = served
+        if self._members and not self.node.has_parameter(MEMBERS):
+            told = ParameterDescriptor(read_only=True, description="the nodes of this process")
+            self.declare([(MEMBERS, sorted(self._members), told)])
+
+    def remove(self, served: ServedParameters) -> None:
+        """No longer."""
+        self._served.pop(served.prefix, None)
+
+    def declare(self, parameters: Sequence[tuple[str, Any, ParameterDescriptor]]) -> None:
+        """Declare parameters with these values, as they are here."""
+        self._pushing.on = True
+        try:
+            self.node.declare_parameters("", list(parameters), ignore_override=True)
+        finally:
+            self._pushing.on = False
+
+    def push(self, parameters: list[Parameter]) -> None:
+        """Tell the graph of values that are there."""
+        self._pushing.on = True
+        try:
+            self.node.set_parameters_atomically(parameters)
+        finally:
+            self._pushing.on = False
+
+    def _on_set(self, asked: list[Parameter]) -> SetParametersResult:
+        """Apply what is asked for as one whole, or refuse it and say why."""
+        if getattr(self._pushing, "on", False):
+            return SetParametersResult(successful=True)
+        changes: dict[ServedParameters, dict[str, Any]] = defaultdict(dict)
+        for one in asked:
+            for served in self._served.values():
+                if one.name in served.names:
+                    changes[served][one.name.removeprefix(served.prefix)] = one.value
+        try:
+            _apply_all(changes)
+        except ParameterError as error:
+            log.warning("refused: %s", error)
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+
+class ServedParameters:
+    """Offers a node's parameters, for as long as it is open.
+
+    What is changed elsewhere a thread of its own tells the graph: no lock is held by whoever
+    changes a parameter while ROS is talked to.
+
+    Args:
+        desk: of the process's ROS 2 node.
+        parameters: what is offered.
+        prefix: what their names begin with there.
+
+    Attributes:
+        names: under which they are known there.
+    """
+
+    def __init__(self, desk: ParameterDesk, parameters: Parameters[Any], prefix: str) -> None:
+        self.prefix = prefix
+        self.parameters = parameters
+        self._desk = desk
+        self._specs = specs(parameters.current)
+        self.names = {prefix + spec.name for spec in self._specs}
+        self._changed = threading.Event()
+        self._closed = False
+        values = to_parameters(prefix, self._specs, parameters.current)
+        self._desk.declare(
+            [
+                (one.name, one.value, describe(spec, one.name))
+                for spec, one in zip(self._specs, values, strict=True)
+            ]
+        )
+        desk.add(self)
+        self._forget = parameters.on_change(lambda *_: self._changed.set())
+        self._thread = threading.Thread(target=self._follow, name="parameters", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Offer them no longer; more than once does no harm."""
+        if self._closed:
+            return
+        self._closed = True
+        self._forget()
+        self._changed.set()
+        self._thread.join(_CLOSE_S)
+        self._desk.remove(self)
+
+    def _follow(self) -> None:
+        while not self._closed:
+            self._changed.wait()
+            self._changed.clear()
+            if not self._closed:
+                self._tell()
+
+    def _tell(self) -> None:
+        """Tell the graph of what has changed here, and not by its own request."""
+        current = self.parameters.current
+        node = self._desk.node
+        changed = [
+            one
+            for one in to_parameters(self.prefix, self._specs, current)
+            if node.get_parameter(one.name).value != one.value
+        ]
+        if changed:
+            self._desk.push(changed)
+
+
+def _apply_all(changes: Mapping[ServedParameters, Mapping[str, Any]]) -> None:
+    """Apply changes of several nodes; where one refuses, the others get back what they had."""
+    before: list[tuple[Parameters[Any], dict[str, Any]]] = []
+    try:
+        for served, asked in changes.items():
+            had = {name: getattr(served.parameters.current, name) for name in asked}
+            served.parameters.update(asked)
+            before.append((served.parameters, had))
+    except ParameterError:
+        for parameters, had in before:
+            parameters.update(had)
+        raise

@@ -1,0 +1,173 @@
+"""The live parameters of a node in another process, by its parameter services."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import ParameterEvent
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import qos_profile_parameter_events
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.runtime.middleware import ParametersListener
+from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
+from ros_visualise.runtime.ros2.description import values_of
+from ros_visualise.runtime.ros2.parameters import MEMBERS
+from ros_visualise.runtime.ros2.services import result_of
+
+log = logging.getLogger(__name__)
+
+_LOOK_S = 0.3
+_ANSWER_S = 2.0
+
+
+class ParameterClient:
+    """Follows parameters; see `ros_visualise.runtime.middleware.ParametersClient`.
+
+    Args:
+        events: tells of changes.
+        node: the full name of the ROS 2 node that has them.
+        prefix: what their names begin with.
+        listener: is told of them.
+    """
+
+    def __init__(
+        self, events: ParameterEvents, node: str, prefix: str, listener: ParametersListener
+    ) -> None:
+        self._prefix = prefix
+        self._listener = listener
+        self._declaration: Declaration | None = None
+        self._values: dict[str, Any] = {}
+        self._is_there = False
+        self._lock = threading.RLock()
+        self._closed = threading.Event()
+        self._client = AsyncParameterClient(events.node, node)
+        self._forget = events.on_change(node, self._changed)
+        self._thread = threading.Thread(target=self._follow, name=f"{node} watch", daemon=True)
+        self._thread.start()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether the node is on the graph."""
+        return self._is_there
+
+    def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Have the node take over all values or none.
+
+        Raises:
+            ParameterError: the node refuses.
+            ConnectionError: it does not answer.
+        """
+        declaration = self._declaration
+        if declaration is None:
+            raise ConnectionError("its parameters are not known yet")
+        sent = declaration.encode(values)
+        asked = [Parameter(name, value=value) for name, value in sent.items()]
+        answer = result_of(self._client.set_parameters_atomically(asked), _ANSWER_S)
+        if answer is None:
+            raise ConnectionError("no answer")
+        if not answer.result.successful:
+            raise ParameterError(answer.result.reason or "it gives no reason")
+        with self._lock:
+            return declaration.decode({**self._values, **sent})
+
+    def close(self) -> None:
+        """Follow them no longer."""
+        self._closed.set()
+        self._forget()
+
+    def _follow(self) -> None:
+        our_own()  # takes a while, and is needed soon
+        while not self._closed.is_set():
+            there = self._client.services_are_ready()
+            if there and not self._is_there:
+                there = self._meet()
+            self._is_there = there
+            self._closed.wait(_LOOK_S)
+
+    def _meet(self) -> bool:
+        """Ask a node that is new, or has come back, for its parameters; whether it answers."""
+        listed = result_of(self._client.list_parameters(), _ANSWER_S)
+        names = sorted(listed.result.names) if listed else []
+        told = result_of(self._client.describe_parameters(names), _ANSWER_S)
+        got = result_of(self._client.get_parameters(names), _ANSWER_S)
+        if listed is None or told is None or got is None:
+            return False
+        with self._lock:
+            self._values = values_of(names, got.values)
+            self._declaration = declare(told.descriptors, self._values, self._prefix)
+            self._listener.declared(self._declaration.params, self._declaration.node)
+            self._listener.told(self._declaration.decode(self._values))
+        return True
+
+    def _changed(self, event: ParameterEvent) -> None:
+        moved = [*event.new_parameters, *event.changed_parameters]
+        values = values_of([one.name for one in moved], [one.value for one in moved])
+        with self._lock:
+            self._values |= values
+            if self._declaration is not None and values:
+                self._listener.told(self._declaration.decode(self._values))
+
+
+class ParameterEvents:
+    """Tells of changes of parameters, and which nodes share a process.
+
+    Args:
+        node: of this process.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._listeners: list[tuple[str, Callable[[ParameterEvent], None]]] = []
+        self._members: dict[str, tuple[str, ...]] = {}
+        self._asked: dict[str, Any] = {}
+        self._subscription = node.create_subscription(
+            ParameterEvent, "/parameter_events", self._take, qos_profile_parameter_events
+        )
+
+    def on_change(
+        self, node: str, listener: Callable[[ParameterEvent], None]
+    ) -> Callable[[], None]:
+        """Call ``listener`` with each event of a node; returns the call that ends it."""
+        entry = node, listener
+        self._listeners.append(entry)
+        return lambda: self._listeners.remove(entry) if entry in self._listeners else None
+
+    def places(self, node: str) -> tuple[str, ...]:
+        """The names under which a node has parameters, as far as it has told; waits for nobody."""
+        if node not in self._asked:
+            client = self._asked[node] = AsyncParameterClient(self.node, node)
+            if not client.services_are_ready():
+                del self._asked[node]
+                return ()
+            future = client.get_parameters([MEMBERS])
+            future.add_done_callback(lambda done: self._answered(node, done))
+        return self._members.get(node, ())
+
+    def forget(self, there: set[str]) -> None:
+        """Ask anew those that have gone meanwhile, when they are back."""
+        for node in self._asked.keys() - there:
+            del self._asked[node]
+            self._members.pop(node, None)
+
+    def where(self, place: str) -> tuple[str, str]:
+        """The node that has the parameters of a place, and what their names begin with there."""
+        for node, places in self._members.items():
+            if place in places and place != node:
+                return node, f"{place.removeprefix(node + '/')}."
+        return place, ""
+
+    def _answered(self, node: str, done: Any) -> None:
+        told = done.result()
+        members = told.values[0].string_array_value if told and told.values else []
+        self._members[node] = tuple(f"{node}/{one}" for one in members) or (node,)
+
+    def _take(self, event: ParameterEvent) -> None:
+        for node, listener in tuple(self._listeners):
+            if node == event.node:
+                listener(event)

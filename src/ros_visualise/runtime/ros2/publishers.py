@@ -1,0 +1,155 @@
+"""Our messages on topics of the ROS 2 graph."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from rclpy.event_handler import PublisherEventCallbacks
+
+from ros_visualise.messages import data_class
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.buffers import Buffer
+from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.quality import clash, profile
+from ros_visualise.runtime.ros2.session import Session, spelled
+from ros_visualise.runtime.ros2.types import message_class
+from ros_visualise.sinks.encoding import Buffer as Part
+from ros_visualise.sinks.encoding import Encoder
+
+log = logging.getLogger(__name__)
+
+_ENCODER = Encoder("cdr")
+_WAITING = 256
+
+
+class Publisher:
+    """Publishes a topic, as the bytes of its messages.
+
+    Each publisher has a thread: one that has to wait for a reliable subscriber holds up nobody.
+    Meanwhile as many messages wait as their class has it; a newer one replaces the oldest.
+
+    Args:
+        session: of this process.
+        topic: its name.
+        type: its type.
+
+    Attributes:
+        name: the topic's full name on the graph.
+        dropped: messages that had to make room for newer ones.
+
+    Raises:
+        UsageError: ROS 2 has no such type, or takes no such name.
+        DamagedMessage: it cannot hold this type, which comes from a recording.
+    """
+
+    def __init__(self, session: Session, topic: str, type: TopicType) -> None:
+        declared = _ENCODER.declare(type)
+        self.name = session.resolve(topic)
+        self.dropped = 0
+        self._node = session.node
+        self._room = getattr(data_class(type.name), "waiting", _WAITING)
+        self._publisher = session.node.create_publisher(
+            message_class(declared.name),
+            spelled(topic),
+            profile(replace(type.qos, depth=min(type.qos.depth, self._room))),
+            event_callbacks=PublisherEventCallbacks(
+                incompatible_qos=self._say_why, use_default_callbacks=False
+            ),
+        )
+        self._said: set[str] = set()
+        self._waiting: deque[list[Part]] = deque()
+        self._buffer: Buffer = np.empty(0, np.uint8)
+        self._is_sending = self._closed = False
+        self._changed = threading.Condition()
+        session.start(self._send_all, self.name)
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are."""
+        return 0 if self._closed else int(self._publisher.get_subscription_count())
+
+    def publish(self, message: Any) -> None:
+        """Have a message sent; after `close`, to nobody.
+
+        Raises:
+            DamagedMessage: it cannot be sent, as one with a stamp before 1970.
+        """
+        parts = _ENCODER.parts(message)
+        with self._changed:
+            if len(self._waiting) >= self._room:
+                self._waiting.popleft()
+                self.dropped += 1
+            self._waiting.append(parts)
+            self._changed.notify_all()
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until everybody who reads on has been sent the last message."""
+        end_s = time.monotonic() + timeout_s
+        with self._changed:
+            self._changed.wait_for(lambda: not (self._waiting or self._is_sending), timeout_s)
+        left_s = end_s - time.monotonic()
+        if left_s > 0 and self.connections:
+            rcl.wait_for_all_acked(self._publisher, left_s)
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until there is a subscriber, or none at all, with no message waiting for it."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._waiting) < self._room, timeout_s)
+
+    def close(self) -> None:
+        """Leave the topic."""
+        with self._changed:
+            again, self._closed = self._closed, True
+            self._changed.notify_all()
+        if not again:
+            self._node.destroy_publisher(self._publisher)
+
+    def _send_all(self) -> None:
+        while (parts := self._next()) is not None:
+            try:
+                rcl.publish(self._publisher, self._joined(parts))
+            except rcl.RclError as error:
+                log.debug("%s: %s", self.name, error)
+
+    def _next(self) -> list[Part] | None:
+        """What to send next; None when this is closed."""
+        with self._changed:
+            self._is_sending = False
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: self._waiting or self._closed)
+            if self._closed:
+                return None
+            self._is_sending = True
+            return self._waiting.popleft()
+
+    def _joined(self, parts: list[Part]) -> Buffer:
+        """The parts one after the other, in memory that is kept for the next message."""
+        size = sum(map(len, parts))
+        if not size <= self._buffer.size <= 4 * size:
+            self._buffer = np.empty(size, np.uint8)
+        begin = 0
+        for part in parts:
+            end = begin + len(part)
+            self._buffer[begin:end] = np.frombuffer(part, np.uint8)
+            begin = end
+        return self._buffer[:size]
+
+    def _say_why(self, _: Any) -> None:
+        """Say, once for each, which subscribers get nothing."""
+        [own] = [
+            one
+            for one in self._node.get_publishers_info_by_topic(self.name)
+            if (one.node_name, one.node_namespace)
+            == (self._node.get_name(), self._node.get_namespace())
+        ][:1] or [None]
+        for one in self._node.get_subscriptions_info_by_topic(self.name) if own else ():
+            why = clash(own, one)
+            if why is not None and why not in self._said:
+                self._said.add(why)
+                log.warning("%s: no messages to one subscriber: %s", self.name, why)

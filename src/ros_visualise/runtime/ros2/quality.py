@@ -1,0 +1,78 @@
+"""Quality of service: what is offered and asked for, whether both fit, and why they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    QoSCompatibility,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_check_compatible,
+)
+
+from ros_visualise.messages.qos import QoS
+
+_RELIABLE = {True: ReliabilityPolicy.RELIABLE, False: ReliabilityPolicy.BEST_EFFORT}
+_LOCAL = {True: DurabilityPolicy.TRANSIENT_LOCAL, False: DurabilityPolicy.VOLATILE}
+
+
+def profile(qos: QoS) -> QoSProfile:
+    """The same policies in rclpy's terms."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=max(qos.depth, 1),
+        reliability=_RELIABLE[qos.reliable],
+        durability=_LOCAL[qos.transient_local],
+    )
+
+
+def fitting(offered: Sequence[QoSProfile], depth: int) -> QoS:
+    """The most that can be asked of all of these publishers.
+
+    Args:
+        offered: by each publisher of a topic.
+        depth: how many messages may wait.
+    """
+    return QoS(
+        depth,
+        reliable=all(one.reliability == ReliabilityPolicy.RELIABLE for one in offered),
+        transient_local=all(one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in offered),
+    )
+
+
+def clash(publisher: Any, subscriber: Any) -> str | None:
+    """Why a subscriber gets nothing from a publisher, with both named; None where it does.
+
+    Args:
+        publisher, subscriber: of one topic, as ``get_publishers_info_by_topic`` has them.
+    """
+    offers, asks = publisher.qos_profile, subscriber.qos_profile
+    fits, _ = qos_check_compatible(offers, asks)
+    if fits != QoSCompatibility.ERROR:
+        return None
+    told = [
+        f"{full_name(subscriber)} asks for {_word(getattr(asks, policy))}, and"
+        f" {full_name(publisher)} offers {_word(getattr(offers, policy))}"
+        for policy in ("reliability", "durability", "liveliness")
+        if _is_less(getattr(offers, policy), getattr(asks, policy))
+    ]
+    return "; ".join(told) or f"the deadlines of {full_name(publisher)} and {full_name(subscriber)}"
+
+
+def full_name(end: Any) -> str:
+    """The full name of the node that a publisher or subscriber belongs to."""
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+
+
+def _is_less(offered: Any, asked: Any) -> bool:
+    """Whether a policy is weaker than another: all of them are numbered from the strongest on."""
+    strong = {ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL}
+    return offered != asked and (asked in strong or "MANUAL" in asked.name)
+
+
+def _word(policy: Any) -> str:
+    return str(policy.name).lower().replace("_", " ")

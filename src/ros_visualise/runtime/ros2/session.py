@@ -1,0 +1,171 @@
+"""This process as a node of the ROS 2 graph: its start, its options, its log and its end."""
+
+from __future__ import annotations
+
+import logging
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, TypeVar
+from weakref import WeakSet
+
+import rclpy
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from rclpy.context import Context
+from rclpy.exceptions import InvalidTopicNameException, NameValidationException
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.runtime.middleware import Handle
+
+_PACKAGE = "package://"
+_THREADS = 4
+_END_S = 1.0
+
+H = TypeVar("H", bound=Handle)
+
+log = logging.getLogger(__name__)
+
+
+class Session:
+    """A node, with threads that answer its services.
+
+    Args:
+        name: of the node, unless the command line gives it another one.
+        args: the command line, with what ROS takes from it.
+
+    Raises:
+        UsageError: ROS 2 does not understand the command line, or the node's name.
+    """
+
+    def __init__(self, name: str, args: list[str]) -> None:
+        self._context = Context()
+        try:
+            rclpy.init(
+                args=args, context=self._context, signal_handler_options=SignalHandlerOptions.NO
+            )
+            self.node = Node(name, context=self._context)
+        except (RuntimeError, NameValidationException) as error:
+            raise UsageError(_first_line(error)) from None
+        self._executor = MultiThreadedExecutor(_THREADS, context=self._context)
+        self._executor.add_node(self.node)
+        self._open: WeakSet[Any] = WeakSet()
+        self._threads: WeakSet[threading.Thread] = WeakSet()
+        self._ended = False
+        self.start(self._spin, "ros")
+
+    @property
+    def context(self) -> Context:
+        """That of the node."""
+        return self._context
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the node has left the graph."""
+        return self._ended or not self._context.ok()
+
+    def keep(self, handle: H) -> H:
+        """Have something closed when the node ends, if it is still there."""
+        self._open.add(handle)
+        return handle
+
+    def start(self, run: Callable[[], None], name: str) -> None:
+        """Run something on a thread of its own, which is waited for when the node ends."""
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        self._threads.add(thread)
+        thread.start()
+
+    def end(self) -> None:
+        """Leave the graph; more than once does no harm."""
+        if self._ended:
+            return
+        for handle in tuple(self._open):
+            handle.close()
+        self._ended = True
+        self._executor.shutdown(timeout_sec=_END_S)
+        end_s = time.monotonic() + _END_S
+        for thread in tuple(self._threads):  # one that waits in C++ when Python ends, ends badly
+            thread.join(max(end_s - time.monotonic(), 0))
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    def option(self, name: str, default: Any) -> Any:
+        """A parameter that is read once."""
+        given = self.given()
+        return given.get(name.replace("/", "."), default)
+
+    def given(self, namespace: str = "") -> dict[str, Any]:
+        """What launch files and the command line give to parameters whose names begin so."""
+        prefix = f"{namespace}." if namespace else ""
+        overrides = self.node._parameter_overrides
+        return {
+            name.removeprefix(prefix): one.value
+            for name, one in overrides.items()
+            if name.startswith(prefix)
+        }
+
+    def resolve(self, name: str) -> str:
+        """The full name of a topic or service, remapped; that of the node itself for ``~``.
+
+        Raises:
+            UsageError: ROS 2 takes no such name.
+        """
+        if name == "~":
+            return str(self.node.get_fully_qualified_name())
+        try:
+            return str(self.node.resolve_topic_name(spelled(name)))
+        except (InvalidTopicNameException, NameValidationException, ValueError) as error:
+            raise UsageError(f"ROS 2 takes no topic of this name: {_first_line(error)}") from None
+
+    def _spin(self) -> None:
+        while not self.is_over:
+            try:
+                self._executor.spin()
+            except Exception:  # of a callback inside rclpy: the next one is answered all the same
+                if not self.is_over:
+                    log.exception("a callback has failed")
+
+
+def spelled(name: str) -> str:
+    """A name as ROS 2 writes it, where one below the node's own is ``~/clear``."""
+    return f"~/{name[1:].lstrip('/')}" if name.startswith("~") else name
+
+
+def arguments() -> list[str]:
+    """What stands on the command line beside what ROS takes from it."""
+    return list(remove_ros_args(sys.argv))[1:]
+
+
+def find_file(url: str) -> str:
+    """The path of ``package://PACKAGE/FILE``; other texts as they are.
+
+    Raises:
+        OpenError: there is no such package.
+    """
+    if not url.startswith(_PACKAGE):
+        return url
+    package, _, file = url.removeprefix(_PACKAGE).partition("/")
+    try:
+        return f"{get_package_share_directory(package)}/{file}"
+    except (PackageNotFoundError, ValueError):
+        raise OpenError(f"{url}: no package {package!r}; ros2 pkg prefix {package}") from None
+
+
+def say_on(node: Node) -> dict[int, Callable[[str], object]]:
+    """What says a text on each level; rclpy wants a line of code for each of them."""
+    logger = node.get_logger()
+    return {
+        logging.DEBUG: lambda text: logger.debug(text),
+        logging.INFO: lambda text: logger.info(text),
+        logging.WARNING: lambda text: logger.warning(text),
+        logging.ERROR: lambda text: logger.error(text),
+        logging.CRITICAL: lambda text: logger.fatal(text),
+    }
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -1,0 +1,183 @@
+"""Topics of the ROS 2 graph, as our messages."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
+from ros_visualise.errors import DamagedMessage
+from ros_visualise.messages import from_message, type_name
+from ros_visualise.messages.definitions import Definitions
+from ros_visualise.messages.qos import QoS
+from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.quality import fitting, profile
+from ros_visualise.runtime.ros2.session import Session, spelled
+from ros_visualise.runtime.ros2.types import message_class
+
+log = logging.getLogger(__name__)
+
+_DEFINITIONS = Definitions("cdr")
+_LOOK_S = 0.2
+_TOGETHER_S = 0.5
+"""For so long a subscription goes on beside the one that takes its place."""
+_KEPT = 256
+_LEAST = 5
+"""Messages of any kind that may wait at least: as of REP 2003's sensor data."""
+_LARGE_BYTES = 1_000_000
+_NS = 1_000_000_000
+
+
+class Subscriber:
+    """Calls ``take`` with each message of a topic, on a thread of its own.
+
+    It asks for what all publishers offer: when they change, another subscription takes the place of
+    the one that there is. Of large messages that wait only the newest is taken.
+
+    Args:
+        session: of this process.
+        topic: its name.
+        kind: the class of ours that its messages become.
+        take, refuse: as of `ros_visualise.runtime.middleware.Middleware.subscribe`.
+
+    Attributes:
+        name: the topic's full name on the graph.
+
+    Raises:
+        UsageError: ROS 2 has no such type, or takes no such name.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        topic: str,
+        kind: Any,
+        take: Callable[[Any], None],
+        refuse: Callable[[str], None],
+    ) -> None:
+        self.name = session.resolve(topic)
+        self._session, self._topic, self._kind = session, topic, kind
+        self._type = message_class(type_name(kind))
+        self._take, self._refuse = take, refuse
+        self._taker = rcl.Taker()
+        self._sent_ns: deque[int] = deque(maxlen=_KEPT)
+        self._closed = threading.Event()
+        self._wake = GuardCondition(None, None, session.context)
+        self._qos = QoS(max(kind.waiting, _LEAST), reliable=False)
+        self._qos = self._wanted()
+        self._open = [self._subscribe(self._qos)]
+        self._changed_s = time.monotonic()
+        self._known: frozenset[int] = frozenset()
+        session.start(self._run, self.name)
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._closed.set()
+        with suppress(rclpy_implementation.InvalidHandle):  # it has ended meanwhile
+            self._wake.trigger()
+
+    def _run(self) -> None:
+        looked_s = time.monotonic()
+        while not (self._closed.is_set() or self._session.is_over):
+            try:
+                self._wait()
+                for one in self._open:
+                    self._take_all(one)
+                if time.monotonic() - looked_s >= _LOOK_S:
+                    looked_s = time.monotonic()
+                    self._adapt()
+            except rcl.RclError as error:
+                log.debug("%s: %s", self.name, error)
+        for one in self._open:
+            self._session.node.destroy_subscription(one)
+        self._wake.destroy()
+
+    def _wait(self) -> None:
+        """Wait until there is a message, or it is time to look at the publishers."""
+        count = len(self._open)
+        waiting = rclpy_implementation.WaitSet(count, 1, 0, 0, 0, 0, self._session.context.handle)
+        waiting.clear_entities()
+        for one in self._open:
+            waiting.add_subscription(one.handle)
+        waiting.add_guard_condition(self._wake.handle)
+        waiting.wait(int(_LOOK_S * _NS))
+
+    def _take_all(self, subscription: Any) -> None:
+        taken = self._taker.take(subscription)
+        while taken is not None and not self._closed.is_set():
+            newer = self._taker.take(subscription)
+            is_old = newer is not None and taken.data.nbytes >= _LARGE_BYTES
+            if not is_old and not self._came_before(taken.sent_ns):
+                self._hand_on(taken.data)
+            taken = newer
+
+    def _came_before(self, sent_ns: int) -> bool:
+        """Whether the other subscription had it: publishers keep some for those who come late."""
+        both = len(self._open) > 1
+        came = sent_ns in self._known or (both and sent_ns in self._sent_ns)
+        self._sent_ns.append(sent_ns)
+        return came
+
+    def _hand_on(self, data: Any) -> None:
+        try:
+            message = _DEFINITIONS.read(type_name(self._kind), data.data)
+            found: Any = from_message(message, self._kind)
+        except (DamagedMessage, ValueError) as error:
+            self._refuse(str(error))
+        else:
+            self._take(found)
+
+    def _adapt(self) -> None:
+        """Ask for something else as soon as the publishers offer something else."""
+        now_s = time.monotonic()
+        if len(self._open) > 1 and now_s - self._changed_s > _TOGETHER_S:
+            self._session.node.destroy_subscription(self._open.pop(0))
+        elif self._known and now_s - self._changed_s > 2 * _TOGETHER_S:
+            self._known = frozenset()
+        wanted = self._wanted()
+        if wanted != self._qos and len(self._open) == 1:
+            self._qos, self._changed_s = wanted, now_s
+            self._known = frozenset(self._sent_ns)
+            self._open.append(self._subscribe(wanted))
+
+    def _wanted(self) -> QoS:
+        """What all publishers offer; where there are none, what was asked for until now."""
+        there = self._session.node.get_publishers_info_by_topic(self.name)
+        return fitting([one.qos_profile for one in there], self._qos.depth) if there else self._qos
+
+    def _subscribe(self, qos: QoS) -> Any:
+        return self._session.node.create_subscription(
+            self._type,
+            spelled(self._topic),
+            _is_taken_here,
+            profile(qos),
+            callback_group=_Apart(),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+
+
+class _Apart(CallbackGroup):  # type: ignore[misc]
+    """Keeps rclpy's executor from taking messages, which the subscriber's own thread takes."""
+
+    def can_execute(self, entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, entity: Any) -> None:
+        """It has not begun."""
+
+
+def _is_taken_here(_: Any) -> None:
+    raise AssertionError("the executor has nothing to take")
