@@ -45,12 +45,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session")
-def graph() -> Iterator[dict[str, str]]:
+def graph() -> dict[str, str]:
     """The environment of a graph that nobody else is on."""
     os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 100))
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ["ROS_VERSION"] = "2"
-    yield dict(os.environ)
+    return dict(os.environ)
 
 
 @pytest.fixture(scope="session")

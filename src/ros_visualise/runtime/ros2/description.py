@@ -50,7 +50,9 @@ def describe(spec: Spec, name: str) -> ParameterDescriptor:
         told.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
     elif spec.type is float:
         low, high = _limits(spec, -_MAX_FLOAT, _MAX_FLOAT)
-        told.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        told.floating_point_range = [
+            FloatingPointRange(from_value=float(low), to_value=float(high))
+        ]
     return told
 
 

@@ -46,6 +46,7 @@ class ParameterClient:
         self._is_there = False
         self._lock = threading.RLock()
         self._closed = threading.Event()
+        self._look = threading.Event()
         self._client = AsyncParameterClient(events.node, node)
         self._forget = events.on_change(node, self._changed)
         self._thread = threading.Thread(target=self._follow, name=f"{node} watch", daemon=True)
@@ -79,6 +80,7 @@ class ParameterClient:
     def close(self) -> None:
         """Follow them no longer."""
         self._closed.set()
+        self._look.set()
         self._forget()
 
     def _follow(self) -> None:
@@ -88,7 +90,8 @@ class ParameterClient:
             if there and not self._is_there:
                 there = self._meet()
             self._is_there = there
-            self._closed.wait(_LOOK_S)
+            self._look.wait(_LOOK_S)
+            self._look.clear()
 
     def _meet(self) -> bool:
         """Ask a node that is new, or has come back, for its parameters; whether it answers."""
@@ -106,6 +109,9 @@ class ParameterClient:
         return True
 
     def _changed(self, event: ParameterEvent) -> None:
+        if event.new_parameters:  # it has only begun: there may be more
+            self._is_there = False
+            self._look.set()
         moved = [*event.new_parameters, *event.changed_parameters]
         values = values_of([one.name for one in moved], [one.value for one in moved])
         with self._lock:
@@ -164,10 +170,18 @@ class ParameterEvents:
 
     def _answered(self, node: str, done: Any) -> None:
         told = done.result()
-        members = told.values[0].string_array_value if told and told.values else []
-        self._members[node] = tuple(f"{node}/{one}" for one in members) or (node,)
+        value = told.values[0] if told and told.values else None
+        self._members.setdefault(node, _places(node, value))
 
     def _take(self, event: ParameterEvent) -> None:
+        for one in event.new_parameters:
+            if one.name == MEMBERS:  # it was asked before it had begun
+                self._members[event.node] = _places(event.node, one.value)
         for node, listener in tuple(self._listeners):
             if node == event.node:
                 listener(event)
+
+
+def _places(node: str, members: Any) -> tuple[str, ...]:
+    names = members.string_array_value if members is not None else []
+    return tuple(f"{node}/{one}" for one in names) or (node,)
