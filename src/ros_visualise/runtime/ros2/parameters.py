@@ -47,9 +47,10 @@ class ParameterDesk:
         """
         if namespace:
             self._members.add(namespace)
-        read_only = ParameterDescriptor(read_only=True, description="read when the node starts")
+        about = {"read_only": True, "description": "read when the node starts"}
         there = [name for name in once if not self.node.has_parameter(name)]
-        self.declare([(name, once[name], read_only) for name in there])
+        # a descriptor for each: rclpy writes the type of the value into it
+        self.declare([(name, once[name], ParameterDescriptor(**about)) for name in there])
 
     def serve(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
         """Declare a node's parameters, until that is closed."""
