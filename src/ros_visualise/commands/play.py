@@ -9,8 +9,10 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
+from ros_visualise.commands.following import following
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted
@@ -19,12 +21,15 @@ from ros_visualise.graph import Graph
 from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
-from ros_visualise.runtime.report import RunReport, to_json
+from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 from ros_visualise.ui.arrangements import read_arrangement
+from ros_visualise.ui.shelf import Shelf
+
+log = logging.getLogger(__name__)
 
 _SPIN_S = 0.05
 _PATIENCE_S = 4.0  # for the first browser
@@ -36,6 +41,7 @@ def run(args: Namespace) -> int:
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
+    shelf = _shelf(args)
     options = ViewOptions(
         args.host,
         args.port,
@@ -44,16 +50,35 @@ def run(args: Namespace) -> int:
         title=title_of(args),
         browser=has_desktop(os.environ) if args.open is None else args.open,
         arrangement=read_arrangement(args.layout) if args.layout else {},
+        shelf=shelf,
     )
     graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, options)
     try:
-        return _run(args, graph, view)
+        return _run(args, graph, view, shelf)
     finally:
         view.close()
 
 
-def _run(args: Namespace, graph: Graph, view: View) -> int:
+def _shelf(args: Namespace) -> Shelf:
+    """What can be opened instead: what is beside the file, or else in the current folder."""
+    given = Path(getattr(args, "input", None) or "")
+    is_file = given.exists() and given.name != ""
+    return Shelf(given.parent if is_file else Path(), args.record_dir, given if is_file else None)
+
+
+def _run(args: Namespace, graph: Graph, view: View, shelf: Shelf) -> int:
+    played = _Played(args, interruptible(lambda: _open(args, graph, view)))
+    with noticed() as wish:
+        with in_time(wish, lambda: played.runtime.steps):
+            stopped = _play(played, view, wish, shelf)
+        report = played.report()
+        if args.json:
+            answer([json.dumps(to_json(report), default=str)])
+    return STOPPED if stopped else int(played.lost)
+
+
+def _open(args: Namespace, graph: Graph, view: View) -> LocalRuntime:
     playback = Playback(
         rate=1.0 if args.rate is None else args.rate,
         loop=args.loop or (view.stays and graph.source is not None and graph.source.type.seamless),
@@ -65,33 +90,71 @@ def _run(args: Namespace, graph: Graph, view: View) -> int:
     if getattr(args, "paused", False):
         playback.pause()
     playback.step_topic = stepped_topic(graph)
-    runtime = interruptible(lambda: LocalRuntime(graph, playback))
-    with noticed() as wish:
-        with in_time(wish, lambda: runtime.steps):
-            stopped = _play(args, runtime, view, wish)
-        report = runtime.report()
+    return LocalRuntime(graph, playback)
+
+
+class _Played:
+    """What is played, and how it went, also with what was played before.
+
+    Attributes:
+        lost: something was.
+    """
+
+    def __init__(self, args: Namespace, runtime: LocalRuntime) -> None:
+        self.args, self.runtime = args, runtime
+        self.lost = False
+        self.recordings: list[RecorderThread] = []
+        self._recorded: dict[str, RecordingReport] = {}
+
+    @property
+    def is_over(self) -> bool:
+        """Whether it has ended, or a recording that was asked for has."""
+        return self.runtime.wait(0) or any(one.error for one in self.recordings)
+
+    def report(self) -> RunReport:
+        """Of what was stopped: its summary is said."""
+        report = self.runtime.report()
         _say_summary(report)
-        if args.json:
-            answer([json.dumps(to_json(report), default=str)])
-    return STOPPED if stopped else int(runtime.failed or report.is_incomplete)
+        self.lost |= self.runtime.failed or report.is_incomplete
+        self._recorded |= report.recordings
+        return replace(report, recordings=dict(self._recorded))
+
+    def follow(self, path: Path, view: View) -> bool:
+        """Open another file in its place; one that cannot be opened is said."""
+        try:
+            args, graph = following(self.args, path, self.runtime)
+            runtime = _open(args, graph, view)
+        except RosVisualiseError as error:
+            log.error("%s", error)
+            return False
+        self.runtime.stop()
+        self.report()
+        self.args, self.runtime, self.recordings = args, runtime, []
+        return True
 
 
-def _play(args: Namespace, runtime: LocalRuntime, view: View, wish: Wish) -> bool:
+def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
     """Until the end, with all recordings closed; whether somebody asked for it before."""
     try:
-        recordings = _start_recordings(runtime, args.record, args.overwrite)
+        args, runtime = played.args, played.runtime
+        played.recordings = _start_recordings(runtime, args.record, args.overwrite)
         view.open(runtime)  # before anything that holds can have passed
         if not runtime.graph.live:
             _await_somebody(view, wish)
         runtime.start()
-        while not (runtime.wait(0) or view.closed or any(one.error for one in recordings)):
+        while not (played.is_over or view.closed):
             if wish.asked:
                 return True
+            path = shelf.take()
+            if path is not None and played.follow(path, view):
+                shelf.current = path
+                view.open(played.runtime)
+                played.runtime.start()
             view.spin(_SPIN_S)
         return False
     finally:
         view.close()
-        runtime.stop()
+        played.runtime.stop()
 
 
 def _await_somebody(view: View, wish: Wish) -> None:

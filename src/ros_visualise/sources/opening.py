@@ -25,6 +25,7 @@ _NAMED = {
     ".srt": "file of a DJI camera's subtitles",
 }
 """How a name ends -> what a file of that name is."""
+SUFFIXES = tuple(_NAMED)
 KINDS = ".bag, .mcap, .db3, .ulg, .SRT, a ROS 2 or KITTI folder"
 """The recordings that there are, for people."""
 

@@ -11,6 +11,7 @@ from ros_visualise.errors import UsageError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.names import record_folder
 from ros_visualise.ui.arrangements import Arrangement
+from ros_visualise.ui.shelf import Shelf
 
 
 class View(Protocol):
@@ -44,7 +45,8 @@ class ViewOptions:
     Attributes:
         host, port: where the page is served.
         origins: other web sites that may use the page.
-        record_dir: the only folder in which the page records.
+        record_dir: the only folder in which the page records, and to which it uploads.
+        shelf: the files that can be opened from the page; None: none.
         title: what is shown, for the browser's tab.
         browser: whether to open one.
         arrangement: how the page is arranged at first.
@@ -64,6 +66,7 @@ class ViewOptions:
     arrangement: Arrangement = field(default_factory=dict)
     place: str = ""
     flag: str = "--{} {}"
+    shelf: Shelf | None = None
 
     def __post_init__(self) -> None:
         record_folder(self.record_dir)
@@ -88,6 +91,7 @@ def open_view(name: str, options: ViewOptions) -> View:
             title=options.title,
             browser=options.browser,
             arrangement=options.arrangement,
+            shelf=options.shelf,
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

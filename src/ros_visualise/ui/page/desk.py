@@ -5,20 +5,19 @@ from __future__ import annotations
 import logging
 from contextlib import suppress
 from functools import partial
-from pathlib import Path
 
 import viser
 
 from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import PAGES, Looker, link
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
+from ros_visualise.ui.page.files import Files, Opener
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
-from ros_visualise.ui.page.kept import Kept
+from ros_visualise.ui.page.kept import Kept, Memory
 from ros_visualise.ui.page.layout import Choice, arrange
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
@@ -40,7 +39,6 @@ from ros_visualise.ui.shown import teller
 
 _PERIOD_S, _DRIVE_PERIOD_S = 0.2, 0.05
 _WINDOW_S = 2.0
-_CLOSE_S = 0.3
 
 
 class Desk:
@@ -53,12 +51,12 @@ class Desk:
         self,
         server: viser.ViserServer,
         runtime: Runtime,
-        record_dir: Path,
+        files: Files,
         looker: Looker,
-        arrangement: Arrangement,
+        memory: Memory,
     ) -> None:
-        self._server, self._runtime, self._record_dir = server, runtime, record_dir
-        self._looker, self._arrangement = looker, arrangement
+        self._server, self._runtime, self._files = server, runtime, files
+        self._looker, self._memory = looker, memory
         self._graph = runtime.graph
         self._ticks = 0
         gui = server.gui
@@ -85,29 +83,34 @@ class Desk:
         self._images.start()
         self._drawing.start()
 
-    def close(self) -> None:
-        """End the threads."""
+    def close(self, timeout_s: float) -> None:
+        """End the threads; each may take so long."""
+        self._memory.remember(self._kept.arrangement)
+        self._recorder.close()
         logging.getLogger("ros_visualise").removeHandler(self._warnings)
-        self._worker.close(_CLOSE_S)
-        self._driver.close(_CLOSE_S)  # which makes the actors
+        self._worker.close(timeout_s)
+        self._driver.close(timeout_s)  # which makes the actors
         for actor in list(self._actors.values()):
-            actor.close(_CLOSE_S)
+            actor.close(timeout_s)
         for window in self._windows:
             window.close()
-        self._images.close(_CLOSE_S)
-        self._drawing.close(_CLOSE_S)
+        self._images.close(timeout_s)
+        self._drawing.close(timeout_s)
 
     def _say_soon(self, message: str) -> None:
         self._worker.post("say", partial(self._notice.say, message))
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
-        self._kept = Kept(gui, self._worker, self._scene, self._arrangement)
+        self._kept = Kept(gui, self._worker, self._scene, self._memory)
         playback = self._runtime.playback
         self._transport: Transport | None = None
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
+        self._opener = None
+        if self._files.shelf is not None:
+            self._opener = Opener(gui, self._files, self._worker)
         self._preset = PresetChoice(gui, self._runtime, self._worker)
         robot = gui.add_folder("robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
@@ -128,8 +131,8 @@ class Desk:
         self._choice = Choice(gui, self._windows_folder, self._worker)
         add_channel(gui, self._worker, "pick", self._pick)
         with gui.add_folder("recording"):
-            self._recorder = Recorder(gui, self._runtime, self._worker, self._record_dir)
-            Saver(gui, self._runtime, self._worker, self._record_dir, self._kept)
+            self._recorder = Recorder(gui, self._runtime, self._worker, self._files)
+            Saver(gui, self._runtime, self._worker, self._files.folder, self._kept)
         with gui.add_folder("graph"):
             self._picture = gui.add_html(graph_picture(self._graph))
         self._plots_folder = gui.add_folder("plots", expand_by_default=False)
@@ -214,6 +217,7 @@ class Desk:
                 window.remove()
         self._picture.content = graph_picture(self._graph)
         self._field_plot.follow(_kinds_of(self._graph))
+        self._recorder.follow(self._graph)
         self._driver.post("actors", self._end_actors)
         self._plots.remove()
         with self._plots_folder:
@@ -246,6 +250,8 @@ class Desk:
         self._robot.refresh()
         self._ticks += 1
         if self._ticks % 5 == 1:
+            if self._opener is not None:
+                self._opener.refresh()
             self._show_frames()
             self._show_report(self._runtime.report(_WINDOW_S))
 

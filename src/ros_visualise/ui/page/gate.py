@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
 from threading import Lock
@@ -32,6 +32,7 @@ log = logging.getLogger(__name__)
 
 _Admit = Callable[[ServerConnection, Request], Any]
 Answers = Callable[[str, Mapping[str, str]], Answer | None]
+Receiver = Callable[[str, Callable[[], Awaitable[str | bytes]]], Awaitable[bool]]
 _MOST_SAID = 5
 """So many requests that are refused are logged, and so many messages of each browser."""
 _LONGEST_PATH = 250  # of a name that file systems take
@@ -47,14 +48,18 @@ class Gate:
         title: of the page.
         answer: gives the answers that are not viser's: called with what an address has after the
             ``?`` and with the headers, on a thread of its own. None: that is viser's to answer.
+        receive: takes connections that are not viser's: called with what an address has after the
+            ``?`` and with what gives the next message; whether it was one.
 
     Attributes:
         gui: the elements of the page; None until there are any.
         is_used: whether a server has its connections from here.
     """
 
-    def __init__(self, door: Door, title: str, answer: Answers) -> None:
-        self.door, self.title, self._answers = door, title, answer
+    def __init__(
+        self, door: Door, title: str, answer: Answers, receive: Receiver | None = None
+    ) -> None:
+        self.door, self.title, self._answers, self._receive = door, title, answer, receive
         self.gui: viser.GuiApi | None = None
         self.is_used = False
         self._refused: set[str] = set()
@@ -64,10 +69,14 @@ class Gate:
         """Every websockets server made meanwhile uses connections from here."""
         make = websockets.asyncio.server.serve
 
-        def serve(*args: Any, **settings: Any) -> Any:
+        def serve(handler: Any, *args: Any, **settings: Any) -> Any:
+            async def handle(connection: Any) -> None:
+                if not await self._takes(connection):
+                    await handler(connection)
+
             self.is_used = True
             settings |= {"create_connection": self._connect, "max_size": MAX_BYTES}
-            return _Serve(*args, **settings)
+            return _Serve(handle, *args, **settings)
 
         with _one_at_a_time:
             websockets.asyncio.server.serve = serve  # type: ignore[assignment,misc]
@@ -126,6 +135,14 @@ class Gate:
         status = HTTPStatus(found.status)
         return Response(status.value, status.phrase, headers, found.body)
 
+    async def _takes(self, connection: _Connection) -> bool:
+        """Whether a connection was ours and not viser's."""
+        assert connection.request is not None
+        query = connection.request.path.partition("?")[2]
+        if not query or self._receive is None:
+            return False
+        return await self._receive(query, connection.receive)
+
     def _connect(self, *args: Any, **settings: Any) -> _Connection:
         return _Connection(self, *args, **settings)
 
@@ -178,6 +195,10 @@ class _Connection(ServerConnection):
             return answer and complete(answer, self._gate.title, is_foreign)
 
         await super().handshake(admit, self._answer, None)
+
+    async def receive(self) -> str | bytes:
+        """The next message, whatever it is."""
+        return await super().recv()
 
     async def recv(self, decode: bool | None = None) -> Any:
         """The next message that passes."""

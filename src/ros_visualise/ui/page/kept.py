@@ -28,11 +28,33 @@ _KINDS = (
     viser.GuiTextHandle,
     viser.GuiDropdownHandle,
 )
-_NOT_KEPT = ("recording", "robot")
+_NOT_KEPT = ("open", "recording", "robot")
 """Folders whose elements say what to do now, not how the page is."""
 _SWITCHES = {"True": True, "False": False}
 _MOST_IN_ADDRESS = 4000  # characters; browsers may send little more in one text
 _FARTHEST_M = 1e6  # of a view
+
+
+class Memory:
+    """What is known of the page from one graph to the next.
+
+    Args:
+        wanted: how the page is to be arranged at first.
+
+    Attributes:
+        first: place -> the value that its element had at first.
+        run: tells browsers that this is still the same program.
+        wanted: how the page is to be arranged next.
+    """
+
+    def __init__(self, wanted: Arrangement) -> None:
+        self.first: dict[str, Value] = {}
+        self.run = secrets.token_hex(8)
+        self.wanted: Arrangement = wanted
+
+    def remember(self, arrangement: Arrangement) -> None:
+        """Arrange the page so again; parts that were marked are those of one recording."""
+        self.wanted = {p: v for p, v in arrangement.items() if not p.startswith("part/")}
 
 
 class Kept:
@@ -50,18 +72,15 @@ class Kept:
         gui: of the page.
         worker: sets what the address of a browser names.
         scene: what each browser has its own view of.
-        wanted: how the page is to be arranged at first.
+        memory: of the graph that was shown before.
     """
 
-    def __init__(
-        self, gui: viser.GuiApi, worker: Worker, scene: Scene, wanted: Arrangement
-    ) -> None:
+    def __init__(self, gui: viser.GuiApi, worker: Worker, scene: Scene, memory: Memory) -> None:
         self._gui, self._scene = gui, scene
-        self._first: dict[str, Value] = {}
-        self._waiting: dict[str, Value] = dict(wanted)
+        self._first, self._run = memory.first, memory.run
+        self._waiting: dict[str, Value] = dict(memory.wanted)
         add_channel(gui, worker, "address", self._take_address)
         add_channel(gui, worker, "view", self._take_view)
-        self._run = secrets.token_hex(8)
         self._element = gui.add_html("")
 
     def take_in(self) -> None:

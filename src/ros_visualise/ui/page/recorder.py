@@ -1,4 +1,4 @@
-"""The switch for recording."""
+"""The switch for recording, the choice of what is recorded, and the way to have it."""
 
 from __future__ import annotations
 
@@ -10,29 +10,47 @@ from pathlib import Path
 
 import viser
 
+from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import ActiveRecording, Runtime
-from ros_visualise.sinks.names import in_folder
+from ros_visualise.runtime.ordering import recordable
+from ros_visualise.sinks.names import in_folder, parse_target
 from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.files import Files
 from ros_visualise.ui.page.worker import Worker
 
 _START, _STOP = "● record", "■ stop recording"
+_ALL, _NO = "all", "none"
 
 
 class Recorder:
-    """A file name, a button, and the state of the recording, in the present container.
+    """A name, topics, a button, the recording's state and links, in the present container.
 
     Anybody on the page may choose the name, so the file stays in one folder, and nothing there is
     replaced. One recording runs at a time; it ends before the disk is full.
     """
 
-    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, folder: Path) -> None:
-        self._runtime, self._folder = runtime, folder
+    def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, files: Files) -> None:
+        self._runtime, self._files, self._folder = runtime, files, files.folder
         self._recording: ActiveRecording | None = None
         self._begun_s = 0.0
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
+        self._topics = _Topics(gui, worker)
+        self._topics.follow(runtime.graph)
         self._button = gui.add_button(_START)
         self._note = gui.add_html("", visible=False)
+        self._links = gui.add_html("")
+        self._show_links()
         self._button.on_click(worker.listener("record", self._press))
+
+    def follow(self, graph: Graph) -> None:
+        """Offer the topics of this graph from now on."""
+        self._topics.follow(graph)
+
+    def close(self) -> None:
+        """The run has ended, and with it the recording."""
+        if self._recording is not None:
+            self._files.recorded(self._recording.path)
 
     def refresh(self) -> None:
         """Show the state of the recording.
@@ -53,6 +71,8 @@ class Recorder:
             self._stop(self._recording)
             return
         target = in_folder(self._folder, self._name.value)
+        if not parse_target(target)[1]:
+            target += self._topics.chosen
         self._recording = self._runtime.start_recording(target)
         self._begun_s = time.monotonic()
         self._button.label, self._button.color = _STOP, "red"
@@ -79,8 +99,55 @@ class Recorder:
         self._runtime.stop_recording(recording)
         self._show(recording)
         self._recording = None
+        self._files.recorded(recording.path)
+        self._show_links()
         set_value(self._name, _new_name())
         self._button.label, self._button.color = _START, None
+
+    def _show_links(self) -> None:
+        links = self._files.links
+        text = f'<div class="rv-note rv-links">download: {links}</div>' if links else ""
+        self._links.content = text
+
+
+class _Topics:
+    """A switch for each topic; at first they say what is recorded where nobody chooses."""
+
+    def __init__(self, gui: viser.GuiApi, worker: Worker) -> None:
+        self._gui = gui
+        self._switches: dict[str, viser.GuiCheckboxHandle] = {}
+        self._usual: set[str] = set()
+        self._folder = gui.add_folder("what is recorded", expand_by_default=False)
+        with self._folder:
+            buttons = gui.add_button_group("topics", (_ALL, _NO))
+        buttons.on_click(worker.listener(None, self._set_all))
+
+    def follow(self, graph: Graph) -> None:
+        """Offer the topics of this graph."""
+        there = recordable(graph)
+        for name in self._switches.keys() - there.keys():
+            self._switches.pop(name).remove()
+        self._usual = {name for name in there if not graph.topics[name].on_demand}
+        with self._folder:
+            for name in [name for name in there if name not in self._switches]:
+                switch = self._gui.add_checkbox(name, name in self._usual)
+                self._switches[name] = switch
+
+    @property
+    def chosen(self) -> str:
+        """What a target has after its name: ``@/TOPIC,/TOPIC``; empty for what is usual.
+
+        Raises:
+            UsageError: there is none.
+        """
+        chosen = [name for name, switch in self._switches.items() if switch.value]
+        if not chosen:
+            raise UsageError("choose a topic to record")
+        return "" if set(chosen) == self._usual else "@" + ",".join(chosen)
+
+    def _set_all(self, label: str) -> None:
+        for switch in self._switches.values():
+            set_value(switch, label == _ALL)
 
 
 def _size(path: Path) -> int:

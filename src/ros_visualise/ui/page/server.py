@@ -12,7 +12,7 @@ import viser
 
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page.door import Door
-from ros_visualise.ui.page.gate import Answers, Gate
+from ros_visualise.ui.page.gate import Answers, Gate, Receiver
 from ros_visualise.ui.page.wakeups import mend_wakeups
 
 _CLOSE_S = 0.8
@@ -25,6 +25,7 @@ def open_server(
     door: Door,
     flag: str = "--{} {}",
     answer: Answers = lambda *_: None,
+    receive: Receiver | None = None,
 ) -> viser.ViserServer:
     """Bind a server to this address and no other; it checks every request.
 
@@ -32,6 +33,7 @@ def open_server(
         title: what the browser's tab is called.
         flag: how a person gives another port: its name and its value go in.
         answer: gives the answers that are not viser's.
+        receive: takes the connections that are not viser's.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -39,7 +41,7 @@ def open_server(
     _check_address(host, port, flag)
     _silence()
     mend_wakeups()
-    gate = Gate(door, title, answer)
+    gate = Gate(door, title, answer, receive)
     with gate.guard():
         server = viser.ViserServer(host, port, label=title, verbose=False)
     gate.gui = server.gui
@@ -51,6 +53,13 @@ def open_server(
         raise OpenError(_in_use(host, port, flag))
     server.gui.configure_theme(dark_mode=True, show_logo=False, show_share_button=False)
     return server
+
+
+def empty_server(server: viser.ViserServer) -> None:
+    """Take all from the page; browsers stay connected."""
+    server.scene.remove_click_callback()
+    server.scene.reset()
+    server.gui.reset()
 
 
 def close_server(server: viser.ViserServer) -> None:

@@ -42,6 +42,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-text p {{ margin: .4em 0; }}
 .rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; overflow-x: auto; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
+.rv-upload {{ text-decoration: underline; cursor: pointer; }}
 .rv-swatch {{ position: relative; height: 0; }}
 .rv-swatch i {{ position: absolute; right: 1em; top: .55em; width: 2.6em; height: .45em;
   border-radius: .2em; }}

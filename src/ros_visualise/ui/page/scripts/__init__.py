@@ -14,7 +14,7 @@ from websockets.http11 import Response
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "hold.js", "pick.js", "address.js", "mark.js")
+_SCRIPTS = ("send.js", "hold.js", "pick.js", "address.js", "mark.js", "files.js")
 """In the order in which they run, before viser's own."""
 _HEAD, _TITLE = b"<head>", b"<title>Viser</title>"
 

@@ -1,0 +1,117 @@
+"""Files that come and go through the page: opened, uploaded, recorded and downloaded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+import viser
+
+from ros_visualise.ui.look.answers import Answer, Question, Refusal
+from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.uploads import MAX_GIB, Receive, Uploads
+from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.shelf import SUFFIXES, Shelf
+
+FOLDER = "open"
+_PIECE_BYTES = 8 << 20
+_HEADER = "X-Ros-Visualise"  # which no other site can send
+_NONE = "choose a file"
+
+
+class Files:
+    """What a page knows of files, whatever it shows.
+
+    Args:
+        folder: the only one in which it records, and to which uploads go.
+        shelf: what may be opened; None: nothing, and nothing is uploaded.
+    """
+
+    def __init__(self, folder: Path, shelf: Shelf | None = None) -> None:
+        self.folder, self.shelf = folder, shelf
+        self.uploads = None if shelf is None else Uploads(folder, shelf.ask)
+        self._recorded: dict[str, Path] = {}
+
+    def recorded(self, path: Path) -> None:
+        """Offer a file that was recorded for download."""
+        if path.is_file():
+            self._recorded[path.name] = path
+
+    @property
+    def links(self) -> str:
+        """Links to all that were recorded, as HTML."""
+        return ", ".join(
+            f'<a href="#" data-download="{escape(quote(name))}">{escape(name)}</a>'
+            for name in self._recorded
+        )
+
+    def answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
+        """A piece of what was recorded; None: something else is asked for."""
+        if question.text("ask") != "recorded":
+            return None
+        if headers.get(_HEADER) != "1":
+            raise Refusal("only pages of this server may ask", 403)
+        path = self._recorded.get(question.text("name"))
+        try:
+            if path is None:
+                raise FileNotFoundError
+            with path.open("rb") as file:
+                size = file.seek(0, 2)
+                file.seek(min(max(question.whole("from") or 0, 0), size))
+                body = file.read(_PIECE_BYTES)
+        except OSError:
+            raise Refusal("there is no such recording", 404) from None
+        return Answer(body, "application/octet-stream", headers={"X-Size": str(size)})
+
+    async def receive(self, query: str, receive: Receive) -> bool:
+        """Take in an upload; whether it is one."""
+        question = Question(query)
+        if "upload" not in question:
+            return False
+        if self.uploads is not None:
+            await self.uploads.take(question, receive)
+        return True
+
+
+class Opener:
+    """The choice of a file, and where one can be dropped, in a folder of its own."""
+
+    def __init__(self, gui: viser.GuiApi, files: Files, worker: Worker) -> None:
+        assert files.shelf is not None
+        assert files.uploads is not None
+        self._shelf, self._uploads = files.shelf, files.uploads
+        with gui.add_folder(FOLDER, expand_by_default=False):
+            names, now = self._names()
+            self._choice = gui.add_dropdown("source", names, initial_value=now)
+            self._choice.on_update(worker.listener("source", self._ask))
+            self._note = gui.add_html(self._describe())
+
+    def refresh(self) -> None:
+        """Show what there is now."""
+        names, now = self._names()
+        if names != self._choice.options:
+            self._choice.options = names
+        set_value(self._choice, now)
+        if self._note.content != self._describe():
+            self._note.content = self._describe()
+
+    def _ask(self, name: str) -> None:
+        if name != _NONE:
+            self._shelf.ask(self._shelf.files().get(name, Path(name)))
+
+    def _names(self) -> tuple[tuple[str, ...], str]:
+        """All that can be chosen, and what is shown."""
+        there = self._shelf.files()
+        now = next((name for name, path in there.items() if path == self._shelf.current), _NONE)
+        return (*there, *([_NONE] if now == _NONE else ())), now
+
+    def _describe(self) -> str:
+        title = "" if self._shelf.current is None else self._shelf.current.name
+        text = self._uploads.state or f"to {self._uploads.folder.absolute()}, {MAX_GIB} GiB at most"
+        return (
+            '<div class="rv-note"><label class="rv-upload">upload a file<input type="file" hidden '
+            f'multiple accept="{",".join(SUFFIXES)}" data-upload data-title="{escape(title)}">'
+            f"</label> or drop it on the page: {escape(text)}</div>"
+        )

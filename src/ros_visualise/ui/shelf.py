@@ -1,0 +1,73 @@
+"""The files of which a person may choose what is shown next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_visualise.errors import UsageError
+from ros_visualise.sources.opening import SUFFIXES as RECORDINGS
+from ros_visualise.sources.recordings.metadata import METADATA
+
+VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
+SUFFIXES = (*RECORDINGS, *VIDEOS)
+"""How the names end of what can be opened."""
+_MOST = 500  # files of a folder that are offered
+
+
+class Shelf:
+    """The videos and recordings in two folders, and the one that was asked for.
+
+    Args:
+        folder: the one of what is shown.
+        uploads: the one that the page records and uploads to.
+
+    Attributes:
+        current: what is shown; None: no file.
+    """
+
+    def __init__(self, folder: Path, uploads: Path, current: Path | None = None) -> None:
+        self._folders = [folder] if _is_same(folder, uploads) else [folder, uploads]
+        self.current = current
+        self._asked: Path | None = None
+
+    def files(self) -> dict[str, Path]:
+        """What can be opened: name -> path; what is in the second folder is named with it."""
+        there: dict[str, Path] = {}
+        for folder in self._folders:
+            names = {path.name: path for path in _openable(folder)}
+            there |= {str(path) if name in there else name: path for name, path in names.items()}
+        return there
+
+    def ask(self, path: Path) -> None:
+        """Show this next.
+
+        Raises:
+            UsageError: it is none of these files.
+        """
+        if path not in self.files().values():
+            raise UsageError(f"{path}: is not there to be opened; choose another file")
+        self._asked = path
+
+    def take(self) -> Path | None:
+        """What was asked for since; None: nothing."""
+        asked, self._asked = self._asked, None
+        return asked
+
+
+def _openable(folder: Path) -> list[Path]:
+    """Videos and recordings in a folder, which may be folders too."""
+    try:
+        found = sorted(path for path in folder.iterdir() if _is_openable(path))
+    except OSError:  # it was removed, or nobody may read it
+        return []
+    return found[:_MOST]
+
+
+def _is_openable(path: Path) -> bool:
+    if path.name.startswith("."):
+        return False
+    return path.suffix.lower() in SUFFIXES or (path / METADATA).is_file()
+
+
+def _is_same(one: Path, other: Path) -> bool:
+    return one.absolute().resolve() == other.absolute().resolve()
