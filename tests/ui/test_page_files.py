@@ -1,0 +1,158 @@
+"""Files that come and go through the page: uploads, downloads, and what is opened next."""
+
+import http.client
+import time
+from contextlib import closing, suppress
+
+import pytest
+from page_client import Client
+from rosbags.highlevel import AnyReader
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from ros_visualise.errors import UsageError
+from ros_visualise.ui.page import Page
+from ros_visualise.ui.shelf import Shelf
+
+VIDEO = bytes(range(256)) * 600
+
+
+@pytest.fixture
+def shelf(tmp_path):
+    (tmp_path / "here").mkdir()
+    (tmp_path / "there").mkdir()
+    return Shelf(tmp_path / "here", tmp_path / "there")
+
+
+@pytest.fixture
+def page(port, runtime, shelf, tmp_path):
+    shown = Page(port=port, record_dir=tmp_path / "there", shelf=shelf)
+    shown.open(runtime)
+    yield shown
+    shown.close()
+
+
+@pytest.fixture
+def client(page, port):
+    client = Client(port)
+    client.read_until(lambda: "source" in client.values)
+    with closing(client.socket):
+        yield client
+
+
+def upload(port, pieces, origin=None, **values):
+    """Send a file; returns as soon as the server has ended it."""
+    query = "&".join(f"{name}={value}" for name, value in values.items())
+    with connect(f"ws://127.0.0.1:{port}/?{query}", origin=origin) as socket:
+        with suppress(ConnectionClosed):
+            for piece in pieces:
+                socket.send(piece)
+        with pytest.raises(ConnectionClosed):
+            socket.recv(timeout=60)
+
+
+def fetch(port, query, **headers):
+    asking = http.client.HTTPConnection("127.0.0.1", port)
+    with closing(asking):
+        asking.request("GET", f"/?{query}", headers=headers)
+        answer = asking.getresponse()
+        return answer.status, answer.read()
+
+
+def wait_until(check):
+    end_s = time.monotonic() + 60
+    while not check():
+        assert time.monotonic() < end_s, "it did not come about"
+        time.sleep(0.01)
+
+
+def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, shelf, tmp_path):
+    pieces = [VIDEO[:60_000], VIDEO[60_000:120_000], VIDEO[120_000:]]
+    upload(port, [b"12:00"], upload="a.SRT", size=5, open="")
+    assert shelf.take() is None
+    upload(port, pieces, upload="a.mp4", size=len(VIDEO), open="a.mp4")
+    assert (tmp_path / "there/a.mp4").read_bytes() == VIDEO
+    assert (tmp_path / "there/a.SRT").read_bytes() == b"12:00"
+    assert shelf.take() == tmp_path / "there/a.mp4"
+    assert shelf.take() is None
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "said"),
+    [
+        ("..%2Faway.mp4", 4, "give a name alone"),
+        ("%2Ftmp%2Faway.mp4", 4, "give a name alone"),
+        (".hidden.mp4", 4, "give a name alone"),
+        ("a%00.mp4", 4, "holds control characters"),
+        ("virus.py", 4, "give a file that ends in one of"),
+        ("folder", 4, "give a file that ends in one of"),
+        ("old.mp4", 4, "exists"),
+        ("empty.mp4", 0, "give a file of 1 byte to 8 GiB"),
+        ("large.mp4", (8 << 30) + 1, "give a file of 1 byte to 8 GiB"),
+        ("short.mp4", 2, "it is not what was announced"),
+    ],
+)
+def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):
+    (tmp_path / "there/old.mp4").write_text("precious")
+    upload(port, [b"1234"], upload=name, size=size, open="")
+    client.read_until(lambda: any(said in html for html in client.html))
+    assert [path.name for path in (tmp_path / "there").iterdir()] == ["old.mp4"]
+    assert (tmp_path / "there/old.mp4").read_text() == "precious"
+    assert not (tmp_path / "away.mp4").exists()
+
+
+def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
+    with connect(f"ws://127.0.0.1:{port}/?upload=a.mp4&size=9") as socket:
+        socket.send(b"1234")
+        wait_until((tmp_path / "there/a.mp4").exists)
+    client.read_until(lambda: any("the browser went" in html for html in client.html))
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_other_sites_upload_nothing(page, port, tmp_path):
+    with pytest.raises(InvalidStatus):
+        upload(port, [b"1234"], "http://evil.example", upload="a.mp4", size=4, open="")
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_recorded(
+    client, port, tmp_path
+):
+    (tmp_path / "there/other.mcap").write_text("secret")
+    client.set("/image_raw", False)
+    client.set("/controlled_stream", False)
+    client.set("file", "mine.mcap")
+    client.set("● record", True)
+    client.read_until(lambda: any("mine.mcap: " in html for html in client.html))
+    client.set("● record", True)
+    client.read_until(lambda: any('data-download="mine.mcap"' in html for html in client.html))
+    own = {"X-Ros-Visualise": "1"}
+    status, first = fetch(port, "ask=recorded&name=mine.mcap&from=0", **own)
+    assert status == 200
+    assert first == (tmp_path / "there/mine.mcap").read_bytes()
+    assert fetch(port, "ask=recorded&name=mine.mcap&from=9", **own)[1] == first[9:]
+    assert fetch(port, "ask=recorded&name=mine.mcap&from=0")[0] == 403
+    for name in ("other.mcap", "../there/mine.mcap", ""):
+        assert fetch(port, f"ask=recorded&name={name}", **own)[0] == 404
+    with AnyReader([tmp_path / "there/mine.mcap"]) as reader:
+        recorded = {one.topic for one in reader.connections}
+    assert recorded == {"/processed_image", "/edges", "/parameter_events"}
+
+
+def test_no_topic_is_recorded_where_none_is_chosen(client, tmp_path):
+    client.set("topics", "none")
+    client.set("● record", True)
+    client.read_until(lambda: any("choose a topic to record" in html for html in client.html))
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_what_can_be_opened(shelf, tmp_path):
+    for name in ("here/a.bag", "here/b.MP4", "here/notes.txt", "there/a.bag", "here/.c.bag"):
+        (tmp_path / name).touch()
+    (tmp_path / "here/ros2").mkdir()
+    (tmp_path / "here/ros2/metadata.yaml").touch()
+    (tmp_path / "here/empty").mkdir()
+    assert [*shelf.files()] == ["a.bag", "b.MP4", "ros2", f"{tmp_path}/there/a.bag"]
+    with pytest.raises(UsageError, match="not there to be opened"):
+        shelf.ask(tmp_path / "here/notes.txt")
+    assert shelf.take() is None
