@@ -1,0 +1,83 @@
+"""Opening another file from the page: the same nodes as they are set, and nothing is lost."""
+
+import json
+import signal
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+from made_videos import numbered, write_video
+from page_client import Client
+
+from ros_visualise.cli import main
+
+COMMAND = [sys.executable, "-m", "ros_visualise"]
+PATIENCE_S = 60
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("one.mkv", "two.mkv"):
+        write_video(tmp_path / name, numbered(10))
+    (tmp_path / "junk.mp4").write_text("nothing that anybody plays")
+    played = ["video", str(tmp_path / "one.mkv"), "--view", "none", "--rate", "0"]
+    assert main([*played, "--record", str(tmp_path / "three.bag@/image_raw")]) == 0
+    return tmp_path
+
+
+@pytest.fixture
+def run(folder, port):
+    """The command with its page, and a browser; ends with the report of the run."""
+    options = ["--port", str(port), "--no-open", "--json", "--record-dir", str(folder)]
+    options += ["--set", "filters.threshold=90", "--record", str(folder / "run.mcap")]
+    process = subprocess.Popen(
+        [*COMMAND, "video", "one.mkv", *options],
+        cwd=folder,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    for line in process.stderr:
+        if "look at" in line:
+            break
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def test_another_file_is_shown_as_the_one_before(run, folder, port):
+    client = Client(port)
+    with closing(client.socket):
+        client.read_until(lambda: client.values.get("source") == "one.mkv")
+        client.set("threshold", 77)
+        client.set("loop", True)
+        client.read_until(lambda: any("threshold=77" in html for html in client.html))
+
+        client.set("source", "junk.mp4")
+        client.read_until(lambda: any("junk.mp4" in html for html in client.html))
+        client.read_until(lambda: client.values["source"] == "one.mkv")
+
+        client.set("source", "two.mkv")
+        client.read_until(lambda: client.values.get("source") == "two.mkv")
+        assert client.values["threshold"] == 77
+        assert client.values["loop"] is True
+        assert (folder / "run.mcap").exists()
+
+        client.set("edge_detector", False)  # its window
+        client.read_until(
+            lambda: any("windows/edge_detector=False" in html for html in client.html)
+        )
+        client.images = 0
+        client.set("source", "three.bag")
+        client.read_until(lambda: client.values.get("source") == "three.bag")
+        client.read_until(lambda: client.values.get("edge_detector") is False)
+        client.read_until(lambda: client.images > 3)
+        assert client.values["threshold"] == 77
+        run.send_signal(signal.SIGINT)
+        out, err = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 130
+    report = json.loads(out)
+    assert "player" in report["nodes"]
+    assert report["recordings"][str(folder / "run.mcap")]["messages"] > 0
+    assert "Traceback" not in err
