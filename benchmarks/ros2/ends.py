@@ -1,0 +1,169 @@
+"""The two ends of a topic of images, by stock rclpy or by our transport.
+
+    python ends.py publish rclpy|ours WIDTHxHEIGHT --rate R
+    python ends.py subscribe rclpy|ours TOPIC --seconds S --warmup W
+
+The subscriber prints one JSON object. Images are as old as their stamps say, which a publisher
+takes from the time of day just before it publishes.
+"""
+
+import argparse
+import array
+import contextlib
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import Image as RosImage
+
+from ros_visualise.data import Header, Image
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.ros2.middleware import Ros2
+
+TYPE = TopicType("sensor_msgs/msg/Image")
+TOPIC = "image_raw"
+_DIFFERENT = 4
+_PATIENCE_S = 60
+
+
+def pictures(size: str) -> list[np.ndarray]:
+    """Some images of noise, (height, width, 3) uint8."""
+    width, height = map(int, size.split("x"))
+    random = np.random.default_rng(0)
+    return [random.integers(0, 256, (height, width, 3), np.uint8) for _ in range(_DIFFERENT)]
+
+
+def paced(rate: float) -> Iterator[int]:
+    """Numbers, that many in a second; one that is late is not made up for."""
+    due_s, number = time.monotonic(), 0
+    while True:
+        yield number
+        number += 1
+        due_s = max(due_s + 1 / rate, time.monotonic())
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+def publish_rclpy(size: str, rate: float) -> None:
+    """As fast as rclpy can: the data are arrays, made before."""
+    node = rclpy.create_node("publisher")
+    publisher = node.create_publisher(RosImage, TOPIC, QoSProfile(depth=1))
+    messages = [_ros_image(pixels) for pixels in pictures(size)]
+    for number in paced(rate):
+        message = messages[number % _DIFFERENT]
+        message.header.stamp = node.get_clock().now().to_msg()
+        publisher.publish(message)
+
+
+def publish_ours(size: str, rate: float) -> None:
+    middleware = Ros2()
+    middleware.join("publisher", [])
+    publisher = middleware.advertise(TOPIC, TYPE)
+    images = pictures(size)
+    for number in paced(rate):
+        header = Header(time.time_ns(), "camera_optical")
+        publisher.publish(Image(images[number % _DIFFERENT], "bgr8", header))
+
+
+class Ages:
+    """How old images are when they come; each is looked at, to be sure that it is there."""
+
+    def __init__(self) -> None:
+        self.taken: list[tuple[float, float]] = []
+        self.first = threading.Event()
+
+    def take(self, stamp_ns: int, pixels: np.ndarray) -> None:
+        assert pixels.size
+        pixels.reshape(-1)[:: 1 << 12].sum()
+        self.taken.append((time.monotonic(), (time.time_ns() - stamp_ns) / 1e6))
+        self.first.set()
+
+
+def subscribe_rclpy(topic: str, ages: Ages) -> Callable[[], None]:
+    node = rclpy.create_node("subscriber")
+
+    def take(message: RosImage) -> None:
+        stamp = message.header.stamp
+        ages.take(stamp.sec * 10**9 + stamp.nanosec, np.frombuffer(message.data, np.uint8))
+
+    node.create_subscription(RosImage, topic, take, QoSProfile(depth=1))
+    spinning = threading.Thread(target=_spin, args=(node,))
+    spinning.start()
+
+    def end() -> None:
+        rclpy.shutdown()
+        spinning.join()
+
+    return end
+
+
+def subscribe_ours(topic: str, ages: Ages) -> Callable[[], None]:
+    middleware = Ros2()
+    middleware.join("subscriber", [])
+    middleware.subscribe(
+        topic, Image, lambda image: ages.take(image.header.stamp_ns, image.data), print
+    )
+    return lambda: middleware.end("done")
+
+
+def figures(ages: Ages, warmup_s: float, seconds: float) -> dict[str, float]:
+    """Images in a second, and how old they were, milliseconds."""
+    if not ages.first.wait(_PATIENCE_S):
+        return {"fps": 0.0}
+    time.sleep(warmup_s)
+    before = len(ages.taken)
+    time.sleep(seconds)
+    taken = np.array(ages.taken[before:])
+    if len(taken) < 2:
+        return {"fps": 0.0}
+    p50_ms, p99_ms = np.percentile(taken[:, 1], (50, 99))
+    fps = (len(taken) - 1) / (taken[-1, 0] - taken[0, 0])
+    return {"fps": fps, "p50_ms": p50_ms, "p99_ms": p99_ms}
+
+
+def _ros_image(pixels: np.ndarray) -> RosImage:
+    height, width, _ = pixels.shape
+    message = RosImage(height=height, width=width, encoding="bgr8", step=3 * width)
+    message.header.frame_id = "camera_optical"
+    message.data = array.array("B", pixels.tobytes())
+    return message
+
+
+def _spin(node: rclpy.node.Node) -> None:
+    with contextlib.suppress(ExternalShutdownException):
+        rclpy.spin(node)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    ends = parser.add_subparsers(dest="end", required=True)
+    publisher = ends.add_parser("publish")
+    publisher.add_argument("kind", choices=("rclpy", "ours"))
+    publisher.add_argument("size")
+    publisher.add_argument("--rate", type=float, required=True)
+    subscriber = ends.add_parser("subscribe")
+    subscriber.add_argument("kind", choices=("rclpy", "ours"))
+    subscriber.add_argument("topic")
+    subscriber.add_argument("--seconds", type=float, required=True)
+    subscriber.add_argument("--warmup", type=float, required=True)
+    args = parser.parse_args()
+    if args.kind == "rclpy":
+        rclpy.init()
+    if args.end == "publish":
+        {"rclpy": publish_rclpy, "ours": publish_ours}[args.kind](args.size, args.rate)
+    else:
+        ages = Ages()
+        end = {"rclpy": subscribe_rclpy, "ours": subscribe_ours}[args.kind](args.topic, ages)
+        print(json.dumps(figures(ages, args.warmup, args.seconds)))
+        end()
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
