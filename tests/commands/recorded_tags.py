@@ -100,7 +100,8 @@ class Flight:
                 corners = corners_seen(camera, place, self.size_of(tag))
                 if corners is None:
                     continue
-                corners = corners + 0.1 * self._random.standard_normal((4, 2))
+                noise = np.random.default_rng((self.seen_at(view), tag)).standard_normal((4, 2))
+                corners = corners + 0.1 * noise
                 point = self._of["Point"]
                 center = point(*corners.mean(axis=0), 0.0)
                 several = [point(u, v, 0.0) for u, v in corners]

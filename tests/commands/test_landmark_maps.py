@@ -93,13 +93,22 @@ def test_what_is_wrong_with_tags_is_named_and_the_others_are_where_they_are(mapp
     assert max(m for name, m in off.items() if name not in ("tag36h11_3", "tag36h11_5")) < 0.05
 
 
-def test_a_camera_that_freezes_is_named_by_its_views(mapped):
+def test_a_camera_that_freezes_is_said_and_its_pictures_are_left_out(mapped):
     flight = Flight()
     flight.seen_at = lambda view: 14 if 14 <= view < 20 else view
     status, places, said = mapped(flight)
     assert status == 0
     assert max(off_m(flight, places).values()) < 0.05
-    assert "sightings do not fit" in said
+    assert "left out: 5 images that show the same as those before them" in said
+
+
+def test_tags_of_another_size_than_is_given_are_noticed_by_the_odometry(mapped):
+    flight = Flight()
+    flight.size_of = lambda tag: 1.2 * SIZE
+    status, _, said = mapped(flight)
+    assert status == 0
+    assert "ways by the odometry are +20." in said or "ways by the odometry are +19." in said
+    assert "check the size that was given" in said
 
 
 def test_a_clock_that_is_set_back_costs_no_more_than_what_is_said(mapped):

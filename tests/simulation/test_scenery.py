@@ -1,14 +1,18 @@
 """What stands in a simulated world, as markers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from simulated_runs import BLIND_QUADROTOR, collect
 
-from ros_visualise.data import MarkerType
+from ros_visualise.data import MarkerArray, MarkerType
 from ros_visualise.geometry import transforms
 from ros_visualise.messages import from_message, to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.simulation.landmarks import tag_bits
-from ros_visualise.simulation.settings import HuskyParams
+from ros_visualise.simulation.prefix import prefixed
+from ros_visualise.simulation.settings import HuskyParams, PadMotion
 from ros_visualise.simulation.simulator import Simulation
 
 
@@ -69,3 +73,26 @@ def test_it_travels_as_ros_messages(simulation, markers):
 def test_who_goes_on_later_gets_it_too(simulation):
     names = [one.name for one in first(simulation, 3)]
     assert names == ["robot_description", "tf_static", "scenery"]
+
+
+def test_a_pad_that_moves_is_drawn_in_its_own_frame_which_tf_tells():
+    settings = replace(BLIND_QUADROTOR, pad=True, pad_motion=PadMotion.LINE, pad_reach=20.0)
+    simulation = Simulation("quadrotor", "plane", settings=settings)
+    found = collect(simulation, 4.0)
+    deck = [one for one in found["scenery"][0].markers if one.header.frame_id == "pad_deck"]
+    assert len(deck) == 6  # deck, cart, helipad, three tags
+    told = [one for tf in found["tf"] for one in tf.transforms if one.child_frame_id == "pad_deck"]
+    places = np.array([one.translation_xyz for one in told])
+    truth = np.array([one.position_xyz for one in found["pad"]])
+    assert np.array_equal(places, truth)
+    assert places[-1, 0] - places[0, 0] > 2.0
+    moved = prefixed(MarkerArray(tuple(deck)), "uav1")
+    assert {one.header.frame_id for one in moved.markers} == {"uav1/pad_deck"}
+
+
+def test_a_pad_without_tags_has_the_helipad_alone():
+    settings = replace(BLIND_QUADROTOR, pad=True, pad_tags=False)
+    simulation = Simulation("quadrotor", "plane", settings=settings)
+    (scenery,) = [one.message for one in first(simulation, 3) if one.name == "scenery"]
+    markers = scenery.markers
+    assert sum(one.header.frame_id == "pad_deck" for one in markers) == 3

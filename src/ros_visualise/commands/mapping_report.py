@@ -11,7 +11,8 @@ import numpy as np
 from ros_visualise.commands.wording import counted
 from ros_visualise.landmarks.mapping.mapping import Map
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY
-from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED
+from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
 from ros_visualise.printing import shown
 
 _WORST = 3  # views, and tags, that are named
@@ -39,6 +40,12 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
             f"tags: {100 * printed:+.2f} +- {100 * sigma:.2f} % larger than their sizes say,"
             " by what was measured"
         )
+    if _is_longer(found):
+        longer, sigma = found.shared[LONGER], np.sqrt(found.shared_covariance[LONGER, LONGER])
+        lines.append(
+            f"ways by the odometry are {100 * longer:+.1f} +- {100 * sigma:.1f} % longer than by"
+            " the tags: check the size that was given, or the odometry's scale"
+        )
     lines += [one.text for one in made.mountings]
     lines += _outliers(made)
     lines += [
@@ -54,6 +61,12 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
     ][:_WORST]
     lines += [f"left out: {number} {reason}" for reason, number in left_out.items()]
     return lines
+
+
+def _is_longer(found: Smoothed) -> bool:
+    """Whether the odometry's ways are of another length than anybody expects."""
+    is_known = found.problem.odometry is not None
+    return is_known and bool(abs(found.shared[LONGER]) > 3 * UNKNOWN.longer)
 
 
 def _outliers(made: Map) -> list[str]:
@@ -91,6 +104,11 @@ def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
         "too_large_px": {
             "value": float(found.shared[LARGER]),
             "sigma": float(np.sqrt(found.shared_covariance[LARGER, LARGER])),
+        },
+        "odometry_longer": {
+            "value": float(found.shared[LONGER]),
+            "sigma": float(np.sqrt(found.shared_covariance[LONGER, LONGER])),
+            "wrong": _is_longer(found),
         },
         "mountings": [
             {

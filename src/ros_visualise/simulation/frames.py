@@ -3,7 +3,7 @@
 ``map`` is the world. ``odom`` is where the robot starts in it, and never moves: nothing corrects
 the odometry. Where a navigator does, it tells ``odom``, and here ``odom_start`` takes its place.
 ``base_link`` in ``odom`` is what the odometry says, so it drifts; the true pose is only on the
-topic of the ground truth.
+topic of the ground truth. ``pad_deck`` is where a landing pad truly is, for whoever draws it.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from ros_visualise.simulation.model import (
 )
 from ros_visualise.simulation.settings import RobotParams
 
-MAP, ODOM, ODOM_START = "map", "odom", "odom_start"
+MAP, ODOM, ODOM_START, DECK = "map", "odom", "odom_start", "pad_deck"
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
 _OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])  # R_camera_optical
 _TO_OPTICAL: Quat = (0.5, -0.5, 0.5, -0.5)  # the same
@@ -111,6 +111,11 @@ def body_frame(odometry: Odometry) -> TransformStamped:
     """``base_link`` in ``odom``."""
     o = odometry
     return TransformStamped(o.child_frame_id, o.position_xyz, o.quat_xyzw, o.header)
+
+
+def deck_frame(stamp_ns: int, position: Vector, attitude: Quat) -> TransformStamped:
+    """``pad_deck`` in ``map``."""
+    return _transform(stamp_ns, MAP, DECK, np.array(position), attitude)
 
 
 def _transform(stamp_ns: int, parent: str, child: str, at: Floats, turn: Quat) -> TransformStamped:

@@ -23,8 +23,10 @@ def prefixed(message: Any, prefix: str) -> Any:
 
     The ``map`` is that of all of them, and has no prefix.
     """
-    if not prefix or isinstance(message, MarkerArray):  # which stand in the map
+    if not prefix:
         return message
+    if isinstance(message, MarkerArray):
+        return MarkerArray(tuple(prefixed(one, prefix) for one in message.markers))
     if isinstance(message, Text):  # a description, or what the robot does
         is_urdf = message.text.startswith("<")
         return Text(_prefixed_urdf(message.text, prefix)) if is_urdf else message

@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Marker, MarkerArray, MarkerType
-from ros_visualise.simulation.frames import MAP
+from ros_visualise.simulation.frames import DECK, MAP
 from ros_visualise.simulation.textures import BOARD_CELLS
+from ros_visualise.simulation.worlds.pad import PAD
 
 _PLANE, _SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 0, 2, 4, 5, 6  # mjtGeom
 _SOLIDS = {
@@ -29,7 +30,9 @@ Rgb = npt.NDArray[np.float32]
 
 
 def scenery(model: Any, assets: Mapping[str, bytes]) -> MarkerArray:
-    """All that does not move, in the frame ``map``: solids in their mean colours, and pictures.
+    """All but the robot: solids in their mean colours, and pictures.
+
+    What does not move is in the frame ``map``, a landing pad in its own.
 
     Args:
         model: the ``mjModel``.
@@ -40,15 +43,15 @@ def scenery(model: Any, assets: Mapping[str, bytes]) -> MarkerArray:
 
 def _markers(model: Any, assets: Mapping[str, bytes]) -> Iterator[Marker]:
     for geom in range(model.ngeom):
-        kind, is_still = int(model.geom_type[geom]), model.geom_bodyid[geom] == 0
+        kind, frame = int(model.geom_type[geom]), _frame_of(model, geom)
         is_ground = model.geom(geom).name == "ground"
-        if not is_still or not (kind in _SOLIDS or is_ground):
+        if frame is None or not (kind in _SOLIDS or is_ground):
             continue
         place = {
             "position_xyz": np.array(model.geom_pos[geom]),
             "quat_xyzw": np.roll(model.geom_quat[geom], -1),
             "id": geom,
-            "header": Header(0, MAP),
+            "header": Header(0, frame),
         }
         half, picture = np.array(model.geom_size[geom]), _picture(model, geom, assets)
         if is_ground:
@@ -58,6 +61,12 @@ def _markers(model: Any, assets: Mapping[str, bytes]) -> Iterator[Marker]:
             yield _sheet(picture, half, place)
         else:
             yield _solid(kind, half, _color(model, geom, picture), place)
+
+
+def _frame_of(model: Any, geom: int) -> str | None:
+    """The frame that a geom stands in; None of the robot's."""
+    body = model.body(int(model.geom_bodyid[geom])).name
+    return {"world": MAP, PAD: DECK}.get(body)
 
 
 def _solid(kind: int, half: Floats, rgb: Rgb, place: dict[str, Any]) -> Marker:

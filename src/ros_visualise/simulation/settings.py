@@ -202,6 +202,9 @@ class QuadrotorParams(RobotParams):
     pad: bool = _pad(
         False, "a landing pad with tags; it is there too where the mission lands on it"
     )
+    pad_tags: bool = _pad(
+        True, "tags on the pad; without them it is a helipad, found by landmark_detector alone"
+    )
     pad_motion: PadMotion = param(
         PadMotion.STILL,
         "how the pad moves; along a line it goes forth and back",

@@ -69,7 +69,7 @@ class Simulation:
         self._name, self._world_name = robot, check_world(world)
         self._mission = find_mission(mission, robot, world)
         self.settings = with_pad(settings or PARAMS[robot](), self._mission)
-        self.world: World = build_world(world, self.settings.camera, _place_of_pad(self.settings))
+        self.world: World = build_world(world, self.settings.camera, *_pad_of(self.settings))
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
         self._moves = self._surround(seed)
@@ -271,11 +271,12 @@ class Simulation:
         raise TypeError(f"{type(settings).__name__} are no settings of a {self._name}")
 
 
-def _place_of_pad(settings: RobotParams) -> tuple[float, float, float] | None:
-    """Where the pad is at first, from the start, metres and radians; None where there is none."""
+def _pad_of(settings: RobotParams) -> tuple[tuple[float, float, float] | None, bool]:
+    """Where the pad is at first, from the start, metres and radians, and whether it has tags."""
     if not (isinstance(settings, QuadrotorParams) and settings.pad):
-        return None
-    return settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
+        return None, True
+    place = settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
+    return place, settings.pad_tags
 
 
 def _check_finite(what: str, *arrays: Floats) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import Counter
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +19,8 @@ from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting
 _FOR_EVER_S = 1e9
 _MOST_VIEWS = 3000
 """Views that are taken at once; of more, every second or third is enough for the map."""
+
+_FROZEN = "images that show the same as those before them, as of a camera that froze"
 
 
 class Gathered:
@@ -85,7 +88,7 @@ class Gathered:
         T_fixed: list[Floats] = []
         stamps: list[int] = []
         found: list[list[tuple[Detection, Detections]]] = []
-        for message in self._thinned(sorted(self._with_tags(), key=_stamp)):
+        for message in self._thinned(self._fresh(sorted(self._with_tags(), key=_stamp))):
             T = self.place(frame_id, message) if frame_id else np.eye(4)
             if T is None:
                 self.left_out["images at whose time the frames are not known"] += 1
@@ -115,6 +118,14 @@ class Gathered:
         with self._lock:
             return [one for one in self.messages if any(map(is_tag, one.detections))]
 
+    def _fresh(self, messages: list[Detections]) -> list[Detections]:
+        """Without images that show what the one before them does, to the last digit."""
+        kept = messages[:1]
+        kept += [one for before, one in pairwise(messages) if not _is_same(one, before)]
+        if len(kept) < len(messages):
+            self.left_out[_FROZEN] = len(messages) - len(kept)
+        return kept
+
     def _thinned(self, messages: list[Detections]) -> list[Detections]:
         every = -(-len(messages) // _MOST_VIEWS) if messages else 1
         kept = messages[::every]
@@ -135,6 +146,11 @@ class Gathered:
 def is_tag(one: Detection) -> bool:
     """Whether it is a square of which there is one."""
     return len(one.corners_uv) == 4 and bool(one.hypotheses)
+
+
+def _is_same(one: Detections, other: Detections) -> bool:
+    corners, others = ([d.corners_uv for d in m.detections if is_tag(d)] for m in (one, other))
+    return len(corners) == len(others) and all(map(np.array_equal, corners, others))
 
 
 def _stamp(message: Detections) -> int:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Transforms
-from ros_visualise.simulation.frames import CameraMount, body_frame
+from ros_visualise.simulation.frames import CameraMount, body_frame, deck_frame
 from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots.base import Robot
 from ros_visualise.simulation.schedule import Make, Stream
@@ -45,7 +45,7 @@ class SensorSuite:
         self._add("truth", params.truth_rate, self._tell)
         if pad is not None:
             self._pad = pad
-            self._add("pad", params.truth_rate, self._tell_of_pad)
+            self._add("pad", params.truth_rate, self._tell_of_pad, always=True)
         self._imu = ImuSensor(params, seed)
         self._add("imu", params.imu_rate, self._feel, always=True)
         if params.gps:
@@ -89,6 +89,7 @@ class SensorSuite:
 
     def _tell_of_pad(self, stamp_ns: int, _: int) -> Measured:
         pad = self._pad
+        yield "tf", Transforms((deck_frame(stamp_ns, pad.position, pad.attitude),))
         speed = np.array(pad.velocity(stamp_ns / 1e9))
         yield "pad", tell_truth(stamp_ns, pad.position, pad.attitude, speed, np.zeros(3), PAD)
 

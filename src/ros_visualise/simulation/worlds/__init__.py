@@ -56,13 +56,16 @@ def check_world(name: str) -> str:
 
 
 @cache
-def build_world(name: str, pictures: bool = True, pad: Pose2 | None = None) -> World:
+def build_world(
+    name: str, pictures: bool = True, pad: Pose2 | None = None, pad_tags: bool = True
+) -> World:
     """The world of that name; without pictures it is gray, and ready much sooner.
 
     Args:
         name: one of `WORLDS`.
         pictures: draw the textures.
         pad: where a landing pad is at first, from the quadrotor's start; None: there is none.
+        pad_tags: it has tags.
 
     Raises:
         OpenError: there is no such world.
@@ -72,7 +75,7 @@ def build_world(name: str, pictures: bool = True, pad: Pose2 | None = None) -> W
     _BUILDERS[name](scene)
     if pad is not None:
         x, y, _ = scene.starts["quadrotor"]
-        add_pad(scene, (x + pad[0], y + pad[1], pad[2]))
+        add_pad(scene, (x + pad[0], y + pad[1], pad[2]), pad_tags)
     return World(
         name,
         scene.mjcf(),

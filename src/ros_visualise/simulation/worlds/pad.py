@@ -22,7 +22,7 @@ _JOINTS = (
 )
 
 
-def add_pad(scene: WorldBuilder, place: tuple[float, float, float]) -> None:
+def add_pad(scene: WorldBuilder, place: tuple[float, float, float], has_tags: bool) -> None:
     """Add the pad, at x and y in metres with a yaw in radians.
 
     The origin of its body is in the middle of the helipad, on its surface; x goes to the large tag,
@@ -39,5 +39,5 @@ def add_pad(scene: WorldBuilder, place: tuple[float, float, float]) -> None:
         helipad = scene.add_material("pad_helipad", draw_helipad)
         half = PRINT_THICKNESS / 2
         scene.add("box", (_HALF_M, _HALF_M, half), (0, 0, -3 * half), helipad, SHOWN)
-        for tag_id, size, (tag_x, tag_y) in PAD_TAGS:
+        for tag_id, size, (tag_x, tag_y) in PAD_TAGS if has_tags else ():
             scene.print_tag(tag_id, (tag_x, tag_y, 0.0), level, size)
