@@ -140,11 +140,13 @@ def test_landmarks_are_looked_for_in_other_images_too(source, node):
     given = launched.params("tag_detector")
     assert (given["size"], "tags" in given) == (0.16, False)
     assert launched.params("landmark_localizer")["save_to"] == "mine.yaml"
+    assert "moving" not in launched.params("landmark_localizer")
 
 
 @pytest.mark.parametrize("source", ["simulator", "bag", "none"])
 def test_navigation_corrects_an_odometry_by_tags(source):
-    launched = Launched("main_navigation", source=source, odom="/vio", map="landmarks.yaml")
+    given = {"odom": "/vio", "map": "landmarks.yaml", "moving": "100"}
+    launched = Launched("main_navigation", source=source, **given)
     robots = {"simulator": {"quadrotor", "pose_error"}, "bag": {"player"}, "none": set()}
     nodes = {"tag_detector", "landmark_navigator", "path", "navigation_path"}
     assert set(launched.ours) == nodes | robots[source]
@@ -152,6 +154,7 @@ def test_navigation_corrects_an_odometry_by_tags(source):
     assert launched.resolve("landmark_navigator", "/detections") == "/detections"
     assert launched.params("landmark_navigator")["map"] == "landmarks.yaml"
     assert launched.params("landmark_navigator")["mode"] == "extend"
+    assert launched.params("landmark_navigator")["moving"] == "100"
     assert launched.resolve("navigation_path", "/pose_cov") == "/navigation/pose"
     if source == "simulator":
         assert launched.resolve("pose_error", "/pose") == "/navigation/pose"
