@@ -5,8 +5,10 @@
 Each landing is flown with the whole chain: the camera's images are rendered, `tag_detector` looks
 for tags in them, `landing_target` follows the pad, and the quadrotor takes what that says. With
 `--projected`, which takes a tenth of the time, corners of tags are projected by the truth instead,
-with the noise that the detector was measured to have. What is measured is where the middle of the
-quadrotor is from the middle of the pad when its motors go off, by the truth.
+with the noise that the detector was measured to have. On the pad of the case `helipad` there are no
+tags: there `landmark_detector` looks for it in rendered images, by our own network. What is
+measured is where the middle of the quadrotor is from the middle of the pad when its motors go off,
+by the truth.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import read_known_tags
 from ros_visualise.landmarks.tags.locating import locate
 from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParams
+from ros_visualise.nodes.landmark_detector import LandmarkDetector, LandmarkParams
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation import Mission, QuadrotorParams, Simulation
 from ros_visualise.simulation.sensors.camera import calibrate
@@ -37,9 +40,15 @@ CASES: dict[str, dict[str, Any]] = {
     "calm": {},
     "gusts": {"wind": 6.0},
     "line": {"wind": 6.0, "pad_motion": PadMotion.LINE, "pad_reach": 60.0},
+    "helipad": {"wind": 4.0, "pad_tags": False},
     "circle": {"wind": 6.0, "pad_motion": PadMotion.CIRCLE, "pad_reach": 8.0},
 }
-"""Wind of 6 m/s with its gusts in all but the first; the pad moves at 1 m/s in the last two."""
+"""Wind with its gusts in all but the first; the pad moves at 1 m/s in two of them."""
+HELIPAD = LandingTargetParams(
+    target="helipad", speed=0.0, timeout=10.0, ground_height=0.16, ground_sigma=0.05
+)
+"""A helipad that stands still, 0.16 m above the frame of the odometry, which is where `base_link` was
+at the start; it is larger than the image long before the quadrotor is there."""
 UNHEARD: dict[str, Any] = {"gps": False, "imu_rate": 1.0, "mag_rate": 1.0, "baro_rate": 1.0}
 """Sensors that nobody here listens to."""
 _AHEAD_M = 10.0  # that a pad on a line goes until the quadrotor is there
@@ -63,7 +72,9 @@ class Chain:
 
     def __init__(self, settings: QuadrotorParams, seed: int, rendered: bool) -> None:
         self._tags = TagParams(tags=tags_of_world(WORLD))
-        self._params = LandingTargetParams()
+        self._params = LandingTargetParams() if settings.pad_tags else HELIPAD
+        self._objects = LandmarkParams(classes="helipad")
+        self._network = None if settings.pad_tags else LandmarkDetector(self._objects)
         self._detector, self._target = TagDetector(self._tags), LandingTarget(self._params)
         self._frames = FrameTree()
         self._eye = None if rendered else Eye(settings, seed, self._frames)
@@ -75,6 +86,9 @@ class Chain:
             self._frames.add(message, static=name == "tf_static")
         elif name == "odom":
             found = self._target.step(self._params, odom=message, frames=self._frames)
+        elif name == "image" and self._network is not None:
+            things = self._network.step(message, self._objects)["detections"]
+            found = self._target.step(self._params, objects=things, frames=self._frames)
         elif name == "image":
             seen = self._detector.step(message, self._tags)["detections"]
             found = self._target.step(self._params, seen, frames=self._frames)
@@ -161,10 +175,11 @@ def main() -> None:
     parser.add_argument("--projected", action="store_true", help="do not render")
     args = parser.parse_args()
     for case in args.case or CASES:
+        rendered = not args.projected or case == "helipad"
         settings = replace(QuadrotorParams(), **UNHEARD, **CASES[case])
         off = []
         for seed in range(args.first, args.first + args.seeds):
-            landing = land(seed, settings, not args.projected)
+            landing = land(seed, settings, rendered)
             print(case, landing, flush=True)
             off.append(math.inf if landing.failure else landing.off_m)
         print(

@@ -8,9 +8,9 @@ that of the survey, in cm: over all sightings of pairs, and over the pairs thems
 - *one view*: `square_poses`, the likelier solution
 - *all views of a pair*: one tag in the frame of the other, by the tracks of the localizer, in which
   the pose of the other tag is the robot's error, new in each view
-- *all views at once*: as `ros-visualise landmarks --map` smooths them. The survey counts as TagSLAM
-  is configured, with deviations of 0.5 m and 0.1 rad, which ties groups of tags that are not seen
-  together; then with deviations of 3 cm and 0.02 rad
+- *all views at once*: as `ros-visualise landmarks --map` smooths them. First survey and corners
+  count as TagSLAM is configured for this recording, with deviations of 0.5 m, 0.1 rad and 1 px; then
+  corners as much as they are found to deviate; then the survey with deviations of 3 cm, 0.02 rad
 - *TagSLAM*: its own result of this recording, with `--reference`: the bag of tagslam_test's test_10
 
 Then of the positions of surveyed tags, how far they are from the survey.
@@ -39,10 +39,12 @@ from ros_visualise.landmarks.localization.track import Track, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Prior
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Noise, Prior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
 from ros_visualise.yaml_files import load_yaml
 
+WEIGHTS = (0.5, 0.1, 1.0), (0.5, 0.1, None), (0.03, 0.02, None)
+"""Deviations of the survey, in metres and radians, and of corners; the first are TagSLAM's."""
 SURVEYED_M = 1e-3  # what is given with a larger standard deviation is a guess
 Pair = tuple[int, int]
 View = dict[int, tuple[PoseEstimate, ...]]
@@ -167,9 +169,16 @@ def _from_tag(pose: PoseEstimate) -> tuple[Floats, Floats]:
 
 
 def smoothed(
-    recorded: Recorded, views: list[View], position_m: float, turn_rad: float
+    recorded: Recorded,
+    views: list[View],
+    position_m: float,
+    turn_rad: float,
+    corners_px: float | None = None,
 ) -> dict[int, Floats]:
-    """Positions (3,) of tags, by all views at once and the survey with these deviations."""
+    """Positions (3,) of tags, by all views at once and the survey with these deviations.
+
+    That of corners is estimated unless it is given.
+    """
     several = [(k, view) for k, view in enumerate(views) if len(view) > 1]
     names = sorted({n for _, view in several for n in view})
     sightings = [
@@ -192,7 +201,8 @@ def smoothed(
     stamps_ns = np.arange(len(several), dtype=np.int64)
     larger_px = 0.0 if recorded.is_shrunk else Prior.larger_px
     prior = Prior(larger_px=larger_px, printed=0.01)
-    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), prior=prior)
+    noise = None if corners_px is None else Noise(extra_px=corners_px)
+    found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), noise, prior)
     assert found is not None
     larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]
     refused = int((~found.inliers).sum())
@@ -270,9 +280,10 @@ def main() -> None:
     print(row("one view", seen, recorded.survey))
     print(row("all views of a pair", combined(views), recorded.survey))
     maps = {} if args.reference is None else {"TagSLAM": by_tagslam(args.reference)}
-    for position_m, turn_rad in ((0.5, 0.1), (0.03, 0.02)):
+    for position_m, turn_rad, corners_px in WEIGHTS:
         title = f"all views at once, survey +- {position_m} m"
-        maps[title] = smoothed(recorded, views, position_m, turn_rad)
+        title += "" if corners_px is None else f", corners +- {corners_px} px"
+        maps[title] = smoothed(recorded, views, position_m, turn_rad, corners_px)
     for title, places in maps.items():
         print(row(title, pairs_of(places, seen), recorded.survey))
     print("\n| positions, cm from the survey | tags | median | 90 of 100 |\n|---|---|---|---|")
