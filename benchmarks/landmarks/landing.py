@@ -47,8 +47,8 @@ CASES: dict[str, dict[str, Any]] = {
 HELIPAD = LandingTargetParams(
     target="helipad", speed=0.0, timeout=10.0, ground_height=0.16, ground_sigma=0.05
 )
-"""A helipad that stands still, 0.16 m above the frame of the odometry, which is where `base_link` was
-at the start; it is larger than the image long before the quadrotor is there."""
+"""A helipad that stands still, 0.16 m above the frame of the odometry, which is where `base_link`
+was at the start; it is larger than the image long before the quadrotor is there."""
 UNHEARD: dict[str, Any] = {"gps": False, "imu_rate": 1.0, "mag_rate": 1.0, "baro_rate": 1.0}
 """Sensors that nobody here listens to."""
 _AHEAD_M = 10.0  # that a pad on a line goes until the quadrotor is there

@@ -9,8 +9,8 @@ that of the survey, in cm: over all sightings of pairs, and over the pairs thems
 - *all views of a pair*: one tag in the frame of the other, by the tracks of the localizer, in which
   the pose of the other tag is the robot's error, new in each view
 - *all views at once*: as `ros-visualise landmarks --map` smooths them. First survey and corners
-  count as TagSLAM is configured for this recording, with deviations of 0.5 m, 0.1 rad and 1 px; then
-  corners as much as they are found to deviate; then the survey with deviations of 3 cm, 0.02 rad
+  count as TagSLAM is configured for this recording, with deviations of 0.5 m, 0.1 rad and 1 px;
+  then corners as much as they are found to deviate; then the survey with 3 cm and 0.02 rad
 - *TagSLAM*: its own result of this recording, with `--reference`: the bag of tagslam_test's test_10
 
 Then of the positions of surveyed tags, how far they are from the survey.
