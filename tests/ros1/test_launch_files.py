@@ -356,7 +356,7 @@ def test_every_executable_is_built():
 
 
 def test_no_path_of_anybody():
-    for path in [*LAUNCH.rglob("*.launch"), *(PACKAGE / "config").iterdir()]:
+    for path in [*LAUNCH.rglob("*.launch"), *(PACKAGE / "config").rglob("*.rviz")]:
         assert not re.search(r"/home/|/root/|/Users/", path.read_text()), path
 
 
