@@ -26,6 +26,8 @@ log = logging.getLogger(__name__)
 
 _ENCODER = Encoder("cdr")
 _WAITING = 256
+_LARGE_DEPTH = 3
+"""Images that are kept until reliable subscribers have all of their pieces."""
 
 
 class Publisher:
@@ -54,10 +56,12 @@ class Publisher:
         self.dropped = 0
         self._node = session.node
         self._room = getattr(data_class(type.name), "waiting", _WAITING)
+        is_large = self._room < type.qos.depth
+        depth = _LARGE_DEPTH if is_large else type.qos.depth
         self._publisher = session.node.create_publisher(
             message_class(declared.name),
             spelled(topic),
-            profile(replace(type.qos, depth=min(type.qos.depth, self._room))),
+            profile(replace(type.qos, depth=depth)),
             event_callbacks=PublisherEventCallbacks(
                 incompatible_qos=self._say_why, use_default_callbacks=False
             ),

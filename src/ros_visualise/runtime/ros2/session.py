@@ -21,6 +21,7 @@ from rclpy.utilities import remove_ros_args
 
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.runtime.middleware import Handle
+from ros_visualise.runtime.ros2.cyclone import configure
 
 _PACKAGE = "package://"
 _THREADS = 4
@@ -43,6 +44,7 @@ class Session:
     """
 
     def __init__(self, name: str, args: list[str]) -> None:
+        configure()
         self._context = Context()
         try:
             rclpy.init(
