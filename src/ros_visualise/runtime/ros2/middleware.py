@@ -15,12 +15,12 @@ from ros_visualise.rate import Clock
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.middleware import Listing, ParametersListener
-from ros_visualise.runtime.ros2 import clock, services, session
+from ros_visualise.runtime.ros2 import clock, publishers, services, session
 from ros_visualise.runtime.ros2.clock import ClockPublisher
 from ros_visualise.runtime.ros2.listing import Look
 from ros_visualise.runtime.ros2.parameters import ParameterDesk, ServedParameters
 from ros_visualise.runtime.ros2.parameters_client import ParameterClient, ParameterEvents
-from ros_visualise.runtime.ros2.publishers import Publisher
+from ros_visualise.runtime.ros2.publishers import Publisher, Unsent
 from ros_visualise.runtime.ros2.services import Service
 from ros_visualise.runtime.ros2.session import Session
 from ros_visualise.runtime.ros2.subscriptions import Subscriber
@@ -90,9 +90,9 @@ class Ros2:
         """A topic's full name on the graph."""
         return self.session.resolve(name)
 
-    def advertise(self, topic: str, type: TopicType) -> Publisher:
+    def advertise(self, topic: str, type: TopicType) -> Publisher | Unsent:
         """Publish a topic."""
-        return self.session.keep(Publisher(self.session, topic, type))
+        return self.session.keep(publishers.advertise(self.session, topic, type))
 
     def subscribe(
         self, topic: str, kind: type, take: Callable[[Any], None], refuse: Callable[[str], None]

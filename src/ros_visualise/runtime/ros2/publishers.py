@@ -6,12 +6,13 @@ import logging
 import threading
 import time
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from rclpy.event_handler import PublisherEventCallbacks
 
+from ros_visualise.errors import UsageError
 from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.buffers import Buffer
@@ -28,6 +29,41 @@ _ENCODER = Encoder("cdr")
 _WAITING = 256
 _LARGE_DEPTH = 3
 """Images that are kept until reliable subscribers have all of their pieces."""
+
+
+def advertise(session: Session, topic: str, type: TopicType) -> Publisher | Unsent:
+    """A publisher for a topic; see `ros_visualise.runtime.middleware.Middleware.advertise`.
+
+    What is recorded may be of types that are not installed here: such a topic is left out.
+    """
+    try:
+        return Publisher(session, topic, type)
+    except UsageError as error:
+        if type.definitions is None:
+            raise
+        log.warning("%s is not played: %s", topic, error)
+        return Unsent(session.resolve(topic))
+
+
+@dataclass
+class Unsent:
+    """A topic that ROS 2 cannot have here: nothing is published."""
+
+    name: str
+    connections: int = 0
+    dropped: int = 0
+
+    def publish(self, message: Any) -> None:
+        """Nobody is there."""
+
+    def flush(self, timeout_s: float) -> None:
+        """Nothing is waited for."""
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Nothing is waited for."""
+
+    def close(self) -> None:
+        """There is nothing to leave."""
 
 
 class Publisher:

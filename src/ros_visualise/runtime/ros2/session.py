@@ -13,7 +13,7 @@ from weakref import WeakSet
 import rclpy
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
 from rclpy.context import Context
-from rclpy.exceptions import InvalidTopicNameException, NameValidationException
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -120,7 +120,7 @@ class Session:
             return str(self.node.get_fully_qualified_name())
         try:
             return str(self.node.resolve_topic_name(spelled(name)))
-        except (InvalidTopicNameException, NameValidationException, ValueError) as error:
+        except (NameValidationException, RuntimeError) as error:
             raise UsageError(f"ROS 2 takes no topic of this name: {_first_line(error)}") from None
 
     def _spin(self) -> None:

@@ -1,0 +1,124 @@
+"""Our nodes' parameters as stock rclpy sees and sets them, and theirs as we do."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from rcl_interfaces.msg import ParameterType
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from waiting import wait_for
+
+from ros_visualise.errors import ParameterError
+from ros_visualise.runtime.remote.parameters import RemoteParameters
+from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.services import result_of
+
+PATIENCE_S = 60.0
+
+
+class Asked:
+    """The parameter services of a node, as any other node calls them."""
+
+    def __init__(self, ros2: Ros2, node: str) -> None:
+        self._client = AsyncParameterClient(ros2.session.node, node)
+        wait_for(self._client.services_are_ready, node)
+
+    def names(self) -> list[str]:
+        return list(result_of(self._client.list_parameters(), PATIENCE_S).result.names)
+
+    def describe(self, *names: str) -> Any:
+        return result_of(self._client.describe_parameters(list(names)), PATIENCE_S).descriptors
+
+    def get(self, *names: str) -> Any:
+        return result_of(self._client.get_parameters(list(names)), PATIENCE_S).values
+
+    def set(self, **values: Any) -> Any:
+        asked = [Parameter(name.replace("__", "."), value=v) for name, v in values.items()]
+        return result_of(self._client.set_parameters_atomically(asked), PATIENCE_S).result
+
+
+@pytest.fixture
+def pipeline(start: Callable[..., Any], ros2: Ros2) -> Asked:
+    start("pipeline", edge_detector__low=30, filters__blur="off", view="none")
+    asked = Asked(ros2, "/pipeline")
+    wait_for(lambda: "members" in asked.names(), "its parameters")
+    return asked
+
+
+def test_they_are_described_and_set_as_one_whole_or_refused_with_a_reason(pipeline: Asked):
+    low, blur, members, scale = pipeline.describe(
+        "edge_detector.low", "filters.blur", "members", "filters.scale"
+    )
+    assert low.type == ParameterType.PARAMETER_INTEGER
+    assert low.description
+    assert (low.integer_range[0].from_value, low.integer_range[0].to_value) == (0, 800)
+    assert "gaussian" in blur.additional_constraints
+    assert members.read_only
+    assert 0 < scale.floating_point_range[0].from_value < scale.floating_point_range[0].to_value
+    assert [one.integer_value for one in pipeline.get("edge_detector.low")] == [30]
+
+    assert pipeline.set(edge_detector__low=40, filters__gray=False).successful
+    refused = pipeline.set(edge_detector__low=41, filters__blur="magic")
+    assert not refused.successful
+    assert "magic" in refused.reason
+    assert "gaussian" in refused.reason
+    assert not pipeline.set(edge_detector__low=801).successful
+    assert not pipeline.set(members=["a"]).successful
+    low_now, gray = pipeline.get("edge_detector.low", "filters.gray")
+    assert (low_now.integer_value, gray.bool_value) == (40, False)
+
+
+def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(pipeline: Asked, ros2: Ros2):
+    wait_for(lambda: ros2.look().parameters.get("/pipeline", [""])[0] != "/pipeline", "places")
+    assert "/pipeline/edge_detector" in ros2.look().parameters["/pipeline"]
+    edges = RemoteParameters(ros2, "/pipeline/edge_detector")
+    assert edges.wait(PATIENCE_S)
+    assert edges.node is not None
+    assert edges.node.name == "edge_detector"
+    assert edges.current.low == 30
+    pipeline.set(edge_detector__low=77)
+    wait_for(lambda: edges.current.low == 77, "the change")
+    edges.update({"low": 5, "high": 6})
+    values = pipeline.get("edge_detector.low", "edge_detector.high")
+    assert [one.integer_value for one in values] == [5, 6]
+    edges.close()
+
+
+def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
+    other = Ros2()
+    other.join("other", [])
+    node = other.session.node
+    node.declare_parameter("camera.gain", 1.5)
+    node.declare_parameter("names", ["a", "b"])
+    seen = RemoteParameters(ros2, "/other")
+    assert seen.wait(PATIENCE_S)
+    assert vars(seen.current) == {"camera_gain": 1.5}
+    seen.update({"camera_gain": 2.5})
+    assert node.get_parameter("camera.gain").value == 2.5
+    node.add_on_set_parameters_callback(lambda _: _refusal())
+    with pytest.raises(ParameterError, match="too warm"):
+        seen.update({"camera_gain": 3.5})
+    seen.close()
+    other.end("")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_node_and_takes_it_off_the_graph(
+    number: signal.Signals, start: Callable[..., subprocess.Popen[str]], ros2: Ros2
+):
+    process = start("filters")
+    wait_for(lambda: "/filters" in ros2.look().parameters, "the node")
+    process.send_signal(number)
+    assert process.wait(timeout=PATIENCE_S) == 0
+    wait_for(lambda: "/filters" not in ros2.look().parameters, "it to be gone", 5)
+
+
+def _refusal() -> Any:
+    from rcl_interfaces.msg import SetParametersResult
+
+    return SetParametersResult(successful=False, reason="too warm")

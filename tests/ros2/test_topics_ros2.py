@@ -1,0 +1,161 @@
+"""Topics beside stock rclpy: images as they were, whatever is offered, and no silence unsaid."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import Image as ImageMessage
+from std_msgs.msg import String
+from waiting import wait_for
+
+from ros_visualise.data import Header, Image, Text
+from ros_visualise.errors import UsageError
+from ros_visualise.messages.qos import LATCHED, QoS
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.ros2.middleware import Ros2
+
+IMAGE = TopicType("sensor_msgs/msg/Image")
+TEXT = "std_msgs/msg/String"
+NS = 1_000_000_000
+
+
+class Stock:
+    """A node that is rclpy's alone."""
+
+    def __init__(self) -> None:
+        self.context = Context()
+        rclpy.init(args=[], context=self.context)
+        self.node: Node = rclpy.create_node("stock", context=self.context)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._executor.add_node(self.node)
+
+    def hear(self, kind: Any, topic: str, qos: Any) -> list[Any]:
+        heard: list[Any] = []
+        self.node.create_subscription(kind, topic, heard.append, qos)
+        return heard
+
+    def spin(self) -> bool:
+        self._executor.spin_once(timeout_sec=0.02)
+        return True
+
+    def close(self) -> None:
+        self.node.destroy_node()
+        self.context.shutdown()
+
+
+@pytest.fixture
+def stock(graph: dict[str, str]) -> Iterator[Stock]:
+    made = Stock()
+    yield made
+    made.close()
+
+
+def picture(number: int, size: int = 6) -> Image:
+    pixels = np.arange(size * 4 * 3, dtype=np.uint32).astype(np.uint8) + np.uint8(number)
+    return Image(pixels.reshape(4, size, 3), "bgr8", Header(number * NS + 7, "camera"))
+
+
+@pytest.mark.parametrize("reliability", ["RELIABLE", "BEST_EFFORT"])
+def test_a_stock_subscriber_gets_our_images(ros2: Ros2, stock: Stock, reliability: str):
+    qos = QoSProfile(depth=5, reliability=ReliabilityPolicy[reliability])
+    heard = stock.hear(ImageMessage, "/shown", qos)
+    publisher = ros2.advertise("shown", IMAGE)
+    wait_for(lambda: publisher.connections, "the subscriber")
+    sent = picture(3, 500_000)
+    publisher.publish(sent)
+    wait_for(lambda: stock.spin() and heard, "the image")
+    got = heard[0]
+    assert (got.header.stamp.sec, got.header.stamp.nanosec) == (3, 7)
+    assert (got.header.frame_id, got.encoding) == ("camera", "bgr8")
+    assert (got.height, got.width, got.step) == (4, 500_000, 1_500_000)
+    assert bytes(got.data) == sent.pixels.tobytes()
+    publisher.close()
+
+
+@pytest.mark.parametrize("reliability", ["RELIABLE", "BEST_EFFORT"])
+def test_we_get_what_stock_publishers_send_however_they_do(
+    ros2: Ros2, stock: Stock, reliability: str
+):
+    qos = QoSProfile(depth=5, reliability=ReliabilityPolicy[reliability])
+    heard: list[Image] = []
+    refused: list[str] = []
+    listening = ros2.subscribe("told", Image, heard.append, refused.append)
+    publisher = stock.node.create_publisher(ImageMessage, "/told", qos)
+    message = ImageMessage(height=1, width=2, step=2, encoding="mono8", data=[1, 2])
+    wait_for(lambda: publisher.publish(message) or heard, "an image")
+    assert heard[0].pixels.tolist() == [[1, 2]]
+    message.step = 1
+    wait_for(lambda: publisher.publish(message) or refused, "a refusal")
+    assert "needs 2 bytes" in refused[0]
+    listening.close()
+
+
+def test_a_change_of_what_is_offered_loses_nothing_and_repeats_nothing(ros2: Ros2, stock: Stock):
+    heard: list[Text] = []
+    listening = ros2.subscribe("counted", Text, heard.append, pytest.fail)
+    profiles = [QoSProfile(depth=50), QoSProfile(depth=50, reliability=ReliabilityPolicy(2))]
+    first, second = (stock.node.create_publisher(String, "/counted", one) for one in profiles)
+    wait_for(lambda: first.get_subscription_count(), "the subscriber")
+    wait_for(lambda: second.get_subscription_count(), "the subscriber of the other")
+    sent = [str(number) for number in range(60)]
+    for number in sent:
+        first.publish(String(data=number))
+        stock.spin()
+    wait_for(lambda: len(heard) >= len(sent), "all of them")
+    assert [one.text for one in heard] == sent
+    listening.close()
+
+
+def test_who_comes_late_gets_what_is_latched(ros2: Ros2, stock: Stock):
+    publisher = ros2.advertise("latched", TopicType(TEXT, qos=LATCHED))
+    publisher.publish(Text("kept"))
+    local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    late = stock.hear(String, "/latched", local)
+    heard: list[Text] = []
+    listening = ros2.subscribe("latched", Text, heard.append, pytest.fail)
+    wait_for(lambda: stock.spin() and late, "the text, elsewhere")
+    wait_for(lambda: heard, "the text, here")
+    assert (late[0].data, heard[0].text) == ("kept", "kept")
+    listening.close()
+    publisher.close()
+
+
+def test_a_subscriber_that_gets_nothing_is_told_of(
+    ros2: Ros2, stock: Stock, caplog: pytest.LogCaptureFixture
+):
+    publisher = ros2.advertise("unheard", TopicType(TEXT, qos=QoS(reliable=False)))
+    with caplog.at_level(logging.WARNING):
+        stock.hear(String, "/unheard", QoSProfile(depth=1))
+        wait_for(lambda: "/unheard" in caplog.text, "the warning")
+    assert "/stock asks for reliable, and /tests offers best effort" in caplog.text
+    publisher.close()
+
+
+def test_a_publisher_waits_for_nobody_and_counts_what_is_dropped(ros2: Ros2):
+    publisher = ros2.advertise("fast", IMAGE)
+    big = Image(np.zeros((2000, 2000, 3), np.uint8), "bgr8")
+    for _ in range(200):
+        publisher.publish(big)
+    assert publisher.dropped > 0
+    publisher.flush(20)
+    publisher.close()
+    publisher.publish(big)  # to nobody
+
+
+def test_a_type_that_is_not_installed_is_told_with_what_to_install(ros2: Ros2):
+    with pytest.raises(UsageError, match=r"ros-\$ROS_DISTRO-no-such-msgs"):
+        ros2.subscribe("x", type("Odd", (Text,), {"type_name": "no_such_msgs/msg/A"}), print, print)
+
+
+def test_a_name_that_ros_refuses_is_one_line(ros2: Ros2):
+    with pytest.raises(UsageError, match="takes no topic"):
+        ros2.advertise("/camera/0 left", IMAGE)
