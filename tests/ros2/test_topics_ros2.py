@@ -19,6 +19,7 @@ from waiting import wait_for
 
 from ros_visualise.data import Header, Image, Text
 from ros_visualise.errors import UsageError
+from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros2.middleware import Ros2
@@ -156,6 +157,21 @@ def test_a_type_that_is_not_installed_is_told_with_what_to_install(ros2: Ros2):
         ros2.subscribe("x", type("Odd", (Text,), {"type_name": "no_such_msgs/msg/A"}), print, print)
 
 
-def test_a_name_that_ros_refuses_is_one_line(ros2: Ros2):
-    with pytest.raises(UsageError, match="takes no topic"):
-        ros2.advertise("/camera/0 left", IMAGE)
+def test_a_recorded_name_that_ros_refuses_is_changed_and_told(
+    ros2: Ros2, caplog: pytest.LogCaptureFixture
+):
+    publisher = ros2.advertise("/ORB-SLAM/0 left", IMAGE)
+    assert publisher.name == "/ORB_SLAM/_0_left"
+    assert "/ORB-SLAM/0 left is called /ORB_SLAM/_0_left" in caplog.text
+    publisher.close()
+
+
+def test_a_recorded_type_that_is_not_installed_is_left_out(
+    ros2: Ros2, caplog: pytest.LogCaptureFixture
+):
+    types = Definitions("ros1")
+    types.define("odd_msgs/msg/Odd", "float64 x")
+    publisher = ros2.advertise("odd", TopicType("odd_msgs/msg/Odd", types))
+    assert publisher.connections == 0
+    assert "ros-$ROS_DISTRO-odd-msgs" in caplog.text
+    publisher.close()

@@ -45,7 +45,7 @@ def advertise(session: Session, topic: str, type: TopicType) -> Publisher | Unse
         return Unsent(session.resolve(topic))
 
 
-@dataclass
+@dataclass(eq=False)
 class Unsent:
     """A topic that ROS 2 cannot have here: nothing is published."""
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import logging
+import re
 import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -24,6 +26,8 @@ from ros_visualise.runtime.middleware import Handle
 from ros_visualise.runtime.ros2.cyclone import configure
 
 _PACKAGE = "package://"
+_ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
+_DIGIT_FIRST = re.compile(r"(?:^|(?<=/))(?=\d)")
 _THREADS = 4
 _END_S = 1.0
 
@@ -132,9 +136,15 @@ class Session:
                     log.exception("a callback has failed")
 
 
+@cache
 def spelled(name: str) -> str:
-    """A name as ROS 2 writes it, where one below the node's own is ``~/clear``."""
-    return f"~/{name[1:].lstrip('/')}" if name.startswith("~") else name
+    """A name as ROS 2 takes it; recorded ones may have letters that it does not."""
+    if name.startswith("~"):
+        name = f"~/{name[1:].lstrip('/')}"
+    legal = _DIGIT_FIRST.sub("_", _ILLEGAL.sub("_", name))
+    if legal != name:
+        log.warning("%s is called %s here: ROS 2 takes no such names", name, legal)
+    return legal
 
 
 def arguments() -> list[str]:
