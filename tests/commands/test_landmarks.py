@@ -262,6 +262,8 @@ def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
             ["{photo}", "--map", "{folder}/map.yaml", "--survey", "none.yaml"],
             "none.yaml: no such file",
         ),
+        (["{photo}", "--map", "{folder}/map.txt"], "map.txt: give a map a name that ends in .yaml"),
+        (["{photo}", "--survey", "none.yaml"], "is for a map: add --map OUT.yaml"),
         (["{photo}", "--topic", "/image"], "only a recording has several topics"),
         (["{bad}"], "bad.yaml: not a video that FFmpeg can read"),
         (["{folder}"], "a folder with no pictures and no recording in it"),

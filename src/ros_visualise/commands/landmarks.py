@@ -15,11 +15,11 @@ from ros_visualise.commands.mapping import Mapped, Mapper
 from ros_visualise.commands.sightings import Sightings, image_json, landmarks_json, listen
 from ros_visualise.commands.wording import counted
 from ros_visualise.data import Header
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
 from ros_visualise.landmarks.localization.shown import Shown
-from ros_visualise.nodes.landmark_localizer import write_map
+from ros_visualise.nodes.landmark_localizer import check_map_name, write_map
 from ros_visualise.printing import answer, say, shown
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
@@ -35,9 +35,7 @@ MAP_FRAME = "map"
 
 def run(args: Namespace) -> int:
     """Look for landmarks until the source ends; 1 if something was lost."""
-    if args.map is not None:
-        check_targets([args.map], args.input)
-        TargetFile.check(args.map, args.overwrite)
+    _check(args)
     graph = interruptible(lambda: landmark_graph(args))
     playback = Playback(
         rate=0.0, start_s=args.start or 0.0, duration_s=args.duration, frames=args.frames
@@ -62,6 +60,22 @@ def run(args: Namespace) -> int:
             for note in node.unread:
                 say(f"ros-visualise: {args.input}: {note}")
     return STOPPED if stopped else int(runtime.failed or report.is_incomplete)
+
+
+def _check(args: Namespace) -> None:
+    """Refuse at once what could not be written at the end.
+
+    Raises:
+        UsageError: the map cannot be written there, or there is a survey and no map.
+    """
+    if args.map is not None:
+        check_map_name(args.map)
+        check_targets([args.map], args.input)
+        TargetFile.check(args.map, args.overwrite)
+    elif args.survey:
+        raise UsageError(
+            f"--survey {args.survey}: is for a map: add --map OUT.yaml, or leave it out"
+        )
 
 
 def _run(runtime: LocalRuntime, wish: Wish) -> bool:

@@ -252,9 +252,8 @@ class LandmarkLocalizer:
 
 def write_map(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
     """Write a map; it takes the place of what is there when all of it is written."""
+    check_map_name(path)
     data = map_file.to_text(frame_id, landmarks).encode()
-    if path.suffix != ".yaml":
-        raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
     target = TargetFile(path, overwrite=True)
     try:
         target.require_room(len(data))
@@ -262,6 +261,16 @@ def write_map(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
         target.close()
     except OSError as error:
         raise target.give_up(error, 0) from None
+
+
+def check_map_name(path: Path) -> None:
+    """Refuse a name that is none of a map.
+
+    Raises:
+        UsageError: it does not end in .yaml.
+    """
+    if path.suffix != ".yaml":
+        raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
 
 
 def names_in(text: str) -> frozenset[str]:
