@@ -14,6 +14,7 @@ by the truth.
 from __future__ import annotations
 
 import argparse
+import cmath
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -34,6 +35,7 @@ from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation import Mission, QuadrotorParams, Simulation
 from ros_visualise.simulation.sensors.camera import calibrate
 from ros_visualise.simulation.settings import PadMotion
+from ros_visualise.simulation.worlds.pad import stands_on_start
 
 WORLD = "plane"
 CASES: dict[str, dict[str, Any]] = {
@@ -134,7 +136,9 @@ def plan(seed: int, settings: QuadrotorParams) -> tuple[QuadrotorParams, Mission
     x, y = random.uniform(-4.5, -2.5), random.uniform(0.5, 2.5)
     off_x, off_y = random.uniform(-1.5, 1.5, 2)
     back = {PadMotion.LINE: _AHEAD_M + 0j, PadMotion.CIRCLE: settings.pad_reach / 2 * 1j}
-    away = back.get(settings.pad_motion, 0j) * complex(math.cos(heading), math.sin(heading))
+    away = back.get(settings.pad_motion, 0j) * cmath.rect(1, heading)
+    if stands_on_start((x - away.real, y - away.imag, heading)):
+        heading, away = heading + math.pi, -away
     changed = {"pad_x": x - away.real, "pad_y": y - away.imag, "pad_heading": math.degrees(heading)}
     over = x + off_x, y + off_y, 6.0
     mission = Mission(waypoints=(over,), land_on="pad", height=6.0, speed=2.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_QUADROTOR, collect
 
+from ros_visualise.errors import OpenError
 from ros_visualise.landmark_pipelines import tags_of_world
 from ros_visualise.landmarks.tags.known import read_known_tags
 from ros_visualise.simulation import WORLDS, Simulation
@@ -65,3 +66,11 @@ def test_a_robot_without_a_pad_has_none():
     assert {*beside.outputs} - {*alone.outputs} == {"pad"}
     first, second = (collect(one, 0.1)["tf_static"][0].transforms for one in (alone, beside))
     assert [one.child_frame_id for one in first] == [one.child_frame_id for one in second]
+
+
+def test_a_pad_where_the_robot_stands_is_refused():
+    beside = replace(BLIND_QUADROTOR, pad=True, pad_x=0.0, pad_y=1.2)
+    assert Simulation("quadrotor", "plane", settings=beside).pad is not None
+    for changed in ({"pad_y": 0.8}, {"pad_x": -1.6, "pad_y": 0.0}, {"pad_heading": -90.0}):
+        with pytest.raises(OpenError, match="choose another pad_x or pad_y"):
+            Simulation("quadrotor", "plane", settings=replace(beside, **changed))

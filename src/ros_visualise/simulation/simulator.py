@@ -27,6 +27,7 @@ from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.wind import Wind
 from ros_visualise.simulation.worlds import World, build_world, check_world
+from ros_visualise.simulation.worlds.pad import stands_on_start
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -52,7 +53,8 @@ class Simulation:
         wants: whether anybody wants that output; asked before each message that is costly.
 
     Raises:
-        OpenError: no such robot, world or mission, or MuJoCo is not there.
+        OpenError: no such robot, world or mission, a pad where the robot stands, or MuJoCo is not
+            there.
     """
 
     def __init__(
@@ -276,6 +278,8 @@ def _pad_of(settings: RobotParams) -> tuple[tuple[float, float, float] | None, b
     if not (isinstance(settings, QuadrotorParams) and settings.pad):
         return None, True
     place = settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
+    if stands_on_start(place):
+        raise OpenError("the pad stands where the robot starts: choose another pad_x or pad_y")
     return place, settings.pad_tags
 
 

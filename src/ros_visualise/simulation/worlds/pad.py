@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ros_visualise.simulation.textures import draw_helipad
@@ -13,6 +15,7 @@ PAD_TOP_M = 0.3
 _HALF_M = 0.6  # of the helipad
 _AHEAD_M = 0.8  # by which the deck goes on, for the large tag
 _THICKNESS_M = 0.05
+_ROBOT_M = 0.4  # from its middle to its outermost part
 PAD_TAGS = ((100, 0.64, (1.0, 0.0)), (101, 0.096, (0.0, 0.0)), (102, 0.05, (0.1, 0.0)))
 """Number, side of the black square, and place on the pad, of its tags."""
 _JOINTS = (
@@ -20,6 +23,15 @@ _JOINTS = (
     f'<joint name="{PAD}_x" type="slide" axis="1 0 0"/>'
     f'<joint name="{PAD}_y" type="slide" axis="0 1 0"/>'
 )
+
+
+def stands_on_start(place: tuple[float, float, float]) -> bool:
+    """Whether a pad at that place, from the robot's start, would stand where the robot does."""
+    x, y, yaw = place
+    c, s = math.cos(yaw), math.sin(yaw)
+    ahead, left = -(c * x + s * y), s * x - c * y
+    is_along = -_HALF_M - _ROBOT_M < ahead < _HALF_M + _AHEAD_M + _ROBOT_M
+    return is_along and abs(left) < _HALF_M + _ROBOT_M
 
 
 def add_pad(scene: WorldBuilder, place: tuple[float, float, float], has_tags: bool) -> None:
