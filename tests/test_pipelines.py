@@ -267,6 +267,12 @@ def test_who_navigates_is_held_against_the_truth_where_there_is_one():
     assert inputs == {"pose": "/navigation/pose", "truth": "/ground_truth/odom"}
 
 
+def test_who_navigates_takes_an_imu_and_gps_where_they_are():
+    inputs = simulation_pipeline("husky", landmarks=True, navigate=True).node("landmark_navigator")
+    assert inputs.inputs["imu"] == "/imu/data"
+    assert inputs.inputs["gps"] == "/fix"
+
+
 @pytest.mark.parametrize("navigate", [False, True])
 def test_a_pad_to_land_on_is_no_landmark(navigate):
     graph = simulation_pipeline("quadrotor", landmarks=True, navigate=navigate)

@@ -4,7 +4,9 @@
 
 A quadrotor flies rows at 10 m over 56 tags of 0.6 m without GPS; its odometry is wrong by 1 % of
 the way (`tests/landmarks/navigation/flights.py`). Corners are computed, with the noise that tags of
-their size have. Once with a map whose tags are off by 1 cm and 0.6 degrees, once without any.
+their size have. Once with a map whose tags are off by 1 cm and 0.6 degrees, once without any; with
+the odometry alone, and with an IMU; and over four tags only, with the odometry alone and with GPS
+and an IMU.
 
 The NEES is the squared error by its covariance: 6 on average where that is honest, and the mean of
 30 flights is between 4.82 and 7.30 with 95 %.
@@ -17,6 +19,7 @@ import os
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -24,38 +27,70 @@ import cv2
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "tests" / "landmarks" / "navigation"))
-from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
+from flights import GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
-from ros_visualise.data import Floats
+from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation.chart import Mode, Rules
+from ros_visualise.landmarks.navigation.inertial import ImuNoise, Mounting
 from ros_visualise.landmarks.navigation.landmark import Known, told_covariance
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.navigator import Navigator, Settings
+from ros_visualise.landmarks.navigation.navigator import Navigator
+from ros_visualise.landmarks.navigation.past import Noise
+from ros_visualise.landmarks.navigation.satellites import GpsNoise
+from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import view_of
 
 LEVEL = float(np.radians(0.5))
-NOISE = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
+NOISE = Noise(
+    OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0),
+    ImuNoise(3e-4, 2e-3, 5e-3, 0.05, 2e-5, 2e-4),
+    GpsNoise(slow=0.966, origin=GPS_ORIGIN),
+)
+IN_THE_MIDDLE = Mounting(np.eye(3), np.zeros(3))
 SPREAD = np.repeat([0.01, 0.01], 3)  # of the given map: metres, radians
-TAGS, SETTLED = 56, 125  # odometries in 5 s
+SETTLED = 125  # odometries in 5 s
+
+
+class Case(NamedTuple):
+    """What is flown with."""
+
+    mode: Mode
+    tags: int
+    imu: bool
+    gps: bool
+
+
+CASES = (
+    Case(Mode.FROZEN, 56, False, False),
+    Case(Mode.FROZEN, 56, True, False),
+    Case(Mode.BUILD, 56, False, False),
+    Case(Mode.BUILD, 56, True, False),
+    Case(Mode.FROZEN, 4, False, False),
+    Case(Mode.FROZEN, 4, False, True),
+    Case(Mode.FROZEN, 4, True, True),
+)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=30)
-    count = parser.parse_args().seeds
-    for mode in (Mode.FROZEN, Mode.BUILD):
-        rows = np.array([fly(seed, mode) for seed in range(count)])
-        print_rows(mode, rows)
+    parser.add_argument("--metres", type=float, default=500)
+    args = parser.parse_args()
+    for case in CASES:
+        rows = np.array([fly(seed, case, args.metres) for seed in range(args.seeds)])
+        print_rows(case, rows)
 
 
-def print_rows(mode: Mode, rows: Floats) -> None:
+def print_rows(case: Case, rows: Floats) -> None:
     ate, aligned, odo, nees, marks, marks_aligned, marks_nees, p50, p99 = rows.T
-    print(f"{'map given' if mode is Mode.FROZEN else 'map built'}, {len(rows)} flights")
+    name = "map given" if case.mode is Mode.FROZEN else "map built"
+    helped = f"IMU {case.imu}, GPS {case.gps}"
+    print(f"{name}, {case.tags} tags, {helped}, {len(rows)} flights")
     print(f"  ATE (m): mean {ate.mean():.3f}, worst {ate.max():.3f}; aligned {aligned.mean():.3f}")
     print(f"  of the odometry {odo.mean():.2f}: {(odo / ate).min():.0f} times as much at least")
     print(f"  NEES of the robot: mean {nees.mean():.2f}, from {nees.min():.1f} to {nees.max():.1f}")
-    if mode is Mode.BUILD:
+    if case.mode is Mode.BUILD:
         print(
             f"  landmarks, RMS (m): {marks.mean():.3f}; aligned {marks_aligned.mean():.3f},", end=""
         )
@@ -63,15 +98,22 @@ def print_rows(mode: Mode, rows: Floats) -> None:
     print(f"  an image, CPU ms: median {np.median(p50):.2f}, p99 {np.median(p99):.2f}", flush=True)
 
 
-def fly(seed: int, mode: Mode) -> tuple[float, ...]:
+def fly(seed: int, case: Case, metres: float) -> tuple[float, ...]:
     random = np.random.default_rng([seed, 1])
     flight = Flight(
-        field_of_tags(random, 64, 64, TAGS), lawn_mower(), seed, level_rad=LEVEL, poses_of=5
+        field_of_tags(random, 64, 64, case.tags),
+        lawn_mower(metres),
+        seed,
+        level_rad=LEVEL,
+        poses_of=5,
     )
-    known = {} if mode is Mode.BUILD else given(flight, random)
-    navigator = Navigator(Settings(Rules(mode), NOISE, LEVEL), known)
+    known = {} if case.mode is Mode.BUILD else given(flight, random)
+    navigator = Navigator(Settings(Rules(case.mode), NOISE, LEVEL), known)
+    imu = flight.imu() if case.imu else []
+    gps = flight.gps() if case.gps else []
     there, truth, odometry, nees, took_s = [], [], [], [], []
     for number, stamp, pose, seen in flight.told():
+        feel(navigator, imu, gps, stamp)
         now = navigator.odometry(stamp, pose)
         if seen is not None:
             start_s = time.thread_time()
@@ -91,6 +133,17 @@ def fly(seed: int, mode: Mode) -> tuple[float, ...]:
     ms = np.percentile(took_s, [50, 99]) * 1e3
     found = rms(at, true), rms(aligned(at, true), true), rms(np.array(odometry), true)
     return (*found, float(np.mean(nees)), *landmarks(navigator, flight), *ms.tolist())
+
+
+def feel(navigator: Navigator, imu: list[Imu], gps: list[NavSatFix], stamp_ns: int) -> None:
+    """What the sensors have measured until now."""
+    while imu and imu[0].header.stamp_ns <= stamp_ns:
+        one = imu.pop(0)
+        navigator.imu(one.header.stamp_ns, one.angular_xyz, one.linear_xyz, IN_THE_MIDDLE)
+    while gps and gps[0].header.stamp_ns <= stamp_ns:
+        fix = gps.pop(0)
+        place = np.array([fix.latitude, fix.longitude, fix.altitude])
+        navigator.fix(fix.header.stamp_ns, place, fix.covariance, np.zeros(3))
 
 
 def given(flight: Flight, random: np.random.Generator) -> dict[str, Known]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ros_visualise.data import Odometry, Transforms
+from ros_visualise.data import Imu, Message, NavSatFix, Odometry, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Node, place
 from ros_visualise.nodes import find_node
@@ -96,13 +96,18 @@ def _placed(name: str, topic: str) -> Node:
 def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
     """A node that takes what all of them find, and the odometry where there is one."""
     declared = find_node(name)
-    inputs = {
-        "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
-        for one in detectors
-    }
+    inputs = _found_by(detectors)
     if odometry := _odometry(graph):
         inputs["odom"] = odometry
     return place(declared, inputs, known_topics(declared))
+
+
+def _found_by(detectors: Sequence[Node]) -> dict[str, str]:
+    """Input -> topic of what each of them finds."""
+    return {
+        "objects" if one.name == OBJECTS else "detections": one.outputs["detections"]
+        for one in detectors
+    }
 
 
 def _leaving_odom(graph: Graph) -> Graph:
@@ -119,13 +124,16 @@ def _without_moving(node: Node, classes: str) -> Node:
 
 
 def _navigator(graph: Graph, detectors: Sequence[Node]) -> Node:
-    """It takes what the first of them finds, and corrects the odometry."""
+    """It takes what they find, and corrects the odometry; an IMU and GPS help where they are."""
     declared = find_node(NAVIGATOR)
     odometry = _odometry(graph)
     if odometry is None or not has_frames(graph):
         what = "odometry" if odometry is None else "tf, which tells where the camera is,"
         raise UsageError(f"--navigate: there is no {what} here; leave it out")
-    inputs = {"detections": detectors[0].outputs["detections"], "odometry": odometry}
+    inputs = _found_by(detectors) | {"odometry": odometry}
+    for name, type in (("imu", Imu), ("gps", NavSatFix)):
+        if topic := _first(graph, type, SOURCE_TOPICS.get(name, "")):
+            inputs[name] = topic
     return place(declared, inputs, known_topics(declared))
 
 
@@ -141,5 +149,10 @@ def _judge(graph: Graph, navigator: Node) -> list[Node]:
 
 def _odometry(graph: Graph) -> str | None:
     """The topic of the odometry, if there is one: by its name, else the first that is no truth."""
-    several = [name for name, topic in graph.topics.items() if topic.type is Odometry]
-    return next((name for name in ("/odom", *several) if name in several), None)
+    return _first(graph, Odometry, "/odom")
+
+
+def _first(graph: Graph, type: type[Message], name: str) -> str | None:
+    """A topic of that type: the one of that name, else the first."""
+    several = [name for name, topic in graph.topics.items() if topic.type is type]
+    return next((one for one in (name, *several) if one in several), None)

@@ -11,19 +11,22 @@ from ros_visualise.data import (
     Detections,
     Header,
     Hypothesis,
+    Imu,
     Level,
+    NavSatFix,
     Odometry,
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import NoTransform, OpenError
+from ros_visualise.errors import NoTransform, OpenError, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
 from ros_visualise.landmarks.navigation.chart import Mode
-from ros_visualise.nodes.landmark_navigator import LandmarkNavigator, NavigatorParams
+from ros_visualise.landmarks.navigation.params import NavigatorParams
+from ros_visualise.nodes.landmark_navigator import LandmarkNavigator
 
 S = 1_000_000_000
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -215,3 +218,88 @@ def test_losses_are_no_loss_of_data():
     node = LandmarkNavigator(NavigatorParams())
     node.step(NavigatorParams(), odometry=odometry(1, 0), frames=tree())
     assert "lost" not in node.report()
+
+
+def imu(time_s, frame="imu_link", **covariances):
+    force = np.array([0, 0, 9.80665])
+    return Imu(LEVEL, np.zeros(3), force, header=Header(round(time_s * S), frame), **covariances)
+
+
+def values(node, params, frames=None):
+    """What the diagnostics say, after an image."""
+    frames = frames or tree()
+    node.step(params, odometry=odometry(4.0, 1.0), frames=frames)
+    seen = detections(4.0, np.array([2.0, 0, 5]))
+    (status,) = node.step(params, detections=seen, frames=frames)["diagnostics"].statuses
+    return status.values
+
+
+def test_an_imu_is_used_where_its_place_is_known(params):
+    frames, node = tree(), LandmarkNavigator(params)
+    turned = np.array([1.0, 0, 0, 0])  # upside down
+    mounted = TransformStamped("imu_link", np.zeros(3), turned, Header(0, "base_link"))
+    frames.add(Transforms((mounted,)), static=True)
+    run(node, params)
+    for number in range(200):
+        down = Imu(
+            LEVEL,
+            np.zeros(3),
+            np.array([0, 0, -9.80665]),
+            header=Header(round((3 + number / 200) * S), "imu_link"),
+        )
+        node.step(params, imu=down, frames=frames)
+        if number % 10 == 9:
+            told = odometry(3 + number / 200, 0.95)
+            answer = node.step(params, odometry=told, frames=frames)
+    assert values(node, params, frames)["imu"] == "used"
+    np.testing.assert_allclose(answer["pose"].position_xyz, [1.95, 0, 5], atol=0.1)
+
+
+def test_an_imu_that_nobody_placed_is_left_out_and_said_once(params, caplog):
+    node = LandmarkNavigator(params)
+    run(node, params)
+    for number in range(5):
+        node.step(params, imu=imu(3 + number / 100), frames=tree())
+    assert sum("imu_link is left out" in record.getMessage() for record in caplog.records) == 1
+    assert values(node, params)["imu"] == "none"
+
+
+def test_an_imu_that_measures_no_accelerations_is_none(params):
+    node = LandmarkNavigator(params)
+    run(node, params)
+    nothing = np.diag([-1.0, 0, 0])
+    node.step(params, imu=imu(3, "base_link", linear_covariance=nothing), frames=tree())
+    assert values(node, params)["imu"] == "none"
+
+
+def test_fixes_are_counted_and_no_fix_is_none(tmp_path):
+    params = NavigatorParams(gps_origin="49, 8.4, 5")
+    node = LandmarkNavigator(params)
+
+    def fix(time_s, longitude, status=0):
+        header = Header(round(time_s * S), "base_link")
+        return NavSatFix(49.0, longitude, 5.0, np.eye(3), 2, status, header=header)
+
+    node.step(params, odometry=odometry(1, 0), frames=tree())
+    for number in range(1, 20):
+        node.step(params, gps=fix(1 + number / 10, 8.4), frames=tree())
+        node.step(params, gps=fix(1 + number / 10, 9.4, status=-1), frames=tree())
+        node.step(params, odometry=odometry(1 + number / 10, 0), frames=tree())
+    node.step(params, gps=fix(3, 9.4), frames=tree())
+    said = values(node, params)
+    assert (said["gps fixes used"], said["gps fixes refused"]) == ("19", "1")
+
+
+@pytest.mark.parametrize("text", ["here", "49, 8.4", "91, 0, 0", "nan, 0, 0"])
+def test_an_origin_that_is_no_place_is_refused(text):
+    with pytest.raises(UsageError, match="give latitude, longitude, altitude"):
+        LandmarkNavigator(NavigatorParams(gps_origin=text))
+
+
+def test_another_who_tells_where_odom_is_gets_said(caplog):
+    frames = tree()
+    began = TransformStamped("odom", np.zeros(3), LEVEL, Header(0, "map"))
+    frames.add(Transforms((began,)), static=True)
+    params = NavigatorParams()
+    LandmarkNavigator(params).step(params, odometry=odometry(1, 0), frames=frames)
+    assert "somebody else tells where odom is in map" in caplog.text

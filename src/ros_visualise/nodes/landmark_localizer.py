@@ -27,6 +27,7 @@ from ros_visualise.landmarks.localization.robot_error import ErrorModel, at_came
 from ros_visualise.landmarks.localization.seen import Ground
 from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.landmarks.localization.track import Track
+from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
 from ros_visualise.sinks.files import TargetFile
@@ -38,34 +39,15 @@ _STALE_S = 1.0  # an odometry that is further from an image tells nothing of it
 
 
 @dataclass(frozen=True)
-class LocalizerParams:
+class LocalizerParams(MapParams):
     """Parameters of `LandmarkLocalizer`."""
 
     fixed_frame: str = param(_MAP, "frame of the landmarks; where there is no map, odom serves")
     min_sightings: int = param(
         3, "sightings after which something is a landmark", min=1, max=1000, slider=(1, 20)
     )
-    ground: bool = param(
-        True, "place what is seen without a range, as a post, on the ground", group="ground"
-    )
     ground_frame: str = param(
         "", "frame whose x-y plane is the ground; empty: the fixed frame", group="ground"
-    )
-    ground_height: float = param(
-        0.0,
-        "height of the ground in that frame, metres",
-        min=-1e4,
-        max=1e4,
-        slider=(-10, 10),
-        group="ground",
-    )
-    ground_sigma: float = param(
-        0.1,
-        "standard deviation of that height, metres",
-        min=1e-3,
-        max=1e3,
-        slider=(0.01, 5),
-        group="ground",
     )
     attitude_sigma: float = param(
         1.0,
@@ -99,21 +81,6 @@ class LocalizerParams:
         max=1e9,
         slider=(1, 600),
         group="robot",
-    )
-    class_prefix: str = param(
-        "landmark_",
-        "what to put before classes of tags that are numbers, as on ROS 1, such as tag36h11_",
-        group="map",
-    )
-    object_prefix: str = param(
-        "object_", "what to put before classes of other things that are numbers", group="map"
-    )
-    moving: str = param(
-        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
-    )
-    map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
-    save_to: str = param(
-        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
     )
 
 
@@ -188,7 +155,7 @@ class LandmarkLocalizer:
             _errors(params),
             self._ground(frames, header.stamp_ns),
             prefix,
-            names_in(params.moving),
+            params.moving_classes,
         )
         self._localizer.observe(detections, T_fixed_camera, rules, robot)
         return self._answer(Header(header.stamp_ns, self._frame))
@@ -271,11 +238,6 @@ def check_map_name(path: Path) -> None:
     """
     if path.suffix != ".yaml":
         raise UsageError(f"{path.name}: give a map a name that ends in .yaml")
-
-
-def names_in(text: str) -> frozenset[str]:
-    """Those of a list with commas."""
-    return frozenset(name.strip() for name in text.split(",")) - {""}
 
 
 def _errors(p: LocalizerParams) -> ErrorModel:

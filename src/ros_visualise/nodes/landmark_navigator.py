@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,9 @@ from ros_visualise.data import (
     Detections3D,
     DiagnosticArray,
     Header,
+    Imu,
     MarkerArray,
+    NavSatFix,
     Odometry,
     PoseWithCovarianceStamped,
     Transforms,
@@ -29,143 +30,35 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.landmarks.navigation import told
-from ros_visualise.landmarks.navigation.chart import Mode, Rules
+from ros_visualise.landmarks.navigation.chart import Mode
+from ros_visualise.landmarks.navigation.inertial import Mounting
 from ros_visualise.landmarks.navigation.landmark import Known
-from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.navigator import Navigator, Now, Settings
+from ros_visualise.landmarks.navigation.navigator import Navigator, Now
+from ros_visualise.landmarks.navigation.params import NavigatorParams
 from ros_visualise.landmarks.navigation.sights import view_of
 from ros_visualise.nodes import action, node
-from ros_visualise.nodes.landmark_localizer import names_in, write_map
-from ros_visualise.params import param
+from ros_visualise.nodes.landmark_localizer import write_map
 
 log = logging.getLogger(__name__)
 
 _MAP = "map"  # REP 105
+_TWO_TELL = (
+    "somebody else tells where {1} is in {0}: it holds until now; let nobody else tell it (on ROS,"
+    " stop that node; of a recording, play it without its localization)"
+)
 _SHOWN_NS = 200_000_000  # between what people look at
-
-
-@dataclass(frozen=True)
-class NavigatorParams:
-    """Parameters of `LandmarkNavigator`."""
-
-    mode: Mode = param(
-        Mode.BUILD,
-        "the map: build a new one, extend the given one, or frozen: leave it as it is",
-    )
-    map: str = param("", "YAML file of landmarks, as save_map writes it", group="map")
-    save_to: str = param(
-        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
-    )
-    class_prefix: str = param(
-        "landmark_",
-        "what to put before classes that are numbers, as on ROS 1, such as tag36h11_",
-        group="map",
-    )
-    min_sightings: int = param(
-        5,
-        "sightings after which a new landmark corrects the robot",
-        min=1,
-        max=1000,
-        slider=(1, 20),
-        group="map",
-    )
-    min_parallax: float = param(
-        0.1,
-        "how far apart these are at least, as a part of the landmark's range",
-        min=0,
-        max=10,
-        slider=(0, 1),
-        group="map",
-    )
-    moving: str = param(
-        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
-    )
-    corner_floor: float = param(
-        0.1,
-        "pixels that corners deviate at least (standard deviation); real cameras may need 0.3",
-        min=0,
-        max=10,
-        slider=(0, 2),
-        group="camera",
-    )
-    delay: float = param(
-        0.5,
-        "seconds that an image may be on its way, with all that is made of it",
-        min=0.01,
-        max=60,
-        slider=(0.1, 2),
-        group="camera",
-    )
-    odom_scale: float = param(
-        0.01,
-        "lasting error of all distances (standard deviation), as a fraction: 0.01 is 1%",
-        min=0,
-        max=1,
-        slider=(0, 0.1),
-        group="odometry",
-    )
-    odom_turn_scale: float = param(
-        0.0,
-        "lasting error of all turns (standard deviation), as a fraction; wheels have 0.02",
-        min=0,
-        max=1,
-        slider=(0, 0.1),
-        group="odometry",
-    )
-    odom_noise: float = param(
-        0.02,
-        "error of the position that grows with the distance (standard deviation), m/sqrt(m)",
-        min=1e-5,
-        max=10,
-        slider=(0, 0.2),
-        group="odometry",
-    )
-    odom_heading_noise: float = param(
-        0.2,
-        "error of the heading that grows with the distance (standard deviation), deg/sqrt(m)",
-        min=1e-5,
-        max=90,
-        slider=(0, 5),
-        group="odometry",
-    )
-    odom_tilt_noise: float = param(
-        0.02,
-        "error of roll and pitch that grows with the distance (standard deviation), deg/sqrt(m)",
-        min=0,
-        max=90,
-        slider=(0, 5),
-        group="odometry",
-    )
-    odom_still_noise: float = param(
-        0.001,
-        "error of the position that grows while it stands (standard deviation), m/sqrt(s)",
-        min=0,
-        max=10,
-        slider=(0, 0.1),
-        group="odometry",
-    )
-    level_sigma: float = param(
-        0.5,
-        "how level the odometry's frame is (standard deviation), degrees; 90: nobody knows",
-        min=0.01,
-        max=90,
-        slider=(0.1, 10),
-        group="odometry",
-    )
-    max_speed: float = param(
-        30.0,
-        "m/s; an odometry that is faster has jumped",
-        min=0.1,
-        max=1000,
-        slider=(1, 50),
-        group="odometry",
-    )
 
 
 @node(
     "landmark_navigator",
     params=NavigatorParams,
-    inputs={"detections": Detections, "odometry": Odometry},
+    inputs={
+        "detections": Detections,
+        "objects": Detections,
+        "odometry": Odometry,
+        "imu": Imu,
+        "gps": NavSatFix,
+    },
     outputs={
         "pose": PoseWithCovarianceStamped,
         "tf": Transforms,
@@ -176,7 +69,10 @@ class NavigatorParams:
     frames=True,
 )
 class LandmarkNavigator:
-    """Corrects an odometry by landmarks: tells map -> odom, and the robot's pose in the map."""
+    """Corrects an odometry by landmarks: tells map -> odom, and the robot's pose in the map.
+
+    An IMU carries the robot on between odometries, and GPS corrects it too, where they are there.
+    """
 
     def __init__(self, params: NavigatorParams) -> None:
         self._begun = rigid.IDENTITY
@@ -184,7 +80,7 @@ class LandmarkNavigator:
         self.reset()
 
     def _open(self, params: NavigatorParams) -> None:
-        self._params = params
+        self._params, self._settings = params, params.settings()
         self._given: dict[str, Track] = {}
         self._frame = _MAP
         if params.mode is Mode.BUILD:
@@ -192,7 +88,7 @@ class LandmarkNavigator:
         if not params.map:
             raise OpenError(f"mode {params.mode.value} needs a map: give its file as map")
         self._frame, several = map_file.load(Path(params.map))
-        self._given = {one.name: one for one in several}
+        self._given = _named(several)
 
     def reset(self) -> None:
         """Begin anew: time jumped."""
@@ -201,6 +97,7 @@ class LandmarkNavigator:
         self._now: Now | None = None
         self._told_ns: int | None = None
         self._said = ""
+        self._mounted: dict[str, Mounting | None] = {}
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -217,7 +114,10 @@ class LandmarkNavigator:
         self,
         params: NavigatorParams,
         detections: Detections | None = None,
+        objects: Detections | None = None,
         odometry: Odometry | None = None,
+        imu: Imu | None = None,
+        gps: NavSatFix | None = None,
         *,
         frames: FrameTree,
     ) -> dict[str, Any] | None:
@@ -227,14 +127,51 @@ class LandmarkNavigator:
         answer: dict[str, Any] = {}
         if odometry is not None:
             answer = self._go_on(odometry, frames)
-        elif detections is not None and self._navigator is not None:
-            T = frames.lookup(
-                self._base_frame, detections.header.frame_id, detections.header.stamp_ns
-            )
-            moving = names_in(params.moving)
-            view = view_of(detections, T, params.class_prefix, params.corner_floor, moving)
-            self._navigator.see(view)
+        elif self._navigator is None:
+            return None
+        elif imu is not None and params.imu:
+            self._feel(self._navigator, imu, frames)
+        elif gps is not None and params.gps:
+            self._locate(self._navigator, gps, frames)
+        elif detections is not None:
+            self._see(self._navigator, detections, params.class_prefix, frames)
+        elif objects is not None:
+            self._see(self._navigator, objects, params.object_prefix, frames)
         return (answer | self._shown()) or None
+
+    def _see(
+        self, navigator: Navigator, detections: Detections, prefix: str, frames: FrameTree
+    ) -> None:
+        header, p = detections.header, self._params
+        T = frames.lookup(self._base_frame, header.frame_id, header.stamp_ns)
+        navigator.see(view_of(detections, T, prefix, p.corner_floor, p.moving_classes))
+
+    def _feel(self, navigator: Navigator, imu: Imu, frames: FrameTree) -> None:
+        mounting = self._mounting(imu.header, frames)
+        measured = imu.angular_covariance[0, 0] >= 0 and imu.linear_covariance[0, 0] >= 0
+        if mounting is None or not measured:
+            return
+        navigator.imu(imu.header.stamp_ns, imu.angular_xyz, imu.linear_xyz, mounting)
+
+    def _locate(self, navigator: Navigator, gps: NavSatFix, frames: FrameTree) -> None:
+        mounting = self._mounting(gps.header, frames)
+        if gps.status < 0 or mounting is None:
+            return
+        geodetic = np.array([gps.latitude, gps.longitude, gps.altitude])
+        known = gps.covariance if gps.covariance_type else np.zeros((3, 3))
+        navigator.fix(gps.header.stamp_ns, geodetic, known, mounting.p)
+
+    def _mounting(self, header: Header, frames: FrameTree) -> Mounting | None:
+        """Where a sensor is on the robot; None, and said once, where nobody tells it."""
+        name = header.frame_id
+        if name not in self._mounted:
+            self._mounted[name] = None
+            try:
+                T = frames.lookup(self._base_frame, name, header.stamp_ns)
+                self._mounted[name] = Mounting(T[:3, :3], T[:3, 3])
+            except NoTransform as error:
+                log.warning("%s is left out: %s", name or "a sensor without a frame", error)
+        return self._mounted[name]
 
     def _change(self, params: NavigatorParams) -> None:
         """Go on with other parameters; with another map, begin anew."""
@@ -242,8 +179,10 @@ class LandmarkNavigator:
         if (params.mode, params.map) != (before.mode, before.map):
             self._open(params)
             self.reset()
-        elif self._navigator is not None:
-            self._navigator.settings = _settings(params)
+            return
+        self._settings = params.settings()
+        if self._navigator is not None:
+            self._navigator.configure(self._settings)
 
     def report(self) -> dict[str, Any]:
         """How many images were used, and how often it was lost."""
@@ -257,7 +196,7 @@ class LandmarkNavigator:
         if self._navigator is None:
             self._odom_frame, self._base_frame = header.frame_id, odometry.child_frame_id
             start = self._start(frames, header)
-            self._navigator = Navigator(_settings(self._params), _known(self._given), start)
+            self._navigator = Navigator(self._settings, _known(self._given), start)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
         now = self._navigator.odometry(header.stamp_ns, pose)
         if now is None:
@@ -283,6 +222,8 @@ class LandmarkNavigator:
             with suppress(NoTransform):
                 T = frames.lookup(self._frame, frame, header.stamp_ns)
                 self._begun = rigid.pose(*transforms.to_pose(T))
+                if frame == header.frame_id:
+                    log.warning("%s", _TWO_TELL.format(self._frame, frame))
                 break
         return self._begun
 
@@ -305,28 +246,19 @@ class LandmarkNavigator:
         return answer
 
 
+def _named(tracks: Iterable[Track]) -> dict[str, Track]:
+    """By name; of points, which may be several of a class, it ends in a number."""
+    numbered = (replace(one, number=n) for n, one in enumerate(tracks, 1))
+    return {one.name: one for one in numbered}
+
+
 def _known(tracks: Mapping[str, Track]) -> dict[str, Known]:
-    """The landmarks of a map that have an orientation."""
-    return {
-        name: Known.of(
-            one.best.R_fixed_landmark,
-            one.best.position_xyz,
-            one.covariance,
-            float(one.size_xyz[:2].mean()),
-        )
-        for name, one in tracks.items()
-        if one.turned
-    }
+    """The landmarks of a map."""
+    return {name: _known_one(one) for name, one in tracks.items()}
 
 
-def _settings(p: NavigatorParams) -> Settings:
-    noise = OdometryNoise(
-        p.odom_scale,
-        p.odom_turn_scale,
-        p.odom_noise,
-        math.radians(p.odom_heading_noise),
-        math.radians(p.odom_tilt_noise),
-        p.odom_still_noise,
-    )
-    rules = Rules(p.mode, p.min_sightings, p.min_parallax)
-    return Settings(rules, noise, float(np.radians(p.level_sigma)), p.delay, p.max_speed)
+def _known_one(one: Track) -> Known:
+    at, R = one.best.position_xyz, one.best.R_fixed_landmark
+    if one.turned:
+        return Known.of(R, at, one.covariance, float(one.size_xyz[:2].mean()))
+    return Known.point(at, one.covariance, one.class_id, one.class_number)

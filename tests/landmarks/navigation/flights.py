@@ -8,14 +8,26 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+import cv2
 import numpy as np
 
-from ros_visualise.data import CameraInfo, Detection, Detections, Floats, Header, Hypothesis
+from ros_visualise.data import (
+    CameraInfo,
+    Detection,
+    Detections,
+    Floats,
+    Header,
+    Hypothesis,
+    Imu,
+    NavSatFix,
+)
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.rigid import Pose
 from ros_visualise.landmarks.pose import PoseEstimate, corner_sigma, squares_poses
+from ros_visualise.simulation.sensors.gps import GpsSensor
+from ros_visualise.simulation.sensors.imu import ImuSensor
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
 from ros_visualise.simulation.settings import QuadrotorParams
 
@@ -26,6 +38,8 @@ DRIFT = QuadrotorParams(odom_scale=0.01, odom_noise=0.02, odom_yaw_noise=0.003)
 T_BASE_CAMERA = np.array([[0.0, -1, 0, 0.1], [-1, 0, 0, 0.02], [0, 0, -1, -0.05], [0, 0, 0, 1]])
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _EDGE_PX = 4
+IMU_HZ = 100
+GPS_ORIGIN = DRIFT.gps_latitude, DRIFT.gps_longitude, DRIFT.gps_altitude
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +72,17 @@ def lawn_mower(
     return points[:-1]
 
 
+def _smoothed(values: Floats) -> Floats:
+    """(N, k) by two running means over a second."""
+    window = np.ones(IMU_HZ) / IMU_HZ
+    ends = IMU_HZ - 1, IMU_HZ - 1
+    columns = []
+    for column in values.T:
+        padded = np.pad(column, ends, mode="edge")
+        columns.append(np.convolve(np.convolve(padded, window, "valid"), window, "valid"))
+    return np.column_stack(columns)
+
+
 def field_of_tags(random: np.random.Generator, width: float, depth: float, count: int) -> Tags:
     """Tags that lie on the ground, nearly level, spread evenly but not in rows."""
     columns = max(1, round(np.sqrt(count * width / depth)))
@@ -82,6 +107,7 @@ class Flight:
     Attributes:
         T_map_odom: (4, 4) where the odometry begins.
         poses_of: so many sights of each tag have poses; later its corners alone count anyway.
+        posts: (N, 3) feet of posts, which look all alike.
         times_s, places, attitudes: the truth, (N,), (N, 3) and (N, 4) as x, y, z, w.
     """
 
@@ -94,6 +120,7 @@ class Flight:
     level_rad: float = 0.0
     drift: QuadrotorParams = DRIFT
     poses_of: int = 1_000_000
+    posts: Floats = field(default_factory=lambda: np.zeros((0, 3)))
     T_map_odom: Floats = field(init=False)
 
     def __post_init__(self) -> None:
@@ -106,21 +133,47 @@ class Flight:
         self.T_map_odom = start
 
     def _fly(self) -> None:
+        """Round its corners, as it cannot stop at once; truth at the IMU's rate, and at odom's."""
         points = np.array(self.points)
         legs = np.linalg.norm(np.diff(points, axis=0), axis=1)
         ends = np.concatenate([[0], np.cumsum(legs)])
-        step = self.speed / self.odom_hz
-        along = np.arange(0, ends[-1], step)
-        self.places = np.stack([np.interp(along, ends, points[:, axis]) for axis in range(3)], 1)
-        self.times_s = np.arange(len(along)) / self.odom_hz
-        wobble = np.sin(self.times_s[:, None] * [0.9, 1.3, 0.4] + [0, 1, 2])
-        self.places = self.places + wobble * [0.3, 0.3, 0.4]
-        ahead = np.gradient(self.places, axis=0)
-        yaw = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
-        smooth = np.ones(2 * self.odom_hz) / (2 * self.odom_hz)
-        padded = np.pad(yaw, (self.odom_hz, self.odom_hz - 1), mode="edge")
-        rpy = np.column_stack([wobble[:, :2] * 0.06, np.convolve(padded, smooth, "valid")])
-        self.attitudes = rotations.from_rpy(rpy)
+        along = np.arange(0, ends[-1], self.speed / IMU_HZ)
+        straight = np.stack([np.interp(along, ends, points[:, axis]) for axis in range(3)], 1)
+        self._times_s = np.arange(len(along)) / IMU_HZ
+        wobble = np.sin(self._times_s[:, None] * [0.9, 1.3, 0.4] + [0, 1, 2])
+        self._places = _smoothed(straight) + wobble * [0.3, 0.3, 0.4]
+        ahead = np.gradient(self._places, axis=0)
+        yaw = _smoothed(np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))[:, None])
+        self._attitudes = rotations.from_rpy(np.column_stack([wobble[:, :2] * 0.06, yaw]))
+        every = slice(None, None, round(IMU_HZ / self.odom_hz))
+        self.times_s, self.places = self._times_s[every], self._places[every]
+        self.attitudes = self._attitudes[every]
+
+    def imu(self) -> list[Imu]:
+        """What an IMU in the robot's middle measures, with biases and noise."""
+        R = rotations.to_matrix(self._attitudes)
+        turns = np.swapaxes(R[:-1], 1, 2) @ R[1:]
+        rates = np.array([cv2.Rodrigues(turn)[0][:, 0] for turn in turns]) * IMU_HZ
+        a = np.diff(self._places, n=2, axis=0) * IMU_HZ**2 + [0, 0, 9.80665]
+        forces = np.einsum("nji,nj->ni", R[1:-1], a)
+        sensor = ImuSensor(replace(self.drift, imu_rate=IMU_HZ), self.seed)
+        stamps = (self._times_s * S).round().astype(int).tolist()
+        level = (1.0, 0.0, 0.0, 0.0)
+        middle = (rates[:-1] + rates[1:]) / 2
+        motions = np.column_stack([middle, forces])
+        return [
+            sensor.measure(stamp, level, motion)
+            for stamp, motion in zip(stamps[1:-1], motions, strict=True)
+        ]
+
+    def gps(self) -> list[NavSatFix]:
+        """What a receiver in the robot's middle tells, once in a second."""
+        sensor, every = GpsSensor(self.drift, self.seed), slice(None, None, IMU_HZ)
+        stamps = (self._times_s[every] * S).round().astype(int).tolist()
+        return [
+            sensor.measure(stamp, place)
+            for stamp, place in zip(stamps, self._places[every], strict=True)
+        ]
 
     @property
     def way_m(self) -> float:
@@ -167,7 +220,26 @@ class Flight:
             if inside.all():
                 pixels = pixels + corner_sigma(pixels) * self.random.standard_normal((4, 2))
                 seen.append((id, pixels))
-        return Detections(tuple(self._detections(seen)), Header(stamp_ns, "camera"), INFO)
+        found = (*self._detections(seen), *self._posts(T_camera))
+        return Detections(found, Header(stamp_ns, "camera"), INFO)
+
+    def _posts(self, T_camera: Floats) -> Iterator[Detection]:
+        """Of each its direction, as a network finds it, to a pixel."""
+        focal = INFO.K[0, 0]
+        for local in (self.posts - T_camera[:3, 3]) @ T_camera[:3, :3]:
+            if local[2] < 0.1:
+                continue
+            pixel = (INFO.K @ local)[:2] / local[2]
+            if not ((pixel > _EDGE_PX) & (pixel < [640 - _EDGE_PX, 480 - _EDGE_PX])).all():
+                continue
+            ray = np.append(local[:2] / local[2] + self.random.normal(0, 1 / focal, 2), 1.0)
+            ray /= np.linalg.norm(ray)
+            along = np.multiply.outer(ray, ray)
+            covariance = 1e6 * np.eye(6)
+            covariance[:3, :3] = (np.eye(3) - along) / focal**2 + 1e6 * along
+            level = np.array([0.0, 0, 0, 1])
+            hypothesis = Hypothesis("post", 0.9, ray, level, covariance, 7)
+            yield Detection(pixel, np.full(2, 20.0), 0.0, (hypothesis,))
 
     def _detections(self, seen: list[tuple[int, Floats]]) -> Iterator[Detection]:
         if not seen:

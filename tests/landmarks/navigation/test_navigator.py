@@ -13,11 +13,13 @@ from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation.chart import Mode, Rules
 from ros_visualise.landmarks.navigation.landmark import Known
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.navigator import Navigator, Settings
+from ros_visualise.landmarks.navigation.navigator import Navigator
+from ros_visualise.landmarks.navigation.past import Noise
+from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import view_of
 
 LEVEL = np.radians(0.5)
-NOISE = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
+NOISE = Noise(OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0))
 FROZEN = Settings(Rules(Mode.FROZEN), NOISE, LEVEL)
 BUILD = Settings(Rules(Mode.BUILD), NOISE, LEVEL)
 EXACT = np.eye(6) * 1e-8

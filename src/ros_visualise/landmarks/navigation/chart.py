@@ -7,9 +7,12 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 from ros_visualise.landmarks.navigation.landmark import Known, Landmark, begin, told_covariance
-from ros_visualise.landmarks.navigation.measuring import Pair
+from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
+from ros_visualise.landmarks.navigation.points import Match, Plane, match, nearby
+from ros_visualise.landmarks.navigation.points import begin as begin_point
+from ros_visualise.landmarks.navigation.robot import CORE
 from ros_visualise.landmarks.navigation.sights import Sight, View
-from ros_visualise.landmarks.navigation.state import CORE, State
+from ros_visualise.landmarks.navigation.state import State
 from ros_visualise.landmarks.navigation.updating import fits, update
 
 _SIDES = 0.1  # by which two sides of one tag may differ, as a part
@@ -33,11 +36,13 @@ class Rules:
         mode: see `Mode`.
         sightings: it was seen so often,
         reach: from places that are apart by this part of its range.
+        plane: the ground, where new points stand; None where nobody knows.
     """
 
     mode: Mode = Mode.BUILD
     sightings: int = 5
     reach: float = 0.1
+    plane: Plane | None = None
 
 
 @dataclass
@@ -55,13 +60,15 @@ class Chart:
     Attributes:
         landmarks: by name.
         known: those of the map that was given, by name.
+        is_frozen: they stay as they are.
     """
 
     def __init__(self, rules: Rules, known: Mapping[str, Known]) -> None:
         self.landmarks: dict[str, Landmark] = {}
         self.known = dict(known)
         self._rules = rules
-        self._is_frozen = rules.mode is Mode.FROZEN
+        self._count = len(self.known)
+        self.is_frozen = rules.mode is Mode.FROZEN
 
     def take(self, state: State, view: View) -> tuple[State, Judged]:
         """Correct the state by an image."""
@@ -70,27 +77,43 @@ class Chart:
         tags = [sight for sight in tags if self._has_its_side(sight, judged)]
         for sight in tags:
             if sight.name in self.known and sight.name not in self.landmarks:
-                self._enter(state, sight, view)
-        there = [one for one in tags if one.name in self.landmarks]
+                self._enter(state, sight.name)
+        there = [(one, self.landmarks[one.name]) for one in tags if one.name in self.landmarks]
+        matches = self._points(state, view)
+        there += [(one.sight, one.landmark) for one in matches if one.landmark]
         state = self._correct(state, view, there, judged)
-        for sight in there:
-            landmark = self.landmarks[sight.name]
+        for sight, landmark in there:
             if not landmark.is_used:
                 state = self._watch(state, view, sight, landmark, judged)
-        if not self._is_frozen:
+        if not self.is_frozen:
             self._begin(state, view, tags, judged)
+            self._begin_points(state, view, matches, judged)
         else:
             self._thin_out(state)
         return state, judged
 
+    def _points(self, state: State, view: View) -> list[Match]:
+        """Which points are seen; those of the map that may be are in the state by then."""
+        sights = [sight for sight in view.sights if not sight.is_turned]
+        if not sights:
+            return []
+        camera = camera_of(view, state.R, state.p)
+        for name, known in self.known.items():
+            if known.kind and name not in self.landmarks and nearby(known, view, camera):
+                self._enter(state, name)
+        several = [one for one in self.landmarks.values() if not one.is_turned]
+        return match(state, view, sights, several)
+
     def map_of(self, state: State) -> dict[str, Known]:
-        """All that is known by now of landmarks that may be used, by name."""
-        known = dict(self.known)
+        """All that is known by now of tags that may be used, by name."""
+        known = {name: one for name, one in self.known.items() if not one.kind}
         for name, one in self.landmarks.items():
             if one.is_used:
                 (place,) = state.indices([one.key])
                 R, p = state.landmarks_R[place], state.landmarks_p[place]
-                known[name] = Known.of(R, p, told_covariance(state, one.key), one.side_m)
+                told = told_covariance(state, one.key)
+                if one.is_turned:
+                    known[name] = Known.of(R, p, told, one.side_m)
         return known
 
     def _has_its_side(self, sight: Sight, judged: Judged) -> bool:
@@ -102,23 +125,21 @@ class Chart:
         judged.refused[sight.name] = f"is {sides[0]:g} m wide here and {sides[1]:g} m in the map"
         return False
 
-    def _enter(self, state: State, sight: Sight, view: View) -> None:
+    def _enter(self, state: State, name: str) -> None:
         """Take a landmark of the map into the state."""
-        known = self.known[sight.name]
-        state.add(sight.name, known.R, known.p, known.covariance, to_robot=False)
-        one = Landmark(sight.name, sight.number, known.side_m, [sight.name], [0.0], True, 0, 0)
-        self.landmarks[sight.name] = one
+        known = self.known[name]
+        state.add(name, known.R, known.p, known.covariance)
+        self.landmarks[name] = Landmark.known(name, known)
 
-    def _correct(self, state: State, view: View, sights: list[Sight], judged: Judged) -> State:
+    def _correct(
+        self, state: State, view: View, there: list[tuple[Sight, Landmark]], judged: Judged
+    ) -> State:
         """By all that fit of those that may be used."""
-        pairs = [
-            Pair(sight, self.landmarks[sight.name].key)
-            for sight in sights
-            if self.landmarks[sight.name].is_used
-        ]
+        there = [one for one in there if one[1].is_used]
+        pairs = [Pair(sight, landmark.key) for sight, landmark in there]
         good: list[Pair] = []
-        for pair, fit in zip(pairs, fits(view, pairs, state), strict=True):
-            landmark = self.landmarks[pair.sight.name]
+        compared = zip(pairs, there, fits(view, pairs, state), strict=True)
+        for pair, (_, landmark), fit in compared:
             if fit.is_inlier:
                 good.append(pair)
                 landmark.seen += 1
@@ -130,13 +151,13 @@ class Chart:
                 judged.refused[landmark.name] = why
         if not good:
             return state
-        state = update(state, view, good, [slice(0, CORE if self._is_frozen else None)])
+        state = update(state, view, good, [slice(0, CORE if self.is_frozen else None)])
         self._let_go_of_moved(state, judged)
         return state
 
     def _let_go_of_moved(self, state: State, judged: Judged) -> None:
         """A landmark that others contradict, image after image, is not there any more."""
-        if self._is_frozen:
+        if self.is_frozen:
             return
         for name in list(judged.refused):
             landmark = self.landmarks.get(name)
@@ -165,6 +186,20 @@ class Chart:
             if is_new and any(pose.R is not None for pose in sight.poses):
                 self.landmarks[sight.name] = begin(state, view, sight)
                 judged.watched.append(sight.name)
+
+    def _begin_points(self, state: State, view: View, matches: list[Match], judged: Judged) -> None:
+        """Points that are new, and why others are left out."""
+        for sight, landmark, why in matches:
+            if why:
+                judged.refused[sight.name] = why
+            if why or landmark or self._rules.plane is None:
+                continue
+            name = f"{sight.name}_{self._count + 1}"
+            new = begin_point(state, view, sight, name, self._rules.plane)
+            if new is not None:
+                self._count += 1
+                self.landmarks[name] = new
+                judged.watched.append(name)
 
     def _drop(self, state: State, landmark: Landmark) -> None:
         for key in landmark.keys:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,12 +22,18 @@ _SURPRISE = 3.1  # deviations of a sum of squared distances, 999 of 1000 sums ar
 
 @dataclass(frozen=True, eq=False)
 class Known:
-    """A landmark of a map: its pose, the covariance (6, 6) of its twist, its side in metres."""
+    """A landmark of a map.
+
+    ``covariance`` (6, 6) is of its twist, ``side_m`` of its square. ``kind`` is the class of a
+    point, which has no orientation; of a tag, which is the only one of its name, it is empty.
+    """
 
     R: Floats
     p: Floats
     covariance: Floats
     side_m: float
+    kind: str = ""
+    number: int = -1
 
     @classmethod
     def of(cls, R: Floats, p: Floats, covariance: Floats, side_m: float) -> Known:
@@ -36,13 +41,21 @@ class Known:
         change = about_origin(p)
         return cls(R, p, change @ covariance @ change.T, side_m)
 
+    @classmethod
+    def point(cls, p: Floats, covariance: Floats, kind: str, number: int) -> Known:
+        """One without an orientation, by the covariance (6, 6) of its position."""
+        spread = np.zeros((6, 6))
+        spread[:3, :3] = covariance[:3, :3]
+        return cls(np.eye(3), p, spread, 0.0, kind, number)
+
 
 @dataclass(eq=False)
 class Landmark:
     """What is known of one landmark beside its place in the state.
 
     Attributes:
-        name, number: its class.
+        name: what it is called: its class, of a point with a number behind it.
+        kind, number: its class.
         side_m: of its square; 0 of what is no tag.
         keys: its readings in the state, the likeliest first.
         evidence: the logarithm of how likely the views are under each.
@@ -52,6 +65,7 @@ class Landmark:
     """
 
     name: str
+    kind: str
     number: int
     side_m: float
     keys: list[str]
@@ -65,6 +79,24 @@ class Landmark:
     _reach: float = 0.0  # of its views, as a part of the range
     _surprise: float = 0.0  # squared distances of all views, less what they are expected to be
     _numbers: int = 0
+
+    @classmethod
+    def first(
+        cls, sight: Sight, name: str, keys: list[str], evidence: list[float], view: View, at: Floats
+    ) -> Landmark:
+        """One that is seen for the first time, from a place (3,) of the camera."""
+        number, side_m = sight.number, sight.side_m
+        new = cls(name, sight.name, number, side_m, keys, evidence, False, view.stamp_ns)
+        new.is_turned, new._from_p = sight.is_turned, at
+        return new
+
+    @classmethod
+    def known(cls, name: str, one: Known) -> Landmark:
+        """One of a map: it may be used at once."""
+        kind = one.kind or name
+        new = cls(name, kind, one.number, one.side_m, [name], [0.0], True, 0, 0)
+        new.is_turned = not one.kind
+        return new
 
     @property
     def key(self) -> str:
@@ -150,12 +182,10 @@ def begin(state: State, view: View, sight: Sight) -> Landmark:
     for key, pose in zip(keys, poses, strict=True):
         assert pose.R is not None
         noise = seen_noise(pose, camera.R, camera.p)
-        state.add(key, camera.R @ pose.R, camera.R @ pose.t + camera.p, noise, to_robot=True)
+        state.add(key, camera.R @ pose.R, camera.R @ pose.t + camera.p, noise)
+        state.share(key)
     evidence = [log_score(pose.score) for pose in poses]
-    landmark = Landmark(
-        sight.name, sight.number, sight.side_m, keys, evidence, False, view.stamp_ns
-    )
-    landmark._from_p = camera.p
+    landmark = Landmark.first(sight, sight.name, keys, evidence, view, camera.p)
     landmark.decide(state)
     return landmark
 
@@ -178,8 +208,3 @@ def told_covariance(state: State, key: str) -> Floats:
     change = about_itself(state.landmarks_p[place])
     told: Floats = change @ state.covariance[rows, rows] @ change.T
     return told
-
-
-def sights_by_name(sights: Sequence[Sight]) -> dict[str, Sight]:
-    """Tags by what they are called: each is the only one of its name."""
-    return {sight.name: sight for sight in sights if sight.is_turned}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import cv2
@@ -12,11 +12,26 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import Pose, compose, inverse, to_matrix
+from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.state import CORE, POSE, SCALES, State
+from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.robot import (
+    BEFORE,
+    CORE,
+    POSE,
+    SCALES,
+    VELOCITY,
+)
+from ros_visualise.landmarks.navigation.state import State
 
 _EYE = np.eye(3)
+GAP_NS = 250_000_000
+"""Longer between two poses of an odometry, nobody knows how it went."""
+
 _LEAST = 1e-10  # variance, m^2 and rad^2, of what is said to be exact
+_SPEED_SIGMA = 1.0  # m/s, of a velocity that one step of an odometry tells
+_VAGUE_SPEED = 10.0  # m/s, where nothing tells it
+_LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: an odometry jitters, and is rounded
 
 
 class Step(NamedTuple):
@@ -24,18 +39,31 @@ class Step(NamedTuple):
 
     Attributes:
         motion: in the robot's own axes of before.
-        seconds: that it took.
+        from_ns, to_ns: when it began and ended.
         up: (3,) where up is for the odometry, in the robot's axes of after.
+        is_guess: nothing was told for long, and it ends on the straight between.
     """
 
     motion: Pose
-    seconds: float
+    from_ns: int
+    to_ns: int
     up: Floats
+    is_guess: bool = False
+
+    @property
+    def seconds(self) -> float:
+        """That it took."""
+        return (self.to_ns - self.from_ns) / 1e9
+
+    @property
+    def is_long(self) -> bool:
+        """Whether the odometry may have begun anew in between."""
+        return self.is_guess or self.to_ns - self.from_ns > GAP_NS
 
 
-def step_between(a: Pose, b: Pose, seconds: float) -> Step:
+def step_between(a: Pose, b: Pose, from_ns: int, to_ns: int, is_guess: bool = False) -> Step:
     """The step from one pose in the odometry's frame to another."""
-    return Step(compose(inverse(a), b), seconds, up_of(b))
+    return Step(compose(inverse(a), b), from_ns, to_ns, up_of(b), is_guess)
 
 
 def up_of(pose: Pose) -> Floats:
@@ -65,72 +93,94 @@ class OdometryNoise:
     still_m: float = 1e-3
     still_rad: float = 1e-4
 
-
-class Carried:
-    """The robot some time after a state, with how it depends on that.
-
-    Attributes:
-        R, p: its pose in the map.
-        change: (CORE, CORE) how its errors follow from those of the state.
-        noise: (CORE, CORE) covariance of what came to them on the way.
-    """
-
-    def __init__(self, state: State) -> None:
-        self.R, self.p, self._scales = state.R, state.p, state.scales
-        self.change, self.noise = np.eye(CORE), np.zeros((CORE, CORE))
-
-    def go(self, step: Step, model: OdometryNoise) -> None:
-        """Go on by a motion."""
-        T = to_matrix(step.motion)
-        way, axis = self.R @ T[:3, 3], self.R @ _rotation_vector(step.motion)
-        ways, turns = 1 + self._scales
-        self.p = self.p + ways * way
-        self.R = cv2.Rodrigues(turns * axis)[0] @ self.R
-        arm = twists.cross(self.p)
-        J = np.eye(CORE)
-        J[:3, 6] = way
-        J[:3, 7], J[3:6, 7] = arm @ axis, axis
-        metres = math.sqrt(float(way @ way))
-        up, tilt = self.R @ step.up, model.tilt_walk**2 * metres
-        heading = model.heading_walk**2 * metres + model.still_rad**2 * step.seconds
+    def of(self, step: Step, up: Floats) -> tuple[float, Floats]:
+        """Variance of a step's position, and covariance (3, 3) of its turn where up is so."""
+        metres = math.sqrt(sum(x * x for x in step.motion[:3]))
+        tilt = self.tilt_walk**2 * metres + _LEAST
+        heading = self.heading_walk**2 * metres + self.still_rad**2 * step.seconds
         turned = tilt * _EYE + (heading - tilt) * np.multiply.outer(up, up)
-        spread = arm @ turned
-        self.change = J @ self.change
-        noise = J @ self.noise @ J.T
-        noise[:3, :3] += spread @ arm.T
-        noise[:3, :3] += (model.walk**2 * metres + model.still_m**2 * step.seconds) * _EYE
-        noise[:3, 3:6] += spread
-        noise[3:6, :3] += spread.T
-        noise[3:6, 3:6] += turned
-        self.noise = noise
-
-    def covariance(self, state: State) -> Floats:
-        """(CORE, CORE) of the robot's errors now, by those of the state."""
-        before = state.covariance[:CORE, :CORE]
-        now: Floats = self.change @ before @ self.change.T + self.noise
-        return now
+        return self.walk**2 * metres + self.still_m**2 * step.seconds + _LEAST, turned
 
 
-def predict(state: State, steps: Iterable[Step], model: OdometryNoise) -> None:
-    """Carry a state on by motions."""
-    robot = Carried(state)
+def by_odometry(carried: Carried, step: Step, model: OdometryNoise) -> None:
+    """Go on as the odometry tells."""
+    robot = carried.robot
+    T = to_matrix(step.motion)
+    way, axis = robot.R @ T[:3, 3], robot.R @ _rotation_vector(step.motion)
+    ways, turns = 1 + robot.scales
+    R = cv2.Rodrigues(turns * axis)[0] @ robot.R
+    p = robot.p + ways * way
+    v = ways * way / step.seconds if step.seconds > 0 else robot.v
+    arm = twists.cross(p)
+    J = np.eye(CORE)
+    J[:3, 6] = way
+    J[:3, 7], J[3:6, 7] = arm @ axis, axis
+    J[VELOCITY] = 0
+    J[VELOCITY, 6] = v / ways
+    moved, turned = model.of(step, R @ step.up)
+    spread = arm @ turned
+    noise = np.zeros((CORE, CORE))
+    noise[:3, :3] = spread @ arm.T + moved * _EYE
+    noise[:3, 3:6], noise[3:6, :3], noise[3:6, 3:6] = spread, spread.T, turned
+    noise[VELOCITY, VELOCITY] = _SPEED_SIGMA**2 * _EYE
+    carried.go(J, noise)
+    carried.robot = replace(robot, R=R, p=p, v=v)
+
+
+def check_odometry(carried: Carried, step: Step, model: OdometryNoise) -> bool:
+    """Compare a robot that something else carried on from the pose of before; whether it fits.
+
+    Source: S. Roumeliotis, J. Burdick, Stochastic cloning: a generalized framework for processing
+    relative state measurements, 2002.
+    """
+    robot = carried.robot
+    back = robot.before_R.T
+    T = to_matrix(step.motion)
+    turn = _rotation_vector(step.motion)
+    ways, turns = 1 + robot.scales
+    between = back @ robot.R
+    told = cv2.Rodrigues(turns * turn)[0]
+    way = back @ (robot.p - robot.before_p)
+    residual = np.concatenate([ways * T[:3, 3] - way, turn_between(told, between)])
+    H = np.zeros((6, CORE))
+    H[:3, :3], H[:3, 3:6] = back, -back @ twists.cross(robot.p)
+    H[3:, 3:6] = back
+    H[:, BEFORE] = -H[:, POSE]
+    # as expected, not as measured: noise that is in both would pass for an error of the scale
+    H[:3, 6], H[3:, 7] = -way / ways, -cv2.Rodrigues(between)[0][:, 0] / turns
+    moved, turned = model.of(step, T[:3, :3] @ step.up)
+    noise = np.zeros((6, 6))
+    noise[:3, :3], noise[3:, 3:] = moved * _EYE, turned
+    return carried.correct(residual, H, noise, _LEEWAY)
+
+
+def is_speed_known(carried: Carried) -> bool:
+    """Whether something told the robot's velocity, so that an IMU can carry it on."""
+    return bool(carried.P[VELOCITY.start, VELOCITY.start] < _VAGUE_SPEED**2 / 2)
+
+
+def predict(state: State, steps: Iterable[Step], model: OdometryNoise) -> State:
+    """A state carried on by the odometry alone."""
+    carried = Carried(state)
     for step in steps:
-        robot.go(step, model)
-    P = state.covariance
-    now = robot.covariance(state)
-    P[:CORE, CORE:] = robot.change @ P[:CORE, CORE:]
-    P[CORE:, :CORE] = P[:CORE, CORE:].T
-    P[:CORE, :CORE] = (now + now.T) / 2
-    state.R, state.p = robot.R, robot.p
+        by_odometry(carried, step, model)
+    return carried.into(state, frozen=True)
 
 
 def begin(state: State, R: Floats, p: Floats, covariance: Floats, model: OdometryNoise) -> None:
-    """Put the robot at a pose, with a covariance (6, 6) of its twist that nothing else shares."""
+    """Put the robot at a pose, with a covariance (6, 6) of its twist that nothing else shares.
+
+    Only biases and what is known of GPS and gravity stay as they are.
+    """
     P = state.covariance
-    P[:CORE], P[:, :CORE] = 0, 0
+    for rows in (POSE, SCALES, VELOCITY, BEFORE):
+        P[rows], P[:, rows] = 0, 0
     P[POSE, POSE] = covariance + _LEAST * np.eye(6)
     P[SCALES, SCALES] = np.diag([model.scale**2, model.turn_scale**2])
-    state.R, state.p, state.scales = R, p, np.zeros(2)
+    P[VELOCITY, VELOCITY] = _VAGUE_SPEED**2 * _EYE
+    state.robot = replace(
+        state.robot, R=R, p=p, scales=np.zeros(2), v=np.zeros(3), before_R=R, before_p=p
+    )
 
 
 def _rotation_vector(motion: Pose) -> Floats:

@@ -10,20 +10,27 @@ from __future__ import annotations
 import logging
 from bisect import insort
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 from ros_visualise.geometry.transforms import inverse
-from ros_visualise.landmarks.navigation.chart import Chart, Judged, Mode, Rules
+from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.chart import Chart, Judged, Mode
+from ros_visualise.landmarks.navigation.inertial import Mounting
 from ros_visualise.landmarks.navigation.landmark import Known
-from ros_visualise.landmarks.navigation.motion import Carried, OdometryNoise, begin, predict, up_of
+from ros_visualise.landmarks.navigation.motion import Step, begin, up_of
 from ros_visualise.landmarks.navigation.odometer import Odometer
+from ros_visualise.landmarks.navigation.past import Past
+from ros_visualise.landmarks.navigation.robot import (
+    POSE,
+    SCALES,
+)
 from ros_visualise.landmarks.navigation.search import Prior, Search
+from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import View
-from ros_visualise.landmarks.navigation.state import CORE, POSE, State
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 log = logging.getLogger(__name__)
@@ -31,25 +38,6 @@ log = logging.getLogger(__name__)
 _BACK_NS = 1_000_000_000  # a stamp so much older than the last one: the clock was set back
 _MOST_WAITING = 100  # images
 _LOST_AFTER = 3  # images in a row that contradict all that is known
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How the navigator works.
-
-    Attributes:
-        rules: of the landmarks.
-        odometry: what it does wrong.
-        level_rad: standard deviation of how level the odometry's frame is.
-        delay_s: so long an image may be on its way.
-        fastest: m/s; an odometry that is faster has jumped.
-    """
-
-    rules: Rules = field(default_factory=Rules)
-    odometry: OdometryNoise = field(default_factory=OdometryNoise)
-    level_rad: float = np.radians(0.5)
-    delay_s: float = 0.5
-    fastest: float = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +88,13 @@ class Navigator:
 
     def reset(self) -> None:
         """Begin anew: time has jumped."""
-        self.state = State()
+        self.state = self.settings.unknown()
         self.chart = Chart(self.settings.rules, self._known)
         self.judged = Judged()
         self.is_located = False
         self.trouble = "looks for the landmarks of the map"
+        self.past = Past(self.settings.noise)
         self._search = Search()
-        self._odometer = Odometer()
         self._ahead = Carried(self.state)
         self._waiting: list[tuple[int, int, View]] = []
         self._count = 0
@@ -116,24 +104,38 @@ class Navigator:
         self._last_print: bytes = b""
         self._has_pose = False
 
+    def configure(self, settings: Settings) -> None:
+        """Go on with other settings."""
+        self.settings = settings
+        self.past.noise = settings.noise
+
     def odometry(self, stamp_ns: int, pose: Pose) -> Now | None:
         """Go on by an odometry, T_odom_base; None while nothing is known of where the robot is."""
-        newest_ns = self._odometer.newest_ns
+        newest_ns = self.past.odometer.newest_ns
         if newest_ns is not None and stamp_ns <= newest_ns:
             if stamp_ns < newest_ns - _BACK_NS:
                 self.reset()
             else:
                 return None
-        step = self._odometer.add(stamp_ns, pose)
+        step = self.past.odometer.add(stamp_ns, pose)
         if step is None:
             self._begin(stamp_ns, pose)
-        elif np.hypot(*step.motion[:2]) > self.settings.fastest * max(step.seconds, 0.02):
+        elif self._is_jump(step):
             self._jump(stamp_ns, pose)
         else:
-            self._ahead.go(step, self.settings.odometry)
+            self._go_on(step)
         self._work()
         self._keep_up(stamp_ns)
         return self._now(stamp_ns) if self._has_pose else None
+
+    def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> None:
+        """Take rates (3,) in rad/s and specific force (3,) in m/s^2, in the IMU's axes."""
+        self.past.imu.add(stamp_ns, rates, force, mounting)
+
+    def fix(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> None:
+        """Take a fix of GPS, as `ros_visualise.landmarks.navigation.satellites` has it."""
+        if self.past.gps.add(stamp_ns, geodetic, covariance, arm) and self.is_located:
+            self.past.gps.place(self.state, self._ahead)
 
     def see(self, view: View) -> bool:
         """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
@@ -151,9 +153,12 @@ class Navigator:
             T = to_matrix(self._start) @ to_matrix(pose)
             tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
             change = about_origin(to_matrix(self._start)[:3, 3])
-            begin(self.state, T[:3, :3], T[:3, 3], change @ tilt @ change.T, self.settings.odometry)
+            self._stand(T[:3, :3], T[:3, 3], change @ tilt @ change.T)
             self._locate()
         self._ahead = Carried(self.state)
+
+    def _stand(self, R: Floats, p: Floats, covariance: Floats) -> None:
+        begin(self.state, R, p, covariance, self.settings.noise.odometry)
 
     def _locate(self) -> None:
         self.is_located = self._has_pose = True
@@ -161,12 +166,18 @@ class Navigator:
         self._contradicted = 0
         self._search.clear()
 
+    def _is_jump(self, step: Step) -> bool:
+        """Whether no robot is so fast; an IMU tells better how it went."""
+        is_fast = np.hypot(*step.motion[:2]) > self.settings.fastest * max(step.seconds, 0.02)
+        return bool(is_fast) and not (self.is_located and self.past.has_imu(step))
+
     def _jump(self, stamp_ns: int, pose: Pose) -> None:
         """The odometry begins anew elsewhere: the robot is where it was, as far as is known."""
         self._work()
-        self.state.R, self.state.p = self._ahead.R, self._ahead.p
-        self._odometer = Odometer()
-        self._odometer.add(stamp_ns, pose)
+        robot = self._ahead.robot
+        self.state.robot = replace(self.state.robot, R=robot.R, p=robot.p)
+        self.past.odometer = Odometer()
+        self.past.odometer.add(stamp_ns, pose)
         self.at_ns = stamp_ns
         self._ahead = Carried(self.state)
         self._search.clear()
@@ -176,11 +187,18 @@ class Navigator:
     def _lose(self, why: str) -> None:
         self.is_located, self.trouble = False, f"lost: {why}"
         self.counts["losses"] += 1
-        log.warning("%s; looks for the landmarks of the map", self.trouble)
+        log.warning("%s; two different tags of the map are needed to find it again", self.trouble)
+
+    def _go_on(self, step: Step) -> None:
+        """Go on by the newest odometry."""
+        was_refused = self.past.is_imu_refused
+        self.past.newest(self._ahead, step, self.is_located)
+        if self.past.is_imu_refused and not was_refused:
+            log.warning("the IMU contradicts the odometry: it is left out (its frame on tf?)")
 
     def _work(self) -> bool:
         """Put in the images whose odometry is there; whether there were any."""
-        newest_ns = self._odometer.newest_ns
+        newest_ns = self.past.odometer.newest_ns
         worked = False
         while newest_ns is not None and self._waiting and self._waiting[0][0] <= newest_ns:
             view = self._waiting.pop(0)[2]
@@ -232,24 +250,24 @@ class Navigator:
         if self._has_pose:
             self.counts["recovered"] += 1
             log.warning("recovered: found by %s", ", ".join(found.keys))
-        begin(self.state, found.R, found.p, found.covariance[POSE, POSE], self.settings.odometry)
-        self.state.scales = found.scales
-        self.state.covariance[6:CORE, 6:CORE] = found.covariance[6:CORE, 6:CORE]
+        self._stand(found.R, found.p, found.covariance[POSE, POSE])
+        self.state.robot = replace(self.state.robot, scales=found.robot.scales)
+        self.state.covariance[SCALES, SCALES] = found.covariance[SCALES, SCALES]
         self.judged = Judged(used=[])
         self._locate()
 
     def _prior(self, view: View) -> Prior:
         """What is known of any place where the robot may be at an image."""
-        up = up_of(self._odometer.at(view.stamp_ns))
-        return Prior(up, self.settings.level_rad, self.settings.odometry)
+        up = up_of(self.past.odometer.at(view.stamp_ns))
+        return Prior(up, self.settings.level_rad, self.settings.noise.odometry)
 
     def _advance(self, stamp_ns: int) -> None:
         """Carry the state on to a time."""
         if stamp_ns == self.at_ns:
             return
-        steps = self._odometer.steps(self.at_ns, stamp_ns)
-        predict(self.state, steps, self.settings.odometry)
-        self._search.predict(steps, self.settings.odometry)
+        self.state = self._carried(stamp_ns).into(self.state, self.chart.is_frozen)
+        steps = self.past.odometer.steps(self.at_ns, stamp_ns) if self._search.places else []
+        self._search.predict(steps, self.settings.noise.odometry)
         self.at_ns = stamp_ns
 
     def _keep_up(self, newest_ns: int) -> None:
@@ -258,19 +276,22 @@ class Navigator:
         if self.at_ns < oldest_ns:
             self._advance(oldest_ns)
             self._catch_up(newest_ns)
-        self._odometer.forget(self.at_ns)
+        self.past.forget(self.at_ns)
 
     def _catch_up(self, newest_ns: int) -> None:
-        """What is known now, by the state and the odometry since."""
-        self._ahead = Carried(self.state)
-        if newest_ns > self.at_ns:
-            for step in self._odometer.steps(self.at_ns, newest_ns):
-                self._ahead.go(step, self.settings.odometry)
+        """What is known now, by the state and what was measured since."""
+        self._ahead = self._carried(newest_ns)
+
+    def _carried(self, stamp_ns: int) -> Carried:
+        carried = Carried(self.state)
+        self.past.carry(carried, self.at_ns, stamp_ns, self.is_located)
+        return carried
 
     def _now(self, stamp_ns: int) -> Now:
+        robot = self._ahead.robot
         T = np.eye(4)
-        T[:3, :3], T[:3, 3] = self._ahead.R, self._ahead.p
-        change = about_itself(self._ahead.p)
-        covariance = change @ self._ahead.covariance(self.state)[POSE, POSE] @ change.T
-        T_map_odom = T @ inverse(to_matrix(self._odometer.newest))
+        T[:3, :3], T[:3, 3] = robot.R, robot.p
+        change = about_itself(robot.p)
+        covariance = change @ self._ahead.P[POSE, POSE] @ change.T
+        T_map_odom = T @ inverse(to_matrix(self.past.odometer.newest))
         return Now(stamp_ns, T, T_map_odom, covariance, self.is_located)

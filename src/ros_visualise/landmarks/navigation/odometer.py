@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 
 from ros_visualise.geometry.rigid import Pose, interpolate
-from ros_visualise.landmarks.navigation.motion import Step, step_between
+from ros_visualise.landmarks.navigation.motion import GAP_NS, Step, step_between
 
 
 class Odometer:
@@ -34,7 +34,7 @@ class Odometer:
         """Take a pose that is newer than all others; the motion to it from the last one."""
         step = None
         if self._stamps_ns:
-            step = step_between(self._poses[-1], pose, (stamp_ns - self._stamps_ns[-1]) / 1e9)
+            step = step_between(self._poses[-1], pose, self._stamps_ns[-1], stamp_ns)
         self._stamps_ns.append(stamp_ns)
         self._poses.append(pose)
         return step
@@ -54,9 +54,16 @@ class Odometer:
         stamps = [from_ns, *self._stamps_ns[inner], to_ns]
         poses = [self.at(from_ns), *self._poses[inner], self.at(to_ns)]
         return [
-            step_between(a, b, (end - start) / 1e9)
+            step_between(a, b, start, end, self._is_guess(start) or self._is_guess(end))
             for a, b, start, end in zip(poses, poses[1:], stamps, stamps[1:], strict=False)
         ]
+
+    def _is_guess(self, stamp_ns: int) -> bool:
+        """Whether it is within a time for which nothing was told."""
+        after = bisect_left(self._stamps_ns, stamp_ns)
+        if self._stamps_ns[after] == stamp_ns:
+            return False
+        return self._stamps_ns[after] - self._stamps_ns[after - 1] > GAP_NS
 
     def forget(self, before_ns: int) -> None:
         """Let go of what is older, but for the last pose of it."""

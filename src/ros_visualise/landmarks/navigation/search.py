@@ -17,8 +17,9 @@ from ros_visualise.landmarks.localization.track import DECIDED, log_score
 from ros_visualise.landmarks.navigation.landmark import Known, seen_noise
 from ros_visualise.landmarks.navigation.measuring import Pair
 from ros_visualise.landmarks.navigation.motion import OdometryNoise, Step, begin, predict
+from ros_visualise.landmarks.navigation.robot import CORE, POSE
 from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
-from ros_visualise.landmarks.navigation.state import CORE, POSE, State
+from ros_visualise.landmarks.navigation.state import State
 from ros_visualise.landmarks.navigation.updating import fits, level, update
 
 _MOST = 8  # places that are followed at a time
@@ -74,7 +75,7 @@ class Search:
     def predict(self, steps: Sequence[Step], model: OdometryNoise) -> None:
         """Go on by what the odometry tells."""
         for place in self.places:
-            predict(place.state, steps, model)
+            place.state = predict(place.state, steps, model)
 
     def look(self, view: View, known: Mapping[str, Known], prior: Prior) -> None:
         """Compare with an image; ``known`` is the map, by name."""
@@ -124,7 +125,7 @@ class Search:
         for sight in sights:
             if sight.name not in state.keys:
                 one = known[sight.name]
-                state.add(sight.name, one.R, one.p, one.covariance, to_robot=False)
+                state.add(sight.name, one.R, one.p, one.covariance)
         pairs = [Pair(sight, sight.name) for sight in sights]
         found = fits(view, pairs, state)
         place.evidence += sum(max(one.evidence, _WORST) for one in found)

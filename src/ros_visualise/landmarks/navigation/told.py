@@ -86,8 +86,17 @@ def diagnostics_of(navigator: Navigator, now: Now | None, header: Header) -> Dia
         "landmarks": str(sum(one.is_used for one in navigator.chart.landmarks.values())),
         **{f"refused {name}": why for name, why in judged.refused.items()},
         **{name: str(count) for name, count in navigator.counts.items()},
+        "imu": _imu(navigator),
+        "gps fixes used": str(navigator.past.gps.used),
+        "gps fixes refused": str(navigator.past.gps.refused),
     }
     return DiagnosticArray((DiagnosticStatus("landmark_navigator", level, said, values),), header)
+
+
+def _imu(navigator: Navigator) -> str:
+    if navigator.past.is_imu_refused:
+        return "contradicts the odometry: left out"
+    return "used" if navigator.past.imu.is_there else "none"
 
 
 def _pose(state: State, key: str) -> tuple[Floats, Floats]:
@@ -101,7 +110,7 @@ def _detection(one: Landmark, state: State) -> Detection3D:
         p, R = _pose(state, key)
         covariance = told_covariance(state, key)
         quat = rotations.from_matrix(R)
-        hypotheses.append(Hypothesis(one.name, weight, p, quat, covariance, one.number))
+        hypotheses.append(Hypothesis(one.kind, weight, p, quat, covariance, one.number))
     first = hypotheses[0]
     return Detection3D(first.position_xyz, first.quat_xyzw, _size(one), tuple(hypotheses), one.name)
 
@@ -110,11 +119,12 @@ def _track(one: Landmark, state: State) -> Track:
     p, R = _pose(state, one.key)
     branch = Branch(known(p, R, told_covariance(state, one.key)), 0.0)
     return Track(
-        one.name,
+        one.kind,
         one.number,
         one.is_turned,
         (branch,),
         one.last_ns,
+        number=0 if one.is_turned else int(one.name.rpartition("_")[2]),
         size_xyz=_size(one),
         sizes=one.seen if one.side_m else 0,
         seen=one.seen,

@@ -11,8 +11,9 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.estimate import GATES
 from ros_visualise.landmarks.navigation.measuring import Measured, Pair, measure
+from ros_visualise.landmarks.navigation.robot import CORE, POSE
 from ros_visualise.landmarks.navigation.sights import View
-from ros_visualise.landmarks.navigation.state import CORE, PER_LANDMARK, POSE, State
+from ros_visualise.landmarks.navigation.state import PER_LANDMARK, State
 
 _ROUNDS = 3  # of linearisation
 _CONVERGED = 0.02  # of the deviation of before, that a round may still change
@@ -109,6 +110,20 @@ def level(state: State, up: Floats, sigma: float) -> tuple[State, Fit]:
     moved.covariance = (P + P.T) / 2
     assert first is not None
     return moved, first
+
+
+def stand_on(state: State, key: str, height_m: float, sigma_m: float) -> None:
+    """A landmark stands on the ground: the height of that corrects all that it hangs together with.
+
+    So it counts once for each landmark.
+    """
+    P, row = state.covariance, state.rows(key).start + 2
+    residual = height_m - state.landmarks_p[state.indices([key])[0], 2]
+    gain = P[:, row] / (P[row, row] + sigma_m**2)
+    moved = state.moved(gain * residual)
+    state.robot, state.landmarks_R = moved.robot, moved.landmarks_R
+    state.landmarks_p = moved.landmarks_p
+    state.covariance = P - np.multiply.outer(gain, P[row])
 
 
 def _columns(pairs: Sequence[Pair], state: State) -> npt.NDArray[np.intp]:

@@ -1,0 +1,52 @@
+"""What nodes that map landmarks, or find their way by them, have to be told alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class MapParams:
+    """Parameters of the map and of what belongs into it."""
+
+    map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
+    save_to: str = param(
+        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
+    )
+    class_prefix: str = param(
+        "landmark_",
+        "what to put before classes of tags that are numbers, as on ROS 1, such as tag36h11_",
+        group="map",
+    )
+    object_prefix: str = param(
+        "object_", "what to put before classes of other things that are numbers", group="map"
+    )
+    moving: str = param(
+        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
+    )
+    ground: bool = param(
+        True, "place what is seen without a range, as a post, on the ground", group="ground"
+    )
+    ground_height: float = param(
+        0.0,
+        "height of the ground, metres",
+        min=-1e4,
+        max=1e4,
+        slider=(-10, 10),
+        group="ground",
+    )
+    ground_sigma: float = param(
+        0.1,
+        "standard deviation of that height, metres",
+        min=1e-3,
+        max=1e3,
+        slider=(0.01, 5),
+        group="ground",
+    )
+
+    @property
+    def moving_classes(self) -> frozenset[str]:
+        """The classes in `moving`."""
+        return frozenset(name.strip() for name in self.moving.split(",")) - {""}

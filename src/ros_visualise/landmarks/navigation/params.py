@@ -1,0 +1,254 @@
+"""The parameters of the navigator, as people set them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ros_visualise.errors import UsageError
+from ros_visualise.landmarks.map_params import MapParams
+from ros_visualise.landmarks.navigation.chart import Mode, Rules
+from ros_visualise.landmarks.navigation.inertial import ImuNoise
+from ros_visualise.landmarks.navigation.motion import OdometryNoise
+from ros_visualise.landmarks.navigation.past import Noise
+from ros_visualise.landmarks.navigation.points import Plane
+from ros_visualise.landmarks.navigation.satellites import GpsNoise
+from ros_visualise.landmarks.navigation.settings import Settings
+from ros_visualise.params import param
+
+
+@dataclass(frozen=True)
+class OdometryParams:
+    """What the odometry does wrong."""
+
+    odom_scale: float = param(
+        0.01,
+        "lasting error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=1,
+        slider=(0, 0.1),
+        group="odometry",
+    )
+    odom_turn_scale: float = param(
+        0.0,
+        "lasting error of all turns (standard deviation), as a fraction; wheels have 0.02",
+        min=0,
+        max=1,
+        slider=(0, 0.1),
+        group="odometry",
+    )
+    odom_noise: float = param(
+        0.02,
+        "error of the position that grows with the distance (standard deviation), m/sqrt(m)",
+        min=1e-5,
+        max=10,
+        slider=(0, 0.2),
+        group="odometry",
+    )
+    odom_heading_noise: float = param(
+        0.2,
+        "error of the heading that grows with the distance (standard deviation), deg/sqrt(m)",
+        min=1e-5,
+        max=90,
+        slider=(0, 5),
+        group="odometry",
+    )
+    odom_tilt_noise: float = param(
+        0.02,
+        "error of roll and pitch that grows with the distance (standard deviation), deg/sqrt(m)",
+        min=0,
+        max=90,
+        slider=(0, 5),
+        group="odometry",
+    )
+    odom_still_noise: float = param(
+        0.001,
+        "error of the position that grows while it stands (standard deviation), m/sqrt(s)",
+        min=0,
+        max=10,
+        slider=(0, 0.1),
+        group="odometry",
+    )
+    level_sigma: float = param(
+        0.5,
+        "how level the odometry's frame is, and a map that is given (standard deviation), degrees;"
+        " 90: nobody knows",
+        min=0.01,
+        max=90,
+        slider=(0.1, 10),
+        group="odometry",
+    )
+    max_speed: float = param(
+        30.0,
+        "m/s; an odometry that is faster has jumped",
+        min=0.1,
+        max=1000,
+        slider=(1, 50),
+        group="odometry",
+    )
+
+
+@dataclass(frozen=True)
+class ImuParams:
+    """What an IMU does wrong."""
+
+    imu: bool = param(
+        True,
+        "use the IMU, where there is one; switch it off if the odometry is made of it already",
+        group="imu",
+    )
+    gyro_density: float = param(
+        5e-4, "noise density of the gyroscope, rad/s/sqrt(Hz)", min=1e-7, max=1, group="imu"
+    )
+    gyro_bias: float = param(
+        0.01,
+        "bias of the gyroscope at first (standard deviation), rad/s",
+        min=0,
+        max=1,
+        group="imu",
+    )
+    gyro_walk: float = param(
+        5e-5, "random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)", min=0, max=0.1, group="imu"
+    )
+    accel_density: float = param(
+        5e-3, "noise density of the accelerometer, m/s^2/sqrt(Hz)", min=1e-6, max=10, group="imu"
+    )
+    accel_bias: float = param(
+        0.1,
+        "bias of the accelerometer at first (standard deviation), m/s^2",
+        min=0,
+        max=5,
+        group="imu",
+    )
+    accel_walk: float = param(
+        5e-4, "random walk of the accelerometer's bias, m/s^3/sqrt(Hz)", min=0, max=1, group="imu"
+    )
+
+
+@dataclass(frozen=True)
+class GpsParams:
+    """What GPS does wrong."""
+
+    gps: bool = param(True, "use GPS, where there is one", group="gps")
+    gps_origin: str = param(
+        "",
+        "latitude, longitude, altitude of the map's origin, whose x axis points east, as in: 49.0,"
+        " 8.4, 116; empty: it finds out where fixes lie in the map",
+        group="gps",
+    )
+    gps_sigma: float = param(
+        2.0,
+        "standard deviation east and north of a receiver that does not tell it, m",
+        min=1e-3,
+        max=1000,
+        slider=(0.01, 10),
+        group="gps",
+    )
+    gps_slow: float = param(
+        0.97,
+        "part of a fix's variance that changes slowly; what is left is noise of each fix",
+        min=0,
+        max=0.999,
+        group="gps",
+    )
+    gps_time: float = param(
+        60.0,
+        "seconds in which the slow part is forgotten",
+        min=0.1,
+        max=1e5,
+        slider=(1, 600),
+        group="gps",
+    )
+
+    @property
+    def origin(self) -> tuple[float, float, float] | None:
+        """The place that `gps_origin` names.
+
+        Raises:
+            UsageError: it is none.
+        """
+        if not self.gps_origin.strip():
+            return None
+        try:
+            latitude, longitude, altitude = map(float, self.gps_origin.split(","))
+        except ValueError:
+            latitude = longitude = altitude = math.nan
+        if not (abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
+            raise UsageError(
+                f"gps_origin={self.gps_origin}: give latitude, longitude, altitude: 49.0, 8.4, 116"
+            )
+        return latitude, longitude, altitude
+
+
+@dataclass(frozen=True)
+class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
+    """Parameters of `LandmarkNavigator`."""
+
+    mode: Mode = param(
+        Mode.BUILD,
+        "the map: build a new one, extend the given one, or frozen: leave it as it is",
+    )
+    min_sightings: int = param(
+        5,
+        "sightings after which a new landmark corrects the robot",
+        min=1,
+        max=1000,
+        slider=(1, 20),
+        group="map",
+    )
+    min_parallax: float = param(
+        0.1,
+        "how far apart these are at least, as a part of the landmark's range",
+        min=0,
+        max=10,
+        slider=(0, 1),
+        group="map",
+    )
+    corner_floor: float = param(
+        0.1,
+        "pixels that corners deviate at least (standard deviation); real cameras may need 0.3",
+        min=0,
+        max=10,
+        slider=(0, 2),
+        group="camera",
+    )
+    delay: float = param(
+        0.5,
+        "seconds that an image may be on its way, with all that is made of it",
+        min=0.01,
+        max=60,
+        slider=(0.1, 2),
+        group="camera",
+    )
+
+    def settings(self) -> Settings:
+        """The same, in the units of the filter.
+
+        Raises:
+            UsageError: `gps_origin` is no place.
+        """
+        odometry = OdometryNoise(
+            self.odom_scale,
+            self.odom_turn_scale,
+            self.odom_noise,
+            math.radians(self.odom_heading_noise),
+            math.radians(self.odom_tilt_noise),
+            self.odom_still_noise,
+        )
+        imu = ImuNoise(
+            self.gyro_density,
+            self.accel_density,
+            self.gyro_bias,
+            self.accel_bias,
+            self.gyro_walk,
+            self.accel_walk,
+        )
+        gps = GpsNoise(self.gps_sigma, self.gps_slow, self.gps_time, self.origin)
+        plane = Plane(self.ground_height, self.ground_sigma) if self.ground else None
+        return Settings(
+            Rules(self.mode, self.min_sightings, self.min_parallax, plane),
+            Noise(odometry, imu, gps),
+            math.radians(self.level_sigma),
+            self.delay,
+            self.max_speed,
+        )

@@ -1,0 +1,113 @@
+"""Landmarks of which images tell a direction alone: points on the ground, as where a post stands.
+
+Several may be of one class, so a sight is taken for the only one that it fits to.
+
+Source: Y. Bar-Shalom, T. Fortmann, Tracking and Data Association, 1988 (gates, and what is refused
+because it is not clear).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.estimate import GATES
+from ros_visualise.landmarks.navigation.landmark import Known, Landmark
+from ros_visualise.landmarks.navigation.measuring import Camera, Pair, camera_of
+from ros_visualise.landmarks.navigation.sights import Sight, View
+from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.twists import cross
+from ros_visualise.landmarks.navigation.updating import Fit, fits, stand_on
+
+_FLAT = 0.09  # sine of the angle below which a ray meets the ground nowhere in particular
+_VAGUE = 0.5  # standard deviation along the ray before the ground tells it, as part of the range
+_NEAR = 0.2  # rad; what is so far from a known one is not it
+_CLOSE = 25.0  # times as far as the gate: it may still be that one, and is no new one
+
+
+class Plane(NamedTuple):
+    """The ground in the map: its height in metres, and the standard deviation of that."""
+
+    height_m: float
+    sigma_m: float
+
+
+def nearby(known: Known, view: View, camera: Camera) -> bool:
+    """Whether a point of a map may be one of those that are seen."""
+    away = camera.R.T @ (known.p - camera.p)
+    cosines = [
+        away @ pose.t / (np.linalg.norm(away) * np.linalg.norm(pose.t) + 1e-12)
+        for sight in view.sights
+        if sight.name == known.kind
+        for pose in sight.poses[:1]
+    ]
+    return any(one > np.cos(_NEAR) for one in cosines)
+
+
+class Match(NamedTuple):
+    """A sight and what it is taken for: None for a new one, or a reason why it is unclear."""
+
+    sight: Sight
+    landmark: Landmark | None
+    why: str = ""
+
+
+def match(
+    state: State, view: View, sights: Sequence[Sight], landmarks: Sequence[Landmark]
+) -> list[Match]:
+    """Which points are seen: each at most once, and only where no other one may be meant."""
+    found = [_closest(state, view, sight, landmarks) for sight in sights]
+    names = [one.landmark.name for one in found if one.landmark]
+    return [
+        one._replace(landmark=None, why="two are seen for one")
+        if one.landmark and names.count(one.landmark.name) > 1
+        else one
+        for one in found
+    ]
+
+
+def begin(state: State, view: View, sight: Sight, name: str, plane: Plane) -> Landmark | None:
+    """Put a point that is new into a state; None where its ray does not meet the ground."""
+    camera = camera_of(view, state.R, state.p)
+    seen = sight.poses[0]
+    ray = camera.R @ seen.t / np.linalg.norm(seen.t)
+    above = camera.p[2] - plane.height_m
+    if above <= 0 or -ray[2] < _FLAT:
+        return None
+    range_m = above / -ray[2]
+    p = camera.p + range_m * ray
+    state.add(name, np.eye(3), p, _spread(camera, seen.covariance, seen.t, ray, range_m))
+    state.share(name, np.hstack([np.eye(6, 3), -np.eye(6, 3) @ cross(p)]))
+    stand_on(state, name, plane.height_m, plane.sigma_m)
+    return Landmark.first(sight, name, [name], [0.0], view, camera.p)
+
+
+def _closest(state: State, view: View, sight: Sight, landmarks: Sequence[Landmark]) -> Match:
+    several = [one for one in landmarks if one.kind == sight.name]
+    compared = fits(view, [Pair(sight, one.key) for one in several], state)
+    ranked = sorted(zip(compared, several, strict=True), key=lambda one: one[0].distance2)
+    inside = [one for fit, one in ranked if fit.is_inlier]
+    if len(inside) > 1:
+        return Match(sight, None, f"may be {inside[0].name} or {inside[1].name}")
+    if inside:
+        return Match(sight, inside[0])
+    if ranked and _is_close(ranked[0][0]):
+        return Match(sight, None, f"is not where {ranked[0][1].name} is")
+    return Match(sight, None)
+
+
+def _is_close(fit: Fit) -> bool:
+    return fit.distance2 < _CLOSE * GATES[fit.size]
+
+
+def _spread(camera: Camera, seen: Floats, t: Floats, ray: Floats, range_m: float) -> Floats:
+    """(6, 6) covariance that a direction leaves between camera and point; no turn."""
+    across = np.eye(3) - np.multiply.outer(ray, ray)
+    lateral = across @ camera.R @ seen[:3, :3] @ camera.R.T @ across
+    spread = np.zeros((6, 6))
+    spread[:3, :3] = lateral * (range_m**2 / float(t @ t))
+    spread[:3, :3] += (_VAGUE * range_m) ** 2 * np.multiply.outer(ray, ray)
+    return spread
