@@ -127,7 +127,8 @@ class _Topics:
         there = recordable(graph)
         for name in self._switches.keys() - there.keys():
             self._switches.pop(name).remove()
-        self._usual = {name for name in there if not graph.topics[name].on_demand}
+        rare = {name for name, topic in graph.topics.items() if topic.on_demand}
+        self._usual = there.keys() - rare
         with self._folder:
             for name in [name for name in there if name not in self._switches]:
                 switch = self._gui.add_checkbox(name, name in self._usual)
