@@ -18,6 +18,8 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from ros_visualise.runtime.ros2.cyclone import configure
+
 HERE = Path(__file__).parent
 NODES = HERE.parents[1] / "nodes"
 ENDS = HERE / "ends.py"
@@ -39,6 +41,7 @@ class Bench:
         os.environ["ROS_DOMAIN_ID"] = str(random.randrange(1, 100))
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         os.environ["ROS_VERSION"] = "2"
+        configure()  # for stock rclpy too, which would lose most of the large images without it
 
     def window(self) -> Command:
         return ["--seconds", str(self.args.seconds), "--warmup", str(self.args.warmup)]
