@@ -7,6 +7,7 @@ from ros_visualise.commands.graphs import graph_of
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.near import near
+from ros_visualise.nodes import NoParams
 from ros_visualise.nodes.edge_detector import edge_detector
 from ros_visualise.nodes.filters import filters
 from ros_visualise.pipelines import image_pipeline
@@ -23,6 +24,11 @@ def values_of(graph):
 def with_preset(name):
     graph = image_pipeline("landscape")
     return graph.configured(preset(name, graph))
+
+
+def test_nodes_without_such_parameters_have_no_preset():
+    graph = image_pipeline("landscape")
+    assert chosen(graph, dict.fromkeys(values_of(graph), NoParams())) == ""
 
 
 def test_the_declared_values_are_the_default_preset():

@@ -61,5 +61,6 @@ def chosen(graph: Graph, current: Mapping[str, Any]) -> str:
 
 
 def _has(params: Any, values: Mapping[str, Any]) -> bool:
-    found = {name: getattr(params, name) for name in values}
+    # of a node elsewhere that has not told of any yet, or that is only called so, there are none
+    found = {name: getattr(params, name, None) for name in values}
     return all(getattr(value, "value", value) == values[name] for name, value in found.items())

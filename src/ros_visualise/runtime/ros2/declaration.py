@@ -15,9 +15,7 @@ from ros_visualise.params import specs
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.remote.declaring import Told, declared, name_here
 from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain
-
-_OF_ROS = re.compile(r"use_sim_time$|start_type_description_service$|qos_overrides\.|members$")
-"""Parameters that every node has, or that tell of others."""
+from ros_visualise.runtime.ros2.session import OF_ROS
 
 _NO_NAME = re.compile(r"\W")
 
@@ -76,7 +74,7 @@ def our_own() -> dict[frozenset[Any], tuple[type, NodeType | SourceType]]:
 
 
 def _is_meant(told: ParameterDescriptor, prefix: str) -> bool:
-    is_ours = told.name.startswith(prefix) and not _OF_ROS.match(told.name)
+    is_ours = told.name.startswith(prefix) and not told.name.startswith(OF_ROS)
     return is_ours and told.type in KINDS and not told.read_only
 
 

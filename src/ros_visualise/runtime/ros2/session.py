@@ -29,7 +29,9 @@ _PACKAGE = "package://"
 _ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
 _DIGIT_FIRST = re.compile(r"(?:^|(?<=/))(?=\d)")
 _THREADS = 4
-_END_S = 1.0
+OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""How the names of parameters begin that ROS 2 itself gives to nodes."""
+_END_S = 0.5
 
 H = TypeVar("H", bound=Handle)
 
@@ -107,11 +109,10 @@ class Session:
     def given(self, namespace: str = "") -> dict[str, Any]:
         """What launch files and the command line give to parameters whose names begin so."""
         prefix = f"{namespace}." if namespace else ""
-        overrides = self.node._parameter_overrides
         return {
             name.removeprefix(prefix): one.value
-            for name, one in overrides.items()
-            if name.startswith(prefix)
+            for name, one in self.node._parameter_overrides.items()
+            if name.startswith(prefix) and not name.startswith(OF_ROS)
         }
 
     def resolve(self, name: str) -> str:
