@@ -4,15 +4,19 @@ from types import SimpleNamespace
 
 import pytest
 
+from ros_visualise.data import Image, Imu, NavSatFix, Path, PointCloud, Transforms
 from ros_visualise.ui.page import layout
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.scene.kinds import is_track
 
 
 @pytest.fixture
 def arranged(monkeypatch):
     """What was asked for: whether there is a scene, and whether images are wide."""
     asked = []
-    monkeypatch.setattr(layout, "rearrange", lambda *given: asked.append(given[3:]))
+    monkeypatch.setattr(
+        layout, "rearrange", lambda *given: asked.append((given[3].scene, given[3].wide))
+    )
     return asked
 
 
@@ -46,3 +50,9 @@ def test_wide_images_beside_a_scene_get_a_wide_column_once(
     choice.refresh()
     choice.refresh()
     assert arranged == expected
+
+
+def test_a_scene_of_tracks_alone_leaves_room_to_films():
+    assert is_track({"/image": Image, "/fix": NavSatFix, "/path": Path, "/imu": Imu})
+    assert not is_track({"/image": Image, "/fix": NavSatFix, "/points": PointCloud})
+    assert not is_track({"/tf": Transforms, "/path": Path})

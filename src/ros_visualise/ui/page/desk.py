@@ -18,7 +18,7 @@ from ros_visualise.ui.page.files import Files, Opener
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.images import SIZE, ImageThread, Picture
 from ros_visualise.ui.page.kept import Kept, Memory
-from ros_visualise.ui.page.layout import Choice, arrange
+from ros_visualise.ui.page.layout import Choice
 from ros_visualise.ui.page.notice import Notice, Warnings
 from ros_visualise.ui.page.plots import Plots
 from ros_visualise.ui.page.presets import PresetChoice
@@ -33,6 +33,7 @@ from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.scene.kinds import is_track
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
 from ros_visualise.ui.shown import teller
@@ -74,7 +75,7 @@ class Desk:
         self._drawing = SceneThread(runtime, self._scene, self._is_watched, self._in_haste)
         self._add_main_panel(gui)
         self._follow_scene()
-        arrange(gui, self._windows, self._choice.chosen, self._has_scene)
+        self._choice.begin()
         self._kept.take_in()
         self._warnings = Warnings(self._say_soon)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
@@ -203,7 +204,7 @@ class Desk:
         self._has_scene = bool(topics)
         self._layout_style.content = BESIDE_SCENE if self._has_scene else IMAGES_ALONE
         self._space_folder.visible = self._frames_folder.visible = self._has_scene
-        self._choice.follow(self._windows, self._has_scene)
+        self._choice.follow(self._windows, self._has_scene, is_track(topics))
         self._windows_folder.visible = bool(self._windows)
         self._size.visible = bool(self._pictures())
 

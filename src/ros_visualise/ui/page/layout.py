@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import viser
 
@@ -13,14 +14,29 @@ from ros_visualise.ui.page.worker import Worker
 MAIN_WIDTH = 510
 WINDOWS_WIDTH = 1700
 """Pixels on a very wide screen; narrower ones share what they have in this proportion."""
-_MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE = 330, 310
+_MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE, _WINDOW_BESIDE_TRACK = 330, 310, 390
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
 _WIDE = 2.0  # width over height of images, from which they need a column that is wide
 
 
+class Room(NamedTuple):
+    """What the room of the page is for.
+
+    Attributes:
+        scene: the middle belongs to the scene, and windows make two columns; else they fill the
+            page in two rows.
+        track: that scene shows no more than a track, and leaves more room to the windows.
+        wide: beside a scene, one column that is twice as wide takes the place of two.
+    """
+
+    scene: bool = False
+    track: bool = False
+    wide: bool = False
+
+
 def rearrange(
-    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], scene: bool, wide: bool
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], room: Room
 ) -> None:
     """Show only these windows.
 
@@ -29,15 +45,11 @@ def rearrange(
     for window in windows:
         window.visible = False
     time.sleep(_TAKEN_AWAY_S)
-    arrange(gui, windows, chosen, scene, wide)
+    arrange(gui, windows, chosen, room)
 
 
 def arrange(
-    gui: viser.GuiApi,
-    windows: Sequence[Window],
-    chosen: Sequence[Window],
-    scene: bool,
-    wide: bool = False,
+    gui: viser.GuiApi, windows: Sequence[Window], chosen: Sequence[Window], room: Room
 ) -> None:
     """Place the windows beside the main panel, however wide the browser is.
 
@@ -47,17 +59,16 @@ def arrange(
         gui: the page.
         windows: all.
         chosen: those that are shown.
-        scene: the middle belongs to the scene, and they make two columns; else they fill the page
-            in two rows.
-        wide: beside a scene, one column that is twice as wide takes the place of two.
+        room: what else is there.
     """
     gui.main_panel.dock_left()
     panels = [window.panel for window in chosen]
-    if scene:
+    if room.scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
         columns = min(len(panels), 2)
-        width = (2 if wide else columns) * _WINDOW_BESIDE_SCENE
-        _place(panels, min(columns, 1) if wide else columns, width)
+        each = _WINDOW_BESIDE_TRACK if room.track else _WINDOW_BESIDE_SCENE
+        width = (2 if room.wide else columns) * each
+        _place(panels, min(columns, 1) if room.wide else columns, width)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
         _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
@@ -87,17 +98,19 @@ class Choice:
     def __init__(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle, worker: Worker) -> None:
         self._gui, self._folder, self._worker = gui, folder, worker
         self._windows: Sequence[Window] = ()
-        self._scene = self._wide = False
+        self._room = Room()
         self._switches: dict[str, viser.GuiCheckboxHandle] = {}
 
-    def follow(self, windows: Sequence[Window], scene: bool) -> None:
+    def follow(self, windows: Sequence[Window], scene: bool, track: bool = False) -> None:
         """Offer these windows from now on.
 
         Args:
             windows: all.
             scene: whether the middle of the page belongs to the scene.
+            track: whether that shows no more than a track.
         """
-        self._windows, self._scene = windows, scene
+        self._windows = windows
+        self._room = self._room._replace(scene=scene, track=track)
         names = [window.name for window in windows]
         for name in self._switches.keys() - set(names):
             self._switches.pop(name).remove()
@@ -119,11 +132,15 @@ class Choice:
         """Make room for images that are wide, as soon as it is known that they are."""
         aspects = [window.picture.aspect for window in self._windows if window.picture]
         known = [aspect for aspect in aspects if aspect is not None]
-        wide = self._scene and bool(known) and min(known) > _WIDE
-        if wide != self._wide:
-            self._wide = wide
+        wide = self._room.scene and bool(known) and min(known) > _WIDE
+        if wide != self._room.wide:
+            self._room = self._room._replace(wide=wide)
             self.show()
+
+    def begin(self) -> None:
+        """Show the chosen windows of a page that is new."""
+        arrange(self._gui, self._windows, self.chosen, self._room)
 
     def show(self) -> None:
         """Show only the chosen windows."""
-        rearrange(self._gui, self._windows, self.chosen, self._scene, self._wide)
+        rearrange(self._gui, self._windows, self.chosen, self._room)

@@ -98,6 +98,9 @@ IMAGES_ALONE = """<style>
 BESIDE_SCENE = """<style>
 :root { --rv-sheet: 72dvh; }
 /* Windows share a column evenly, however often it was halved; more than four of them scroll. */
+[data-dock-region="right"] [data-dock-scroll]:has(> [style*="flex: 0.25 "])
+  > :is([style*="flex: 0.5 "], [style*="flex: 0.25 "]):has(> [data-dock-leaf]) {
+  flex-grow: .35 !important; }
 [data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]) {
   min-height: max(180px, calc((100vh - 50px) / 4)) !important; }
 </style>"""

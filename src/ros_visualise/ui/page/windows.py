@@ -176,7 +176,8 @@ def has_window(node: Member) -> bool:
 
 def _clouds_of(runtime: Runtime, node: Member) -> list[str]:
     """The topics whose points can be drawn over a node's images: not over figures of numbers."""
-    if isinstance(node, Node) and Image not in node.type.inputs.values():
+    taken = node.type.inputs.values()
+    if taken and isinstance(node, Node) and Image not in taken:
         return []
     return [name for name, topic in runtime.graph.topics.items() if topic.type is PointCloud]
 

@@ -66,6 +66,11 @@ def is_spatial(kind: type) -> bool:
     return (kind in DRAWINGS and kind not in CAMERAS) or kind is Transforms
 
 
+def is_track(kinds: Mapping[str, type]) -> bool:
+    """Whether all that such messages show in 3D is where something went, as of a film."""
+    return all(kind in (NavSatFix, Imu, Path) for kind in kinds.values() if is_spatial(kind))
+
+
 def is_robot(topic: str) -> bool:
     """Whether the texts on a topic describe a robot, as ROS 2 names it."""
     return topic.rstrip("/").endswith("robot_description")
