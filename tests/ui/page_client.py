@@ -59,8 +59,8 @@ class Client:
         return list(self._labels)
 
     def uuid(self, label: str) -> str:
-        """What the protocol calls an element."""
-        return next(uuid for uuid, known in self._labels.items() if known == label)
+        """What the protocol calls an element, the newest of that label."""
+        return [uuid for uuid, known in self._labels.items() if known == label][-1]
 
     def set(self, label: str, value: Any) -> None:
         """Move an element, as soon as it is there; no value is too wild."""
