@@ -148,6 +148,26 @@ def test_an_imu_that_is_mounted_otherwise_than_said_is_left_out(caplog):
     assert rms(errors) < 2 * rms(without) + 0.5
 
 
+def test_an_imu_that_counts_in_g_is_left_out():
+    one, told, imu, _ = flight()
+    in_g = [replace(measured, linear_xyz=measured.linear_xyz / 9.80665) for measured in imu]
+    without, _ = fly(Navigator(BUILD), one, told)
+    navigator = Navigator(BUILD)
+    errors, _ = fly(navigator, one, told, in_g)
+    assert navigator.past.is_imu_refused
+    assert rms(errors) < 2 * rms(without) + 0.5
+
+
+def test_a_stamp_of_another_time_costs_an_imu_little():
+    imu = Navigator(BUILD).past.imu
+    for stamp in (10, 20, 10**6, 30, 40, 50):
+        imu.add(stamp * 10**6, np.zeros(3), np.array([0, 0, 9.8]), IN_THE_MIDDLE)
+    imu.add(60 * 10**6, np.full(3, np.nan), np.zeros(3), IN_THE_MIDDLE)
+    parts = imu.between(30 * 10**6, 50 * 10**6)
+    assert sum(seconds for seconds, _, _ in parts) == pytest.approx(0.02)
+    assert imu.between(10 * 10**6, 20 * 10**6) is None
+
+
 def test_an_imu_away_from_the_middle_feels_its_turns():
     """Said to be elsewhere, and measured there: as if it were in the middle."""
     at = Mounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))

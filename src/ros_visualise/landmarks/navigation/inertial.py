@@ -22,6 +22,7 @@ from ros_visualise.landmarks.navigation.robot import (
 
 _EYE = np.eye(3)
 _GAP_NS = 100_000_000  # longer without a measurement, an IMU tells nothing
+_BACK_NS = 1_000_000_000  # a stamp that is so much older than the last: that one was wrong
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,10 @@ class Inertial:
 
         Away from the robot's origin an IMU also feels how the robot turns about that.
         """
-        if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
+        if self._stamps_ns and stamp_ns < self._stamps_ns[-1] - _BACK_NS:
+            self.forget_all()  # one stamp was of another time
+        is_number = np.isfinite(rates).all() and np.isfinite(force).all()
+        if not is_number or (self._stamps_ns and stamp_ns <= self._stamps_ns[-1]):
             return
         w, f = mounting.R @ rates, mounting.R @ force
         f = f - np.cross(w, np.cross(w, mounting.p))
@@ -95,6 +99,10 @@ class Inertial:
             mean = (self._rates[n] + self._rates[m]) / 2, (self._forces[n] + self._forces[m]) / 2
             parts.append(((b - a) / 1e9, *mean))
         return parts
+
+    def forget_all(self) -> None:
+        """Begin anew."""
+        self._stamps_ns, self._rates, self._forces = [], [], []
 
     def forget(self, before_ns: int) -> None:
         """Let go of what is older, but for the last measurement of it."""

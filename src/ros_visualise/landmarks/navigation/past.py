@@ -17,8 +17,8 @@ from ros_visualise.landmarks.navigation.motion import (
 from ros_visualise.landmarks.navigation.odometer import Odometer
 from ros_visualise.landmarks.navigation.satellites import GpsNoise, Satellites, correct
 
-_MEMORY = 0.98  # how much of the doubt stays with each odometry
-_TOO_MUCH = 0.5  # of the odometries
+_MEMORY = 0.99  # how much of the doubt stays with each odometry
+_TOO_MUCH = 0.2  # of the odometries
 
 Parts = list[tuple[float, Floats, Floats]]
 """Seconds, rates and forces, as `Inertial.between` has them."""

@@ -16,6 +16,7 @@ from ros_visualise.landmarks.navigation.carried import Carried
 from ros_visualise.landmarks.navigation.robot import CORE, DATUM, POSE, SLOW, YAW
 from ros_visualise.landmarks.navigation.state import State
 
+_BACK_NS = 2_000_000_000  # a stamp that is so much older than the last: that one was wrong
 _LONGEST_S = 0.5  # a fix that is so much older than the next odometry tells nothing
 _BASE = 10.0  # deviations of a fix, that the first two have to be apart to tell the heading
 _VAGUE_M, _VAGUE_RAD = 100.0, 0.3
@@ -73,6 +74,8 @@ class Satellites:
 
     def add(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> bool:
         """Take a fix (3,) that is newer than all others; a covariance of zeros is not known."""
+        if self._fixes and stamp_ns < self._fixes[-1].stamp_ns - _BACK_NS:
+            self._fixes = []  # one stamp was of another time
         before_ns = self._fixes[-1].stamp_ns if self._fixes else stamp_ns
         if stamp_ns < before_ns or not np.isfinite(geodetic).all():
             return False
