@@ -181,4 +181,6 @@ def say_on(node: Node) -> dict[int, Callable[[str], object]]:
 
 
 def _first_line(error: Exception) -> str:
-    return (str(error).strip() or type(error).__name__).splitlines()[0]
+    """What ROS 2 says of an error, without where in its sources."""
+    text = str(error).strip() or type(error).__name__
+    return text.splitlines()[0].partition(", at /")[0]
