@@ -8,13 +8,15 @@ from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.messages import from_message
+from ros_visualise.messages import from_message, type_name
 from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.ros2.types import DEFINITIONS
 
 _FIND_S = 2.0
 _ANSWER_S = 60.0
@@ -61,7 +63,8 @@ def set_camera_info(node: Node, name: str, take: Callable[[CameraInfo], None]) -
     """Offer a sensor_msgs/SetCameraInfo."""
 
     def taken(request: Any) -> None:
-        take(from_message(request.camera_info, CameraInfo))
+        data = serialize_message(request.camera_info)  # read as those on topics are
+        take(from_message(DEFINITIONS.read(type_name(CameraInfo), data), CameraInfo))
 
     return Service(node, SetCameraInfo, name, taken, "status_message")
 

@@ -17,16 +17,14 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import from_message, type_name
-from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.quality import fitting, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
-from ros_visualise.runtime.ros2.types import message_class
+from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
 
 log = logging.getLogger(__name__)
 
-_DEFINITIONS = Definitions("cdr")
 _LOOK_S = 0.2
 _TOGETHER_S = 0.5
 """For so long a subscription goes on beside the one that takes its place."""
@@ -129,7 +127,7 @@ class Subscriber:
 
     def _hand_on(self, data: Any) -> None:
         try:
-            message = _DEFINITIONS.read(type_name(self._kind), data.data)
+            message = DEFINITIONS.read(type_name(self._kind), data.data)
             found: Any = from_message(message, self._kind)
         except (DamagedMessage, ValueError) as error:
             self._refuse(str(error))

@@ -1,4 +1,4 @@
-"""The classes of ROS 2's own Python messages and services."""
+"""The types of ROS 2's messages: as rclpy knows them, and as their bytes are read."""
 
 from __future__ import annotations
 
@@ -7,6 +7,10 @@ from importlib import import_module
 from typing import Any
 
 from ros_visualise.errors import UsageError
+from ros_visualise.messages.definitions import Definitions
+
+DEFINITIONS = Definitions("cdr")
+"""What messages are read by: rclpy's own classes make an object of every number."""
 
 
 @cache
