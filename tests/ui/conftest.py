@@ -85,7 +85,7 @@ def browse(chromium, page: Page) -> Iterator[Callable[[], object]]:
         tab = context.new_page()
         tab.goto(page.url)
         tab.wait_for_function(
-            "document.querySelectorAll(\"img[src^='blob:']\").length == 3", timeout=30_000
+            "document.querySelectorAll(\"img[src^='blob:']\").length == 3", timeout=120_000
         )
         return tab
 
