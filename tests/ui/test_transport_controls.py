@@ -73,6 +73,7 @@ def test_marks_are_numbers_buttons_and_keys(client, playback):
     client.set("mark", "here ]")
     wait_until(lambda: playback.state.part_s == (3.0, 5.0))
     client.read_until(lambda: client.values["to"] == 5.0)
+    client.read_until(lambda: any("part/from=3.0&amp;part/to=5.0" in h for h in client.html))
     client.set("from", 6.25)
     wait_until(lambda: playback.state.part_s == (6.25, None))
     client.set("to", 4.0)

@@ -86,6 +86,7 @@ class Page:
         if self._desk is not None:
             self._leave()
             self._show(runtime)
+            self._server.gui.set_panel_label(self._files.title)
             return
         self._show(runtime)
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""

@@ -109,10 +109,10 @@ class Desk:
         if playback is not None:
             live = self._graph.live
             self._transport = Transport(gui, playback, live, self._worker)
+        self._preset = PresetChoice(gui, self._runtime, self._worker)
         self._opener = None
         if self._files.shelf is not None:
             self._opener = Opener(gui, self._files, self._worker)
-        self._preset = PresetChoice(gui, self._runtime, self._worker)
         robot = gui.add_folder("robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
         self._driving = Driving(gui, robot, self._runtime, self._driver)

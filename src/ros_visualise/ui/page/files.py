@@ -34,6 +34,12 @@ class Files:
         self.uploads = None if shelf is None else Uploads(folder, shelf.ask)
         self._recorded: dict[str, Path] = {}
 
+    @property
+    def title(self) -> str:
+        """What is shown, where that is one of the files."""
+        current = None if self.shelf is None else self.shelf.current
+        return "" if current is None else f"{current.name} - ros_visualise"
+
     def recorded(self, path: Path) -> None:
         """Offer a file that was recorded for download."""
         if path.is_file():
@@ -81,7 +87,7 @@ class Opener:
     def __init__(self, gui: viser.GuiApi, files: Files, worker: Worker) -> None:
         assert files.shelf is not None
         assert files.uploads is not None
-        self._shelf, self._uploads = files.shelf, files.uploads
+        self._files, self._shelf, self._uploads = files, files.shelf, files.uploads
         with gui.add_folder(FOLDER, expand_by_default=False):
             names, now = self._names()
             self._choice = gui.add_dropdown("source", names, initial_value=now)
@@ -108,10 +114,10 @@ class Opener:
         return (*there, *([_NONE] if now == _NONE else ())), now
 
     def _describe(self) -> str:
-        title = "" if self._shelf.current is None else self._shelf.current.name
+        title = escape(self._files.title)
         text = self._uploads.state or f"to {self._uploads.folder.absolute()}, {MAX_GIB} GiB at most"
         return (
             '<div class="rv-note"><label class="rv-upload">upload a file<input type="file" hidden '
-            f'multiple accept="{",".join(SUFFIXES)}" data-upload data-title="{escape(title)}">'
+            f'multiple accept="{",".join(SUFFIXES)}" data-upload data-title="{title}">'
             f"</label> or drop it on the page: {escape(text)}</div>"
         )

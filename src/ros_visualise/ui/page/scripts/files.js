@@ -70,6 +70,6 @@
   });
   setInterval(() => {
     const title = input()?.dataset.title;
-    if (title) document.title = `${title} - ros_visualise`;
+    if (title) document.title = title;
   }, 1000);
 })();
