@@ -46,36 +46,40 @@ def run(folder, port):
     process.communicate()
 
 
-def test_another_file_is_shown_as_the_one_before(run, folder, port):
+@pytest.fixture
+def client(run, port):
     client = Client(port)
     with closing(client.socket):
-        client.read_until(lambda: client.values.get("source") == "one.mkv")
-        client.set("threshold", 77)
-        client.set("loop", True)
-        client.read_until(lambda: any("threshold=77" in html for html in client.html))
+        client.read_until(lambda: "source" in client.values)
+        yield client
 
-        client.set("source", "junk.mp4")
-        client.read_until(lambda: any("junk.mp4" in html for html in client.html))
-        client.read_until(lambda: client.values["source"] == "one.mkv")
 
-        client.set("source", "two.mkv")
-        client.read_until(lambda: client.values.get("source") == "two.mkv")
-        assert client.values["threshold"] == 77
-        assert client.values["loop"] is True
-        assert (folder / "run.mcap").exists()
+def open_next(client, name):
+    client.html.clear()
+    client.set("source", name)
+    client.read_until(lambda: any(f'data-title="{name} ' in html for html in client.html))
 
-        client.set("edge_detector", False)  # its window
-        client.read_until(
-            lambda: any("windows/edge_detector=False" in html for html in client.html)
-        )
-        client.images = 0
-        client.set("source", "three.bag")
-        client.read_until(lambda: client.values.get("source") == "three.bag")
-        client.read_until(lambda: client.values.get("edge_detector") is False)
-        client.read_until(lambda: client.images > 3)
-        assert client.values["threshold"] == 77
-        run.send_signal(signal.SIGINT)
-        out, err = run.communicate(timeout=PATIENCE_S)
+
+def test_another_file_is_shown_as_the_one_before(run, client, folder):
+    client.set("threshold", 77)
+    client.set("loop", True)
+    client.read_until(lambda: any("threshold=77" in html for html in client.html))
+    client.set("source", "junk.mp4")
+    client.read_until(lambda: any("junk.mp4: " in html for html in client.html))
+
+    open_next(client, "two.mkv")
+    client.read_until(lambda: client.values.get("loop") is True)
+    assert client.values["threshold"] == 77
+    client.read_until(lambda: any("threshold=77" in html for html in client.html))
+    client.set("edge_detector", False)  # its window
+    kept = "windows/edge_detector=False"
+    client.read_until(lambda: any(kept in html for html in client.html))
+
+    open_next(client, "three.bag")
+    client.read_until(lambda: client.values.get("edge_detector") is False)
+    assert client.values["threshold"] == 77
+    run.send_signal(signal.SIGINT)
+    out, err = run.communicate(timeout=PATIENCE_S)
     assert run.returncode == 130
     report = json.loads(out)
     assert "player" in report["nodes"]

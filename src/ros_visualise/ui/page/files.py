@@ -89,29 +89,24 @@ class Opener:
         assert files.uploads is not None
         self._files, self._shelf, self._uploads = files, files.shelf, files.uploads
         with gui.add_folder(FOLDER, expand_by_default=False):
-            names, now = self._names()
-            self._choice = gui.add_dropdown("source", names, initial_value=now)
+            self._choice = gui.add_dropdown("source", self._names(), initial_value=_NONE)
             self._choice.on_update(worker.listener("source", self._ask))
             self._note = gui.add_html(self._describe())
 
     def refresh(self) -> None:
         """Show what there is now."""
-        names, now = self._names()
-        if names != self._choice.options:
-            self._choice.options = names
-        set_value(self._choice, now)
+        if self._names() != self._choice.options:
+            self._choice.options = self._names()
         if self._note.content != self._describe():
             self._note.content = self._describe()
 
     def _ask(self, name: str) -> None:
         if name != _NONE:
+            set_value(self._choice, _NONE)
             self._shelf.ask(self._shelf.files().get(name, Path(name)))
 
-    def _names(self) -> tuple[tuple[str, ...], str]:
-        """All that can be chosen, and what is shown."""
-        there = self._shelf.files()
-        now = next((name for name, path in there.items() if path == self._shelf.current), _NONE)
-        return (*there, *([_NONE] if now == _NONE else ())), now
+    def _names(self) -> tuple[str, ...]:
+        return _NONE, *self._shelf.files()
 
     def _describe(self) -> str:
         title = escape(self._files.title)
