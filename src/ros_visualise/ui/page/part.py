@@ -13,7 +13,6 @@ from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.worker import Worker
 
 _BEGIN, _END, _NONE = "[ here", "here ]", "none"
-_FROM, _TO = "part from", "part to"
 
 
 class Part:
@@ -23,8 +22,8 @@ class Part:
     """
 
     def __init__(self, gui: viser.GuiApi, playback: Playback, worker: Worker) -> None:
-        self._playback, self._worker = playback, worker
-        begin_s, end_s = playback.state.part_s
+        self._playback = playback
+        begin_s, end_s = self._shown_s = playback.state.part_s
         with gui.add_folder("part", expand_by_default=False):
             self._from = gui.add_number(
                 "from", begin_s, min=0.0, step=0.01, hint="seconds; the key [ sets it"
@@ -36,19 +35,19 @@ class Part:
                 step=0.01,
                 hint="seconds, 0: the end; the key ] sets it",
             )
-            buttons = gui.add_button_group("mark", (_BEGIN, _END, _NONE))
-        self._from.on_update(worker.listener(_FROM, self._begin_at))
-        self._to.on_update(worker.listener(_TO, self._end_at))
+            buttons = gui.add_button_group("marks", (_BEGIN, _END, _NONE))
+        self._from.on_update(worker.listener("part from", self._begin_at))
+        self._to.on_update(worker.listener("part to", self._end_at))
         buttons.on_click(worker.listener(None, self._press))
         add_channel(gui, worker, "mark", lambda key, _: self._press({"[": _BEGIN}.get(key, _END)))
 
     def refresh(self) -> None:
         """Show where they are now."""
-        begin_s, end_s = self._playback.state.part_s
-        if not self._worker.is_posted(_FROM):
-            set_value(self._from, begin_s)
-        if not self._worker.is_posted(_TO):
-            set_value(self._to, end_s or 0.0)
+        part_s = self._playback.state.part_s
+        if part_s != self._shown_s:  # else it would undo what a person sets just now
+            self._shown_s = part_s
+            set_value(self._from, part_s[0])
+            set_value(self._to, part_s[1] or 0.0)
 
     def _press(self, label: str) -> None:
         here_s = self._playback.state.position_s
