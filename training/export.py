@@ -1,6 +1,6 @@
-"""Write a trained network as an ONNX file that gives boxes and ground points in pixels.
+"""Write the trained networks as an ONNX file that gives boxes and ground points in pixels.
 
-python training/export.py OUT/checkpoint.pt aerial.onnx
+python training/export.py OUT/checkpoint.pt OUT/second.pt aerial.onnx
 """
 
 from __future__ import annotations
@@ -9,43 +9,75 @@ import argparse
 import copy
 import json
 import sys
+import tempfile
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import onnx
 import torch
+from looks import LEAST_SCORE, MOST, OVERLAP
 from network import STRIDES, Network, decode
+from onnx import TensorProto, helper, numpy_helper
+from second import Second, cut, decode_parts, parts_of
 from torch import Tensor, nn
 
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
-VERSION = "1"
+VERSION = "2"
 _SIDE = 640
+_OPSET = 16  # has GridSample
+_LARGE = 1000  # numbers from which on weights are stored as halves
 
 
-class Exported(nn.Module):
-    """A network with all that comes after it but the suppression of repeated boxes.
+class First(nn.Module):
+    """A network with what comes after it: boxes (1, N, 4) and scores (1, 1, N) of all cells."""
+
+    def __init__(self, network: Network) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        raw, classes = self.network(images)[0], self.network.classes
+        boxes = decode(raw[:, classes:], *_grid(images))[0]
+        return boxes[None], raw[:, :classes].amax(dim=1).sigmoid()[None, None]
+
+
+class Last(nn.Module):
+    """The second look at the chosen boxes.
 
     Args:
         widen: factor for the variances of the points, as `evaluate.py` measures it.
     """
 
-    def __init__(self, network: Network, widen: float) -> None:
+    def __init__(self, second: Second, widen: float) -> None:
         super().__init__()
-        self.network, self.widen = network, widen
+        self.second, self.widen = second, widen
 
-    def forward(self, images: Tensor) -> tuple[Tensor, ...]:
-        """The cells of an image (1, 3, H, W), RGB in 0 to 1; H and W are multiples of 32.
+    def forward(
+        self, images: Tensor, boxes: Tensor, scores: Tensor, chosen: Tensor
+    ) -> tuple[Tensor, ...]:
+        """Answer for the chosen cells of an image (1, 3, H, W), RGB in 0 to 1.
+
+        Args:
+            boxes, scores: as `First` gives them.
+            chosen: (M, 3); the last number is the cell's.
 
         Returns:
-            ``boxes`` (1, N, 4) x0 y0 x1 y1, ``scores`` (1, N), ``classes`` (1, N), ``points`` and
-            ``point_variances`` (1, N, 2), pixels counted from the edges of the first one.
+            ``boxes`` (1, M, 4) x0 y0 x1 y1, ``scores`` (1, M), ``classes`` (1, M), ``points`` and
+            ``point_variances`` (1, M, 2), pixels counted from the edges of the first one.
         """
-        raw, classes = self.network(images)[0], self.network.classes
-        scores, kinds = raw[:, :classes].max(dim=1)
-        boxes, points, spread = decode(raw[:, classes:], *_grid(images))
-        variances = self.widen * torch.exp(2 * spread)
-        found = (boxes + 0.5, scores.sigmoid(), kinds, points + 0.5, variances)
-        return tuple(each[None] for each in found)
+        cells = chosen[:, 2]
+        middles, halves = parts_of(boxes[0, cells])
+        raw = self.second(cut(images, middles, halves), 2 * halves)
+        classes = self.second.classes
+        sure, kinds = raw[:, : classes + 1].softmax(dim=1)[:, :classes].max(dim=1)
+        found, points, spread = decode_parts(raw[:, classes + 1 :])
+        found = middles.repeat(1, 2) + found * halves.repeat(1, 2) + 0.5
+        variances = self.widen * (torch.exp(spread) * halves) ** 2
+        both = sure * scores[0, 0, cells].sqrt()
+        told = (found, both, kinds, middles + points * halves + 0.5, variances)
+        return tuple(each[None] for each in told)
 
 
 def _grid(images: Tensor) -> tuple[Tensor, Tensor]:
@@ -62,38 +94,112 @@ def _grid(images: Tensor) -> tuple[Tensor, Tensor]:
 
 def write_onnx(
     network: Network,
+    second: Second,
     classes: tuple[str, ...],
     path: Path,
     about: dict[str, str],
     widen: float = 1.0,
 ) -> None:
-    """Write the file, for images of any size.
+    """Write the file, for images of any size: the network, the choice of boxes, the second look.
 
     Args:
         about: more lines for its metadata.
     """
-    whole = Exported(copy.deepcopy(network).eval(), widen).eval()
-    free = {"images": {2: "height", 3: "width"}, **{name: {1: "cells"} for name in OUTPUTS}}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of what it cannot foresee of shapes, which are free
-        torch.onnx.utils.export(
-            whole,
-            (torch.zeros(1, 3, 256, 320),),
-            str(path),
-            opset_version=13,
-            input_names=["images"],
-            output_names=OUTPUTS,
-            dynamic_axes=free,
-        )
-    model = onnx.load(str(path))
+    image = torch.zeros(1, 3, 256, 320)
+    cells = sum((256 // stride) * (320 // stride) for stride in STRIDES)
+    free = {"images": {2: "height", 3: "width"}}
+    first = _export(
+        First(copy.deepcopy(network).eval()),
+        (image,),
+        ["images"],
+        ["cell_boxes", "cell_scores"],
+        {**free, "cell_boxes": {1: "cells"}, "cell_scores": {2: "cells"}},
+    )
+    last = _export(
+        Last(copy.deepcopy(second).eval(), widen).eval(),
+        (image, torch.ones(1, cells, 4), torch.ones(1, 1, cells), torch.ones(3, 3).long()),
+        ["images", "cell_boxes", "cell_scores", "chosen"],
+        OUTPUTS,
+        {
+            **free,
+            "cell_boxes": {1: "cells"},
+            "cell_scores": {2: "cells"},
+            "chosen": {0: "found"},
+            **{name: {1: "found"} for name in OUTPUTS},
+        },
+    )
+    model = _joined(first, last)
     lines = {"layout": "ros_visualise", "version": VERSION, "license": "BSD-3-Clause"}
     lines |= {
         "names": str(dict(enumerate(classes))),
         "stride": "32",
         "imgsz": f"[{_SIDE}, {_SIDE}]",
     }
-    onnx.helper.set_model_props(model, {**lines, **first_layer(model), **about})
+    helper.set_model_props(model, {**lines, **first_layer(model), **about})
+    _store_as_halves(model.graph)
+    onnx.checker.check_model(model)
     onnx.save(model, str(path))
+
+
+def _export(
+    module: nn.Module,
+    inputs: tuple[Tensor, ...],
+    input_names: Sequence[str],
+    output_names: Sequence[str],
+    free: dict[str, dict[int, str]],
+) -> onnx.ModelProto:
+    with tempfile.NamedTemporaryFile(suffix=".onnx") as file, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what it cannot foresee of shapes, which are free
+        torch.onnx.utils.export(
+            module,
+            inputs,
+            file.name,
+            opset_version=_OPSET,
+            input_names=input_names,
+            output_names=output_names,
+            dynamic_axes=free,
+        )
+        return onnx.load(file.name)
+
+
+def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
+    """One model of both, with the choice of boxes between them."""
+    first, last = (
+        onnx.compose.add_prefix(each, prefix, rename_inputs=False, rename_outputs=False)
+        for each, prefix in ((first, "first/"), (last, "last/"))
+    )
+    limits = {"most": np.int64([MOST]), "overlap": np.float32([OVERLAP])}
+    limits["least"] = np.float32([LEAST_SCORE])
+    choice = helper.make_node(
+        "NonMaxSuppression", ["cell_boxes", "cell_scores", *limits], ["chosen"], "choice"
+    )
+    graph = helper.make_graph(
+        [*first.graph.node, choice, *last.graph.node],
+        "aerial",
+        first.graph.input,
+        last.graph.output,
+        [
+            *first.graph.initializer,
+            *(numpy_helper.from_array(value, name) for name, value in limits.items()),
+            *last.graph.initializer,
+        ],
+    )
+    opset = helper.make_opsetid("", _OPSET)
+    return helper.make_model(graph, opset_imports=[opset], ir_version=first.ir_version)
+
+
+def _store_as_halves(graph: onnx.GraphProto) -> None:
+    """Store large weights as float16, and compute with float32: half the file."""
+    casts = []
+    for weights in graph.initializer:
+        values = numpy_helper.to_array(weights)
+        if weights.data_type == TensorProto.FLOAT and values.size >= _LARGE:
+            name = weights.name
+            weights.CopyFrom(numpy_helper.from_array(values.astype(np.float16), f"{name}/half"))
+            casts.append(helper.make_node("Cast", [weights.name], [name], to=TensorProto.FLOAT))
+    nodes = [*casts, *graph.node]
+    del graph.node[:]
+    graph.node.extend(nodes)
 
 
 def first_layer(model: onnx.ModelProto) -> dict[str, str]:
@@ -102,23 +208,32 @@ def first_layer(model: onnx.ModelProto) -> dict[str, str]:
     onnxruntime gives nobody the weights of a file; so the lesson on vision reads them here.
     """
     first = next(one for one in model.graph.node if one.op_type == "Conv")
-    weights = {one.name: onnx.numpy_helper.to_array(one) for one in model.graph.initializer}
+    weights = {one.name: numpy_helper.to_array(one) for one in model.graph.initializer}
     kernels, biases = (json.dumps(weights[name].tolist()) for name in first.input[1:])
     return {"first_kernels": kernels, "first_biases": biases}
+
+
+def save_second(second: Second, path: Path) -> None:
+    """Write the weights of the second look."""
+    state = {"classes": second.classes, "width": second.width, "weights": second.state_dict()}
+    torch.save(state, path)
 
 
 def main() -> int:
     """The command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("second", type=Path)
     parser.add_argument("onnx", type=Path)
     parser.add_argument("--widen", type=float, default=1.0, help="factor for points' variances")
     asked = parser.parse_args()
-    state = torch.load(asked.checkpoint)
+    state, again = torch.load(asked.checkpoint), torch.load(asked.second)
     network = Network(len(state["classes"]), state["width"])
     network.load_state_dict(state["average"])
+    second = Second(again["classes"], again["width"])
+    second.load_state_dict(again["weights"])
     about = {"seed": str(state["seed"]), "steps": str(state["steps"])}
-    write_onnx(network, state["classes"], asked.onnx, about, asked.widen)
+    write_onnx(network, second, state["classes"], asked.onnx, about, asked.widen)
     return 0
 
 

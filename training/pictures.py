@@ -27,6 +27,7 @@ PER_WORLD = 160
 _QUALITY = 40, 96  # of JPEG
 _LEAST_CONTRAST = 8.0
 _FLATTEST = 6.0
+_NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
 
 
 def render_world(
@@ -81,8 +82,9 @@ def write_world(
 
 
 def row(seen: Seen, picture: Canvas) -> list[float]:
-    """One line of ``labels.json``; nothing is seen of what is too flat or too dim to be told."""
-    share = seen.share if not is_flat(seen) and contrast(seen, picture) > _LEAST_CONTRAST else 0.0
+    """One line of ``labels.json``; nothing is seen of what nobody could tell."""
+    hidden = is_flat(seen) or is_narrow(seen) or contrast(seen, picture) <= _LEAST_CONTRAST
+    share = 0.0 if hidden else seen.share
     numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [share]])
     return [seen.kind, *(round(float(each), 3) for each in numbers)]
 
@@ -92,6 +94,12 @@ def is_flat(seen: Seen) -> bool:
     sides = np.sort(seen.box[2:] - seen.box[:2])
     drawn = seen.kind in (CLASSES.index("helipad"), CLASSES.index("tag"))
     return bool(drawn and sides[1] > _FLATTEST * sides[0])
+
+
+def is_narrow(seen: Seen) -> bool:
+    """Whether nobody could tell a pad's letter from others, and so a pad from a sign."""
+    is_pad = seen.kind == CLASSES.index("helipad")
+    return bool(is_pad and (seen.box[2:] - seen.box[:2]).min() < _NARROWEST_PAD)
 
 
 def contrast(seen: Seen, picture: Canvas) -> float:

@@ -3,7 +3,8 @@
     python training/train.py OUT --minutes 90
 
 Renders worlds into ``OUT/pictures`` while it trains on those that are there; every few minutes it
-writes ``OUT/checkpoint.pt`` and ``OUT/aerial.onnx``. The same command again goes on.
+writes ``OUT/checkpoint.pt``. The same command again goes on. Then comes the second look, and
+``OUT/aerial.onnx`` is written.
 """
 
 from __future__ import annotations
@@ -22,16 +23,17 @@ from pathlib import Path
 import numpy as np
 import torch
 from dataset import Example, find_examples, make_batch
-from export import write_onnx
+from export import save_second, write_onnx
+from looks import collect
 from loss import Truth, detection_loss
-from network import Network, make_grid
+from network import Network, follow, make_grid
 from pictures import add_arguments
 from torch import Tensor
+from train_second import train_second
 
 _FIRST_WORLDS = 3
 _SAVE_S = 240.0
 _RATE, _DECAY, _WARM = 2e-3, 0.03, 200
-_STEADY = 0.998
 _WEIGHTS = 8.0, 1.0, 0.1
 """Of classes, boxes and points, such that classes move the shared layers most: they learn last."""
 _EMPTY = 0.5
@@ -70,7 +72,7 @@ class Trainer:
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
         self.optimizer.step()
         self.steps += 1
-        self._follow()
+        follow(self.average, self.network, self.steps)
         self.seconds += time.monotonic() - start
         return [float(each) for each in losses]
 
@@ -98,15 +100,6 @@ class Trainer:
     def _rate(self) -> float:
         fall = 0.5 * (1 + math.cos(math.pi * self.done))
         return _RATE * min(1.0, (self.steps + 1) / _WARM) * max(fall, 0.005)
-
-    def _follow(self) -> None:
-        """Let the average follow the network."""
-        keep = min(_STEADY, 1 - 1 / (1 + self.steps / 10))
-        with torch.no_grad():
-            ours, theirs = self.average.state_dict(), self.network.state_dict()
-            for name, value in ours.items():
-                if value.dtype.is_floating_point:
-                    value.mul_(keep).add_(theirs[name], alpha=1 - keep)
 
 
 _PARTS = "network", "average", "optimizer"
@@ -149,9 +142,9 @@ def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) 
                 _say(trainer, sums / count)
                 sums, count = np.zeros(3), 0
             if time.monotonic() - saved > _SAVE_S:
-                _save(trainer, out, asked)
+                trainer.save(out / "checkpoint.pt")
                 saved = time.monotonic()
-    _save(trainer, out, asked)
+    trainer.save(out / "checkpoint.pt")
 
 
 def _shuffled(folder: Path, random: np.random.Generator) -> Iterator[Example]:
@@ -170,10 +163,14 @@ def _say(trainer: Trainer, losses: np.ndarray) -> None:
     print(f"{100 * trainer.done:.0f}%, step {trainer.steps}: loss of {text}", flush=True)
 
 
-def _save(trainer: Trainer, out: Path, asked: argparse.Namespace) -> None:
-    trainer.save(out / "checkpoint.pt")
+def look_again(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
+    """Train the second look, and write the network."""
+    looks = collect(trainer.average, folder, asked.seed)
+    count, seed = len(trainer.classes), asked.seed
+    second = train_second(looks, count, asked.second_width, asked.second_minutes, seed)
+    save_second(second, out / "second.pt")
     about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
-    write_onnx(trainer.average, trainer.classes, out / "aerial.onnx", about)
+    write_onnx(trainer.average, second, trainer.classes, out / "aerial.onnx", about)
 
 
 def main() -> int:
@@ -181,9 +178,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("out", type=Path, help="folder for pictures, checkpoints and the network")
     parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s")
+    parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
     parser.add_argument("--width", type=int, default=16, help="channels (default: %(default)s)")
+    parser.add_argument("--second-width", type=int, default=16, help="default: %(default)s")
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
     add_arguments(parser)
     asked = parser.parse_args()
@@ -200,6 +199,8 @@ def main() -> int:
         if (asked.out / "checkpoint.pt").exists():
             trainer.load(asked.out / "checkpoint.pt")
         train(trainer, folder, asked.out, asked)
+        rendering.wait()
+        look_again(trainer, folder, asked.out, asked)
     finally:
         rendering.terminate()
         rendering.wait()

@@ -1,6 +1,6 @@
 """The networks that this project's ``training`` writes, which leave little to do.
 
-All cells come out in pixels, with the point that each thing stands on and the variances of that.
+Things come out in pixels, with the point that each stands on and the variances of that.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Sig
 from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
 
 _SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
-"""Output -> its shape behind (1, cells)."""
+"""Output -> its shape behind (1, things)."""
 
 
 def _is_own(found: Signature) -> bool:
-    cells = found.cells(8, 16, 32)
     shapes = {name: output.shape for name, output in found.outputs.items()}
-    return shapes == {name: (1, cells, *rest) for name, rest in _SIDES.items()}
+    count = shapes.get("scores", (1,))[-1]
+    return shapes == {name: (1, count, *rest) for name, rest in _SIDES.items()}
 
 
 def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
@@ -35,10 +35,10 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
 
 OWN = Layout(
     "ros_visualise",
-    "boxes [1, cells, 4], scores, classes, points [1, cells, 2], point_variances",
+    "boxes [1, things, 4], scores, classes, points [1, things, 2], point_variances",
     Preparation(Fit.CENTER),
     _is_own,
     _decode,
     True,
 )
-"""Boxes, scores, classes, and ground points with their variances, one row for each cell."""
+"""Boxes, scores, classes, and ground points with their variances, one row for each thing."""

@@ -1,0 +1,95 @@
+"""The second look: each thing that the network may have found, cut out and looked at by itself.
+
+Cells that see a whole picture at once learn slowly what tells a pad from a sign with a letter.
+A part of the picture that is as large as the thing, whatever its size, shows it at once.
+Source of the idea: Girshick et al., Rich Feature Hierarchies, 2014; Cai and Vasconcelos, Cascade
+R-CNN, 2018. Boxes, points and their variances are told anew, in half sides of the part.
+"""
+
+from __future__ import annotations
+
+import torch
+from network import BOX, POINT, SPREAD, Residual, conv
+from torch import Tensor, nn
+
+SIDE = 64
+"""Pixels along the part that is looked at."""
+MARGIN = 1.3
+"""By how much the part is larger than the box."""
+_LEAST_PX = 4.0  # of a part's box
+_LEAST_SPREAD, _MOST_SPREAD = -6.0, 3.0
+
+
+class Second(nn.Module):
+    """Parts of pictures to classes, boxes and points.
+
+    Args:
+        classes: how many; one more means none of them.
+        width: channels of the first layer; all others follow.
+    """
+
+    def __init__(self, classes: int, width: int = 16) -> None:
+        super().__init__()
+        self.classes, self.width = classes, width
+        c, hidden = width, 96
+        self.body = nn.Sequential(
+            conv(3, c, 2),
+            conv(c, 2 * c, 2),
+            Residual(2 * c),
+            conv(2 * c, 4 * c, 2),
+            Residual(4 * c),
+            conv(4 * c, 5 * c, 2),
+            nn.Flatten(),
+            nn.Dropout(0.1),
+            nn.Linear(5 * c * (SIDE // 16) ** 2, hidden),
+            nn.ReLU(),
+        )
+        self.head = nn.Linear(hidden + 2, classes + 1 + BOX + POINT + SPREAD)
+        nn.init.normal_(self.head.weight, std=0.01)
+        nn.init.zeros_(self.head.bias)
+
+    def forward(self, parts: Tensor, sizes: Tensor) -> Tensor:
+        """Raw numbers of each part.
+
+        Args:
+            parts: (N, 3, SIDE, SIDE) RGB in 0 to 1.
+            sizes: (N, 2) of the parts in the picture, pixels.
+
+        Returns:
+            (N, classes + 9): logits of the classes and of none, then what `decode_parts` takes.
+        """
+        scale = (sizes.log2() - 5) / 2
+        return self.head(torch.cat([self.body(parts - 0.5), scale], dim=1))
+
+
+def decode_parts(raw: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Boxes (N, 4), points (N, 2) and log deviations (N, 2), from the middles, in half sides.
+
+    Args:
+        raw: (N, 8), without the classes.
+    """
+    usual = torch.tensor([-1.0, -1.0, 1.0, 1.0]) / MARGIN
+    points, spread = raw[:, BOX : BOX + POINT], raw[:, BOX + POINT :]
+    return raw[:, :BOX] + usual, points, spread.clamp(_LEAST_SPREAD, _MOST_SPREAD)
+
+
+def parts_of(boxes: Tensor, margin: float = MARGIN) -> tuple[Tensor, Tensor]:
+    """Middles and half sides (N, 2) of the parts about boxes x0 y0 x1 y1, pixels."""
+    low, high = boxes[:, :2], boxes[:, 2:]
+    return (low + high) / 2, ((high - low) / 2).clamp(min=_LEAST_PX / 2) * margin
+
+
+def cut(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:
+    """Parts (N, 3, side, side) of a picture (1, 3, H, W), each stretched to a square.
+
+    Beyond the picture's edge its last pixels go on. Pixel centres are at whole numbers.
+    """
+    steps = (torch.arange(side) + 0.5) * (2 / side) - 1
+    across = middles[:, :1] + halves[:, :1] * steps  # (N, side)
+    down = middles[:, 1:] + halves[:, 1:] * steps
+    width, height = picture.shape[3], picture.shape[2]
+    x = ((across + 0.5) * 2 / width - 1)[:, None, :] + 0 * down[:, :, None]
+    y = ((down + 0.5) * 2 / height - 1)[:, :, None] + 0 * across[:, None, :]
+    grid = torch.stack([x, y], dim=-1).reshape(1, -1, side, 2)
+    sampled = nn.functional.grid_sample(picture, grid, padding_mode="border", align_corners=False)
+    return sampled[0].reshape(3, -1, side, side).transpose(0, 1)
