@@ -67,7 +67,7 @@ def make_batch(
 
 def load(example: Example, random: np.random.Generator, crop: int) -> tuple[Canvas, Rows]:
     """One picture from the disk, varied, or a part of it."""
-    picture, rows = read(example.path), example.rows.copy()
+    picture, rows = _read(example.path), example.rows.copy()
     if random.random() < 0.15:
         picture, rows = _shrink(picture, rows, random)
     if crop:
@@ -75,11 +75,13 @@ def load(example: Example, random: np.random.Generator, crop: int) -> tuple[Canv
     return vary(picture, rows, random)
 
 
-@lru_cache(_KEPT)
 def read(path: Path) -> Canvas:
     """A picture, RGB."""
     data = cv2.imread(str(path), cv2.IMREAD_COLOR)
     return np.asarray(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+_read = lru_cache(_KEPT)(read)
 
 
 def join(parts: list[tuple[Canvas, Rows]]) -> tuple[Canvas, Rows]:
