@@ -9,7 +9,6 @@ takes from the time of day just before it publishes.
 
 import argparse
 import array
-import contextlib
 import json
 import threading
 import time
@@ -17,7 +16,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image as RosImage
 
@@ -91,12 +90,21 @@ def subscribe_rclpy(topic: str, ages: Ages) -> Callable[[], None]:
         ages.take(stamp.sec * 10**9 + stamp.nanosec, np.frombuffer(message.data, np.uint8))
 
     node.create_subscription(RosImage, topic, take, QoSProfile(depth=1))
-    spinning = threading.Thread(target=_spin, args=(node,))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    ended = threading.Event()
+
+    def spin() -> None:
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.1)
+
+    spinning = threading.Thread(target=spin)
     spinning.start()
 
     def end() -> None:
-        rclpy.shutdown()
+        ended.set()
         spinning.join()
+        rclpy.shutdown()
 
     return end
 
@@ -131,11 +139,6 @@ def _ros_image(pixels: np.ndarray) -> RosImage:
     message.header.frame_id = "camera_optical"
     message.data = array.array("B", pixels.tobytes())
     return message
-
-
-def _spin(node: rclpy.node.Node) -> None:
-    with contextlib.suppress(ExternalShutdownException):
-        rclpy.spin(node)
 
 
 def main() -> None:
