@@ -20,7 +20,7 @@ from ros_visualise.ui.page.worker import Worker
 _BACK, _PAUSE, _PLAY, _STEP = "◂", "❚❚ pause", "▶ play", "▸"
 _MIN_RATE = 0.1  # lower by steps, it would be 0: as fast as it goes
 _ANY = "any message"
-_SEEK = "seek"
+_SEEK, _RATE, _LOOP = "seek", "rate", "loop"
 _HANDS_OFF_S = 1.0
 """For so long after a person moved the time, it is not moved under their hand."""
 
@@ -50,12 +50,17 @@ class Transport:
             return
         self._note.content = _describe(self._state)
         self._time.max = max(self._time.max, _end_s(self._state))
-        set_value(self._rate, _shown_rate(self._state.rate))
-        set_value(self._loop, self._state.loop)
+        self._show(_RATE, self._rate, _shown_rate(self._state.rate))
+        self._show(_LOOP, self._loop, self._state.loop)
         self._part.refresh()
         is_moved = self._worker.is_posted(_SEEK)
         if not is_moved and time.monotonic() - self._moved_s > _HANDS_OFF_S:
             set_value(self._time, round(self._state.position_s, 2))
+
+    def _show(self, key: str, element: viser.GuiInputHandle[Any], value: Any) -> None:
+        """Set an element, unless the person at it is ahead of us."""
+        if not self._worker.is_posted(key):
+            set_value(element, value)
 
     def _options(self) -> tuple[str, ...]:
         middle = _PAUSE if self._state.playing else _PLAY
@@ -74,9 +79,9 @@ class Transport:
             step=0.1,
             hint="speed of playing",
         )
-        self._rate.on_update(self._worker.listener("rate", self._playback.set_rate))
+        self._rate.on_update(self._worker.listener(_RATE, self._playback.set_rate))
         self._loop = gui.add_checkbox("loop", state.loop, hint="start over at the end")
-        self._loop.on_update(self._worker.listener("loop", self._playback.set_loop))
+        self._loop.on_update(self._worker.listener(_LOOP, self._playback.set_loop))
         if len(self._playback.step_topics) > 1:
             self._add_step_topic(gui)
         self._part = Part(gui, self._playback, self._worker)
