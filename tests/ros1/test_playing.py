@@ -38,7 +38,7 @@ def test_parameters_drive_the_playback():
     playback, parameters = Playback(), Parameters(PlayingParams())
     PlaybackFollower(playback, parameters)
     parameters.update({"rate": 2.5, "loop": True, "paused": True})
-    assert playback.state[2:] == (False, False, 2.5, True)
+    assert playback.state[2:6] == (False, False, 2.5, True)
     parameters.update({"paused": False})
     assert playback.state.playing
 

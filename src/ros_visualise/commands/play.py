@@ -63,7 +63,7 @@ def run(args: Namespace) -> int:
 def _shelf(args: Namespace) -> Shelf:
     """What can be opened instead: what is beside the file, or else in the current folder."""
     given = Path(getattr(args, "input", None) or "")
-    is_file = given.exists() and given.name != ""
+    is_file = os.path.exists(given) and given.name != ""
     return Shelf(given.parent if is_file else Path(), args.record_dir, given if is_file else None)
 
 
