@@ -253,7 +253,9 @@ class TestRefusals:
 
     def test_params_files(self, video, tmp_path):
         path = tmp_path / "params.yaml"
-        assert "params.yaml: no such file; give a YAML file" in refused("video", video, "--params", path)
+        assert "params.yaml: no such file; give a YAML file" in refused(
+            "video", video, "--params", path
+        )
         for text in ("a: [", "- 1", "fps_control: 3", "fps_control: {fps: }", "\0"):
             path.write_text(text)
             assert str(path) in refused("video", video, "--params", path)
