@@ -5,6 +5,10 @@ import _signal  # not signal, whose own imports could be interrupted
 _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
 
 import atexit  # noqa: E402
+import os  # noqa: E402
+
+# Nodes are threads already; those of NumPy's library of matrices would wait for work at full load.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from ros_visualise.signals import STOPPED, ignore, leave_at_once, leave_threads  # noqa: E402
 
