@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from enum import Enum
 from functools import partial
 from typing import Any
@@ -72,6 +73,9 @@ class Controls:
             element.disabled = not self._used[name](self._parameters.current)
 
     def _show(self, name: str) -> None:
+        soon(self._gui, partial(self._show_now, name))
+
+    def _show_now(self, name: str) -> None:
         if self._worker.is_posted((self._node, name)) or name not in self._elements:
             return  # the person at the slider is ahead of us, or it was closed
         value = shown(getattr(self._parameters.current, name))
@@ -96,6 +100,16 @@ def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHand
 def shown(value: Value) -> Any:
     """A parameter's value as an element shows it; of an Enum its text."""
     return str(value.value) if isinstance(value, Enum) else value
+
+
+def soon(gui: viser.GuiApi, action: Callable[[], object]) -> None:
+    """Do this on the thread that takes in what browsers send, so that nothing comes between.
+
+    What looks whether a person is ahead, and else sets an element, would otherwise now and then
+    take the place of a value that has just come.
+    """
+    with suppress(RuntimeError):  # the page was closed
+        gui._event_loop.call_soon_threadsafe(action)
 
 
 def set_value(element: viser.GuiInputHandle[Any], value: Any) -> None:

@@ -13,7 +13,7 @@ import viser
 from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playable import PlaybackState
 from ros_visualise.sources.playback import Playback
-from ros_visualise.ui.page.controls import set_value
+from ros_visualise.ui.page.controls import set_value, soon
 from ros_visualise.ui.page.part import Part
 from ros_visualise.ui.page.worker import Worker
 
@@ -33,7 +33,7 @@ class Transport:
     """
 
     def __init__(self, gui: viser.GuiApi, playback: Playback, live: bool, worker: Worker) -> None:
-        self._playback, self._live, self._worker = playback, live, worker
+        self._gui, self._playback, self._live, self._worker = gui, playback, live, worker
         self._moved_s = -_HANDS_OFF_S
         self._state = playback.state
         self._buttons = gui.add_button_group("playback", self._options())
@@ -58,8 +58,10 @@ class Transport:
             set_value(self._time, round(self._state.position_s, 2))
 
     def _show(self, key: str, element: viser.GuiInputHandle[Any], value: Any) -> None:
-        """Set an element, unless the person at it is ahead of us."""
-        if not self._worker.is_posted(key):
+        soon(self._gui, partial(self._show_now, key, element, value))
+
+    def _show_now(self, key: str, element: viser.GuiInputHandle[Any], value: Any) -> None:
+        if not self._worker.is_posted(key):  # else the person at it is ahead of us
             set_value(element, value)
 
     def _options(self) -> tuple[str, ...]:
