@@ -206,11 +206,19 @@ def test_quitting_ends_the_command_with_status_0(screen):
         stderr=subprocess.PIPE,
         text=True,
     )
-    xdo = {"env": {**os.environ, "DISPLAY": screen}, "check": True, "timeout": 20}
-    find = ["xdotool", "search", "--sync", "--onlyvisible", "--name", "^filters$"]
-    window = subprocess.run(find, **xdo, capture_output=True, text=True).stdout.split()[-1]
-    subprocess.run(["xdotool", "windowfocus", "--sync", window, "key", "Escape"], **xdo)
-    _, errors = process.communicate(timeout=20)
+    xdo = {"env": {**os.environ, "DISPLAY": screen}, "timeout": 20}
+    find = ["xdotool", "search", "--onlyvisible", "--name", "^filters$"]
+    windows, end_s = [], time.monotonic() + 20
+    try:
+        while not windows and time.monotonic() < end_s:  # it fails if another window goes meanwhile
+            windows = subprocess.run(find, **xdo, capture_output=True, text=True).stdout.split()
+            time.sleep(0.1)
+        press = ["xdotool", "windowfocus", "--sync", windows[-1], "key", "Escape"]
+        subprocess.run(press, **xdo, check=True)
+        _, errors = process.communicate(timeout=20)
+    finally:
+        process.kill()
+        process.communicate()
     assert process.returncode == 0
     assert "Traceback" not in errors
 
