@@ -72,14 +72,16 @@ def _stripes(random: np.random.Generator, canvas: Canvas) -> None:
 
 
 def _marks(random: np.random.Generator, canvas: Canvas) -> None:
-    """Painted lines, arcs and stains."""
+    """Painted lines, arcs and stains. Lines go from edge to edge: short ones look like posts."""
     side = len(canvas)
     for _ in range(random.integers(1, 7)):
         colour = random_colour(random) if random.random() < 0.5 else (235, 235, 230)
         a, b = ([int(v) for v in pair] for pair in random.integers(0, side, (2, 2)))
         wide = int(random.integers(1, max(2, side // 40)))
         if random.random() < 0.6:
-            cv2.line(canvas, a, b, colour, wide, cv2.LINE_AA)
+            ahead = np.subtract(b, a) * (2 * side / max(float(np.hypot(*np.subtract(b, a))), 1))
+            far = [np.rint(a + sign * ahead).astype(int).tolist() for sign in (-1, 1)]
+            cv2.line(canvas, *far, colour, wide, cv2.LINE_AA)
         else:
             cv2.circle(canvas, a, int(random.integers(4, side // 3)), colour, wide, cv2.LINE_AA)
 
