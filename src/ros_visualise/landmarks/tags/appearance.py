@@ -97,5 +97,6 @@ def _normal(z: Floats) -> tuple[Floats, Floats]:
 
     Source: Page, Approximations to the cumulative normal function, 1977; within 0.0002.
     """
-    step = 1 / (1 + np.exp(np.clip(-z * (1.5976 + 0.07056 * z * z), -50, 50)))
-    return step, np.exp(-z * z / 2) / np.sqrt(2 * np.pi)
+    square = z * z
+    step = 0.5 + 0.5 * np.tanh(z * (0.7988 + 0.03528 * square))
+    return step, np.exp(-0.5 * square) / np.sqrt(2 * np.pi)

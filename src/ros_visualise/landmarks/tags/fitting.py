@@ -13,19 +13,19 @@ of H. White, Maximum Likelihood Estimation of Misspecified Models, 1982, by grou
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.appearance import Appearance, appearance
+from ros_visualise.landmarks.tags.samples import LEAST, Samples, homographies, sample_tags
 
-_OUTSIDE = 0.6  # of a cell around the square is looked at; beyond may be anything
-_NEAR_PX = 2.5  # of an edge between cells
-_MOST, _CANDIDATES = 900, 6000  # pixels of a tag that are fitted, and that are thought of
-_LEAST = 60
-_ROUNDS, _SETTLED_PX = 8, 5e-3
+_ROUNDS = 8
+_SETTLED_PX, _SETTLED = 5e-3, 0.3  # steps that are no more: in pixels, or deviations
+_RESTLESS_PX = 0.1  # the last step of what has not settled
 _STEP_PX, _MOST_PX = 1.0, 3.0  # of a corner in one round, and in all
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
 _LEAST_CONTRAST = 5.0  # levels of gray
@@ -44,20 +44,26 @@ class Fitted(NamedTuple):
 
 
 class _State(NamedTuple):
-    """What is fitted to T tags: corners about their middles, blurs, and weights of `_levels`."""
+    """What is fitted step by step to T tags: corners about their middles, and blurs."""
 
     corners: Floats
     blur: Floats
-    levels: Floats
 
 
-class _Samples(NamedTuple):
-    """N pixels of each of T tags; of those that have fewer, some have no weight."""
+class _Linear(NamedTuple):
+    """A state of T tags of N pixels, and how it looks."""
 
-    places: Floats
-    """(T, N, 2) about the middles of the tags."""
-    gray: Floats
-    weight: Floats
+    residual: Floats
+    """(T, N) levels of gray, with the weights of `_levels` that leave least."""
+    J: Floats
+    """(T, N, 21) derivatives of gray by corners, blur and the weights of `_levels`."""
+    contrast: Floats
+    """(T,) levels of gray from black to white."""
+    cell: Floats
+    """(T, N) which cell a pixel is in, -1 without weight."""
+
+
+_Of = TypeVar("_Of", _State, Samples, _Linear)
 
 
 def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -> Fitted:
@@ -73,22 +79,49 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
     patterns = np.asarray(cells, np.float64)[:, ::-1].swapaxes(1, 2)
     square = _square(patterns.shape[1], rim)
     middles = corners_uv.mean(axis=1, keepdims=True)
-    samples = _sampled(gray, corners_uv - middles, middles[:, 0], patterns, square)
     begun = corners_uv - middles
-    blur = np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1))
-    state = _State(begun, blur, np.zeros((len(begun), 10)))
+    samples = sample_tags(gray, begun, middles[:, 0], patterns, square)
+    fitted, covariance = corners_uv.copy(), np.full((len(begun), 8, 8), np.nan)
     with np.errstate(all="ignore"):  # of what is no such tag
-        for _ in range(_ROUNDS):
-            residual, J, seen = _linearised(state, samples, patterns, square)
-            step, inverse = _solved(J, residual)
-            state = _moved(state, step)
-            if np.abs(step[:, :8]).max(initial=0, where=np.isfinite(step[:, :8])) < _SETTLED_PX:
-                break
-        left = residual - (J @ step[..., None])[..., 0]
-        spread = _covariance(left, J, inverse, samples.weight, seen)
-        is_good = _is_good(state, step, left, samples.weight, begun) & _is_proper(spread)
-    fitted = np.where(is_good[:, None, None], state.corners + middles, corners_uv)
-    return Fitted(fitted, np.where(is_good[:, None, None], spread, np.nan))
+        for tags, corners, spread in _fits(begun, samples, patterns, square):
+            is_near = np.abs(corners - begun[tags]).max(axis=(1, 2)) < _MOST_PX
+            good = is_near & _is_proper(spread)
+            fitted[tags[good]] = (corners + middles[tags])[good]
+            covariance[tags[good]] = spread[good]
+    return Fitted(fitted, covariance)
+
+
+def _fits(
+    begun: Floats, samples: Samples, patterns: Floats, square: Floats
+) -> Iterator[tuple[npt.NDArray[np.intp], Floats, Floats]]:
+    """Numbers of tags that have settled, their corners, and the covariances of these.
+
+    A covariance is NaN where what is seen looks like no tag.
+    """
+    tags = np.arange(len(begun))
+    state = _State(begun, np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1)))
+    for number in range(_ROUNDS):
+        linear = _linearised(state, samples, patterns, square)
+        step, inverse = _solved(linear.J, linear.residual)
+        state = _moved(state, step)
+        left = linear.residual - (linear.J @ step[..., None])[..., 0]
+        most = np.abs(step[:, :8]).max(axis=1, initial=0)
+        settled = np.maximum(_SETTLED_PX, _SETTLED * _deviation(left, inverse, samples.weight))
+        ends = most < (settled if number < _ROUNDS - 1 else _RESTLESS_PX)
+        if ends.any():
+            last, weight, left = _some(linear, ends), samples.weight[ends], left[ends]
+            spread = _covariance(left, last, inverse[ends], weight)
+            spread[~_is_good(left, last.contrast, weight)] = np.nan
+            yield tags[ends], state.corners[ends], spread
+        if ends.all():
+            return
+        tags, patterns = tags[~ends], patterns[~ends]
+        state, samples = _some(state, ~ends), _some(samples, ~ends)
+
+
+def _some(whole: _Of, chosen: npt.NDArray[np.bool_]) -> _Of:
+    """The same of some of the tags."""
+    return type(whole)(*(each[chosen] for each in whole))
 
 
 def _square(cells: int, rim: int) -> Floats:
@@ -97,91 +130,30 @@ def _square(cells: int, rim: int) -> Floats:
     return np.array([[a, a], [b, a], [b, b], [a, b]])
 
 
-def _sampled(
-    gray: Pixels, corners: Floats, middles: Floats, patterns: Floats, square: Floats
-) -> _Samples:
-    several = [
-        _near_edges(gray, *one, square) for one in zip(corners, middles, patterns, strict=True)
-    ]
-    many = max([_LEAST, *map(len, several)])
-    places, weight = np.zeros((len(several), many, 2)), np.zeros((len(several), many))
-    for tag, one in enumerate(several):
-        places[tag, : len(one)], weight[tag, : len(one)] = one - middles[tag], 1
-    u, v = (places + middles[:, None]).round().astype(int).reshape(-1, 2).T
-    levels = gray[np.clip(v, 0, gray.shape[0] - 1), np.clip(u, 0, gray.shape[1] - 1)]
-    return _Samples(places, levels.reshape(weight.shape).astype(np.float64), weight)
+def _linearised(state: _State, samples: Samples, patterns: Floats, square: Floats) -> _Linear:
+    """How tags look in a state, the levels of gray chosen to fit best.
 
-
-def _near_edges(
-    gray: Pixels, corners: Floats, middle: Floats, pattern: Floats, square: Floats
-) -> Floats:
-    """The pixels (N, 2) of a tag that are near edges between cells that differ, evenly thinned."""
-    H = homographies(corners[None], square)[0]
-    (low, _), (high, _) = square[0] - _OUTSIDE, square[2] + _OUTSIDE
-    around = np.array([[low, low, 1], [high, low, 1], [high, high, 1], [low, high, 1]])
-    outline = around @ np.linalg.inv(H).T
-    outline = outline[:, :2] / outline[:, 2:] + middle
-    first = np.maximum(np.ceil(outline.min(axis=0)), 0).astype(int)
-    last = np.minimum(np.floor(outline.max(axis=0)), np.array(gray.shape[::-1]) - 1).astype(int)
-    every = max(1, int(np.sqrt(max(np.prod(last - first + 1.0), 0) / _CANDIDATES)))
-    u, v = np.meshgrid(*(np.arange(a, b + 1, every) for a, b in zip(first, last, strict=True)))
-    places = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64)
-    projected = (places - middle) @ H[:, :2].T + H[:, 2]
-    xy = projected[:, :2] / projected[:, 2:]
-    cell_px = np.sqrt(_area(corners)) / (square[2, 0] - square[0, 0])
-    apart = np.abs(xy - xy.round()).min(axis=1) * cell_px
-    inside = ((xy > low) & (xy < high)).all(axis=1) & (apart < _NEAR_PX)
-    x, y = np.clip(np.floor(xy[inside] - 0.5).astype(int), 0, len(pattern) - 2).T
-    whites = pattern[x, y] + pattern[x + 1, y] + pattern[x, y + 1] + pattern[x + 1, y + 1]
-    near = places[inside][(whites > 0) & (whites < 4)]
-    thinned = np.linspace(0, len(near) - 1, min(len(near), _MOST)).astype(int)
-    return np.asarray(near[thinned])
-
-
-def _area(corners: Floats) -> float:
-    (a, b), (c, d) = corners[2] - corners[0], corners[3] - corners[1]
-    return float(abs(a * d - b * c) / 2)
-
-
-def homographies(corners: Floats, square: Floats) -> Floats:
-    """(T, 3, 3) from pixels about the middles of tags (T, 4, 2) to cells (4, 2)."""
-    x, y = np.broadcast_to(square, corners.shape).transpose(2, 0, 1)
-    u, v = corners.transpose(2, 0, 1)
-    one, none = np.ones_like(u), np.zeros_like(u)
-    rows = [
-        np.stack([u, v, one, none, none, none, -u * x, -v * x], axis=2),
-        np.stack([none, none, none, u, v, one, -u * y, -v * y], axis=2),
-    ]
-    equations = np.concatenate(rows, axis=1)
-    equations = np.where(np.isfinite(equations), equations, 0) + 1e-12 * np.eye(8)
-    solved = np.linalg.solve(equations, np.concatenate([x, y], axis=1)[..., None])[..., 0]
-    whole = np.concatenate([solved, np.ones((len(solved), 1))], axis=1)
-    return np.asarray(whole.reshape(-1, 3, 3))
-
-
-def _linearised(
-    state: _State, samples: _Samples, patterns: Floats, square: Floats
-) -> tuple[Floats, Floats, Appearance]:
-    """Residuals (T, N), their derivatives (T, N, 21) by corners, blur and levels, and the looks."""
+    Source of the choice: G. Golub, V. Pereyra, The Differentiation of Pseudo-Inverses and
+    Nonlinear Least Squares Problems Whose Variables Separate, 1973.
+    """
     H = homographies(state.corners, square)
     seen = appearance(H, samples.places, state.blur, patterns)
     size = np.abs(state.corners).max(axis=(1, 2))[:, None, None]
     u, v = np.moveaxis(samples.places / size, 2, 0)
-    columns = _levels(seen, u, v)
-    weights = state.levels
-    if not weights.any():  # the first round
-        weights = np.zeros_like(weights)
-        weights[:, :2] = _solved(columns[..., :2] * samples.weight[..., None], samples.gray)[0]
+    columns = _levels(seen, u, v) * samples.weight[..., None]
+    gray = samples.gray * samples.weight
+    weights = _solved(columns, gray)[0]
     first, second, third, by_u, by_v = np.moveaxis(weights[:, 1:6, None], 1, 0)
     m = seen.white
-    gain = first + 2 * second * m + 3 * third * m * m + by_u * u + by_v * v
+    gain = (first + 2 * second * m + 3 * third * m * m + by_u * u + by_v * v) * samples.weight
     by_warps = _warped(samples.places / size, seen.slope)
     by_corners = by_warps @ -np.linalg.inv(_warps(state.corners / size))
     moving = np.concatenate([by_corners, seen.by_blur], axis=2) * gain[..., None]
-    J = np.concatenate([moving, columns], axis=2) * samples.weight[..., None]
-    residual = samples.gray - (columns @ weights[..., None])[..., 0]
-    state.levels[...] = weights
-    return residual * samples.weight, J, seen
+    residual = gray - (columns @ weights[..., None])[..., 0]
+    J = np.concatenate([moving, columns], axis=2)
+    x, y = np.floor(seen.xy).transpose(2, 0, 1)
+    cell = np.where(samples.weight > 0, x * 32 + y, -1)
+    return _Linear(residual, J, weights[:, 1:4].sum(axis=1), cell)
 
 
 def _levels(seen: Appearance, u: Floats, v: Floats) -> Floats:
@@ -227,43 +199,39 @@ def _moved(state: _State, step: Floats) -> _State:
     uu, vv = (np.clip(blur[:, axis], _LEAST_BLUR, _MOST_BLUR) for axis in (0, 2))
     most = 0.9 * np.sqrt(uu * vv)
     uv = np.clip(blur[:, 1], -most, most)
-    levels = state.levels + step[:, 11:]
-    return _State(state.corners + shift, np.stack([uu, uv, vv], axis=1), levels)
+    return _State(state.corners + shift, np.stack([uu, uv, vv], axis=1))
 
 
-def _covariance(
-    left: Floats, J: Floats, inverse: Floats, weight: Floats, seen: Appearance
-) -> Floats:
+def _deviation(left: Floats, inverse: Floats, weight: Floats) -> Floats:
+    """(T,) standard deviations of the least sure corners, pixels, by what is left unexplained."""
+    variance = (left * left).sum(axis=1) / np.maximum(weight.sum(axis=1), 1)
+    least_sure = np.diagonal(inverse[:, :8, :8], axis1=1, axis2=2).max(axis=1, initial=0)
+    return np.asarray(np.sqrt(variance * least_sure))
+
+
+def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) -> Floats:
     """(T, 8, 8) of corners, by what is left unexplained."""
+    J = linear.J
     count = weight.sum(axis=1)
     free = np.maximum(count - J.shape[2], 1)
     by_pixels = inverse[:, :8, :8] * ((left * left).sum(axis=1) / free)[:, None, None]
-    x, y = np.floor(seen.xy).astype(int).transpose(2, 0, 1)
-    cell = np.where(weight > 0, x * 32 + y, -1)
     pulls = inverse[:, :8] @ np.swapaxes(J * left[..., None], 1, 2)
     by_cells = np.empty_like(by_pixels)
-    for tag, (pull, group) in enumerate(zip(pulls, cell, strict=True)):
-        groups = np.unique(group[group >= 0])
-        sums = pull @ (group[:, None] == groups).astype(np.float64)
-        few = len(groups) / max(len(groups) - J.shape[2], 1)
+    for tag, (pull, group) in enumerate(zip(pulls, linear.cell, strict=True)):
+        order = np.argsort(group, kind="stable")[int(np.sum(group < 0)) :]
+        starts = np.flatnonzero(np.diff(group[order], prepend=-1))
+        sums = np.add.reduceat(pull[:, order], starts, axis=1)
+        few = len(starts) / max(len(starts) - J.shape[2], 1)
         by_cells[tag] = few * sums @ sums.T
     return np.asarray(_UNSEEN * (by_pixels + by_cells) / 2)
 
 
-def _is_good(
-    state: _State, step: Floats, left: Floats, weight: Floats, begun: Floats
-) -> npt.NDArray[np.bool_]:
-    """Whether the fit has settled near where it began, on something that looks as it should."""
+def _is_good(left: Floats, contrast: Floats, weight: Floats) -> npt.NDArray[np.bool_]:
+    """Whether it looks as a tag should."""
     count = weight.sum(axis=1)
-    contrast = state.levels[:, 1:4].sum(axis=1)
     misfit = np.sqrt((left * left).sum(axis=1) / np.maximum(count, 1))
-    moved = np.abs(state.corners - begun).max(axis=(1, 2))
     return np.asarray(
-        (count >= _LEAST)
-        & (contrast > _LEAST_CONTRAST)
-        & (misfit < _WORST_FIT * contrast)
-        & (moved < _MOST_PX)
-        & (np.abs(step[:, :8]).max(axis=1) < 20 * _SETTLED_PX)
+        (count >= LEAST) & (contrast > _LEAST_CONTRAST) & (misfit < _WORST_FIT * contrast)
     )
 
 

@@ -1,0 +1,96 @@
+"""The pixels of tags that tell where corners are: those near edges between black and white."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats, Pixels
+
+_OUTSIDE = 0.6  # of a cell around the square is looked at; beyond may be anything
+_NEAR_PX = 2.5  # of an edge between cells
+_MOST, _CANDIDATES = 900, 6000  # pixels of a tag that are taken, and that are thought of
+LEAST = 60
+"""With fewer pixels than that, nothing is fitted to a tag."""
+
+
+class Samples(NamedTuple):
+    """N pixels of each of T tags; of those that have fewer, some have no weight."""
+
+    places: Floats
+    """(T, N, 2) about the middles of the tags."""
+    gray: Floats
+    weight: Floats
+
+
+def sample_tags(
+    gray: Pixels, corners: Floats, middles: Floats, patterns: Floats, square: Floats
+) -> Samples:
+    """The pixels of T tags.
+
+    Args:
+        gray: (height, width) uint8.
+        corners: (T, 4, 2) about the middles, pixels.
+        middles: (T, 2) pixels.
+        patterns: (T, C, C) by x, then by y upwards; 1 is white.
+        square: (4, 2) the corners of a tag in cells, from the lower left of what is printed.
+    """
+    several = [
+        _near_edges(gray, *one, square) for one in zip(corners, middles, patterns, strict=True)
+    ]
+    many = max([LEAST, *map(len, several)])
+    places, weight = np.zeros((len(several), many, 2)), np.zeros((len(several), many))
+    for tag, one in enumerate(several):
+        places[tag, : len(one)], weight[tag, : len(one)] = one - middles[tag], 1
+    u, v = (places + middles[:, None]).round().astype(int).reshape(-1, 2).T
+    levels = gray[np.clip(v, 0, gray.shape[0] - 1), np.clip(u, 0, gray.shape[1] - 1)]
+    return Samples(places, levels.reshape(weight.shape).astype(np.float64), weight)
+
+
+def _near_edges(
+    gray: Pixels, corners: Floats, middle: Floats, pattern: Floats, square: Floats
+) -> Floats:
+    """The pixels (N, 2) of a tag that are near edges between cells that differ, evenly thinned."""
+    H = homographies(corners[None], square)[0]
+    (low, _), (high, _) = square[0] - _OUTSIDE, square[2] + _OUTSIDE
+    around = np.array([[low, low, 1], [high, low, 1], [high, high, 1], [low, high, 1]])
+    outline = around @ np.linalg.inv(H).T
+    outline = outline[:, :2] / outline[:, 2:] + middle
+    first = np.maximum(np.ceil(outline.min(axis=0)), 0).astype(int)
+    last = np.minimum(np.floor(outline.max(axis=0)), np.array(gray.shape[::-1]) - 1).astype(int)
+    every = max(1, int(np.sqrt(max(np.prod(last - first + 1.0), 0) / _CANDIDATES)))
+    u, v = (np.arange(a, b + 1, every) for a, b in zip(first, last, strict=True))
+    across, down = (u - middle[0]) * H[:, :1], (v - middle[1]) * H[:, 1:2] + H[:, 2:]
+    x, y, depth = across[:, None, :] + down[:, :, None]
+    x, y = x / depth, y / depth
+    cell_px = np.sqrt(_area(corners)) / (square[2, 0] - square[0, 0])
+    apart = cell_px * np.minimum(np.abs(x - np.rint(x)), np.abs(y - np.rint(y)))
+    inside = (x > low) & (x < high) & (y > low) & (y < high) & (apart < _NEAR_PX)
+    rows, columns = np.nonzero(inside)
+    x, y = (np.clip(np.floor(one[inside] - 0.5).astype(int), 0, len(pattern) - 2) for one in (x, y))
+    whites = pattern[x, y] + pattern[x + 1, y] + pattern[x, y + 1] + pattern[x + 1, y + 1]
+    near = np.flatnonzero((whites > 0) & (whites < 4))
+    thinned = near[np.linspace(0, len(near) - 1, min(len(near), _MOST)).astype(int)]
+    return np.stack([u[columns[thinned]], v[rows[thinned]]], axis=1).astype(np.float64)
+
+
+def _area(corners: Floats) -> float:
+    (a, b), (c, d) = corners[2] - corners[0], corners[3] - corners[1]
+    return float(abs(a * d - b * c) / 2)
+
+
+def homographies(corners: Floats, square: Floats) -> Floats:
+    """(T, 3, 3) from pixels about the middles of tags (T, 4, 2) to cells (4, 2)."""
+    x, y = np.broadcast_to(square, corners.shape).transpose(2, 0, 1)
+    u, v = corners.transpose(2, 0, 1)
+    one, none = np.ones_like(u), np.zeros_like(u)
+    rows = [
+        np.stack([u, v, one, none, none, none, -u * x, -v * x], axis=2),
+        np.stack([none, none, none, u, v, one, -u * y, -v * y], axis=2),
+    ]
+    equations = np.concatenate(rows, axis=1)
+    equations = np.where(np.isfinite(equations), equations, 0) + 1e-12 * np.eye(8)
+    solved = np.linalg.solve(equations, np.concatenate([x, y], axis=1)[..., None])[..., 0]
+    whole = np.concatenate([solved, np.ones((len(solved), 1))], axis=1)
+    return np.asarray(whole.reshape(-1, 3, 3))
