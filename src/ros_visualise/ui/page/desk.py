@@ -64,7 +64,7 @@ class Desk:
         gui.add_html(STYLE)
         self._notice = Notice(gui)
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
-        self._driver = Worker(self._say_soon, self._drive, _DRIVE_PERIOD_S)
+        self._driver = Worker(self._notice.say, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
         robot = teller(self._graph)[0]
@@ -77,7 +77,7 @@ class Desk:
         self._follow_scene()
         self._choice.begin()
         self._kept.take_in()
-        self._warnings = Warnings(self._say_soon)
+        self._warnings = Warnings(self._notice.say)
         logging.getLogger("ros_visualise").addHandler(self._warnings)
         self._worker.start()
         self._driver.start()
@@ -97,9 +97,6 @@ class Desk:
             window.close()
         self._images.close(timeout_s)
         self._drawing.close(timeout_s)
-
-    def _say_soon(self, message: str) -> None:
-        self._worker.post("say", partial(self._notice.say, message))
 
     def _add_main_panel(self, gui: viser.GuiApi) -> None:
         self._layout_style = gui.add_html(IMAGES_ALONE)
@@ -180,7 +177,7 @@ class Desk:
     def _begin_action(self, node: str, action: str) -> None:
         self._driving.make_way(node)
         if node not in self._actors:
-            self._actors[node] = Worker(self._say_soon, lambda: None, _PERIOD_S)
+            self._actors[node] = Worker(self._notice.say, lambda: None, _PERIOD_S)
             self._actors[node].start()
         self._actors[node].post(object(), partial(self._runtime.act, node, action))
 

@@ -1,8 +1,9 @@
-"""A line on the page, for a while: why something was refused, and warnings."""
+"""Lines on the page, each for a while: why something was refused, and warnings."""
 
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable
 from html import escape
@@ -10,25 +11,40 @@ from html import escape
 import viser
 
 _SHOWN_S = 10.0
+_MOST = 4
 
 
 class Notice:
-    """The line; all calls come from one thread."""
+    """The newest lines; they may be said from any thread.
 
-    def __init__(self, gui: viser.GuiApi) -> None:
+    Args:
+        gui: of the page.
+        clock: seconds.
+    """
+
+    def __init__(self, gui: viser.GuiApi, clock: Callable[[], float] = time.monotonic) -> None:
         self._element = gui.add_html("", visible=False)
-        self._until_s = 0.0
+        self._clock = clock
+        self._until_s: dict[str, float] = {}
+        self._lock = threading.Lock()
 
     def say(self, message: str) -> None:
-        """Show this, for a while."""
-        self._until_s = time.monotonic() + _SHOWN_S
-        self._element.content = f'<div class="rv-message">{escape(message)}</div>'
-        self._element.visible = True
+        """Show this from the next `refresh` on, for a while."""
+        with self._lock:
+            self._until_s.pop(message, None)
+            self._until_s[message] = self._clock() + _SHOWN_S
+            for oldest in list(self._until_s)[:-_MOST]:
+                del self._until_s[oldest]
 
     def refresh(self) -> None:
-        """Remove a line that was shown long enough."""
-        if time.monotonic() > self._until_s:
-            self._element.visible = False
+        """Show what was said since, and remove what was shown long enough."""
+        with self._lock:
+            now_s = self._clock()
+            self._until_s = {line: end for line, end in self._until_s.items() if end > now_s}
+            lines = "".join(f"<div>{escape(line)}</div>" for line in self._until_s)
+        content = f'<div class="rv-message">{lines}</div>' if lines else ""
+        if content != self._element.content:
+            self._element.content, self._element.visible = content, bool(lines)
 
 
 class Warnings(logging.Handler):
