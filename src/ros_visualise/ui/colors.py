@@ -24,6 +24,11 @@ PALETTE: tuple[Color, ...] = (
 """In the order in which they are given; no two of them look alike."""
 
 
+def css(color: Color) -> str:
+    """As a style sheet has it."""
+    return "#{:02x}{:02x}{:02x}".format(*color)
+
+
 def color_of(class_id: str) -> Color:
     """The same for the same class, wherever and whenever."""
     return PALETTE[zlib.crc32(class_id.encode()) % len(PALETTE)]

@@ -12,9 +12,9 @@ from viser import uplot
 
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.report import RunReport
+from ros_visualise.ui.colors import PALETTE, css
 
 _KEPT = 60
-_COLORS = ("#4dabf7", "#69db7c", "#ffd43b", "#ff8787", "#da77f2", "#ffa94d", "#3bc9db")
 
 
 class Plots:
@@ -63,7 +63,7 @@ def add_plot(gui: viser.GuiApi, title: str, topics: Sequence[str]) -> viser.GuiU
     """An empty plot over seconds with a line for each of these names, in the present container."""
     series = [uplot.Series(label="s")]
     series += [
-        uplot.Series(label=name, stroke=_COLORS[number % len(_COLORS)], width=1.5)
+        uplot.Series(label=name, stroke=css(PALETTE[number % len(PALETTE)]), width=1.5)
         for number, name in enumerate(topics)
     ]
     empty = tuple(np.zeros(2) for _ in series)

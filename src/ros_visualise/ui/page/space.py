@@ -13,7 +13,7 @@ import viser
 
 from ros_visualise.data import Detections3D, Marker, MarkerArray, OccupancyGrid, PointCloud
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.colors import Color
+from ros_visualise.ui.colors import Color, css
 from ros_visualise.ui.page.pointing import Pointing
 from ros_visualise.ui.page.worker import Listener, Worker
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image
@@ -149,8 +149,7 @@ class Space:
 
 def _swatch(kind: type, color: Color) -> str:
     """The colour of a topic, beside the switch that comes next: HTML."""
-    red, green, blue = color
-    paint = _MANY_COLORS if kind in _COLORED else f"rgb({red} {green} {blue})"
+    paint = _MANY_COLORS if kind in _COLORED else css(color)
     return f'<div class="rv-swatch"><i style="background: {paint}"></i></div>'
 
 
