@@ -66,7 +66,8 @@ def arrange(
     if room.scene:
         gui.main_panel.set_width(_MAIN_BESIDE_SCENE)
         columns = min(len(panels), 2)
-        each = _WINDOW_BESIDE_TRACK if room.track else _WINDOW_BESIDE_SCENE
+        has_images = any(window.picture for window in chosen)
+        each = _WINDOW_BESIDE_TRACK if room.track and has_images else _WINDOW_BESIDE_SCENE
         width = (2 if room.wide else columns) * each
         _place(panels, min(columns, 1) if room.wide else columns, width)
     else:

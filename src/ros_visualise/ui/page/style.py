@@ -2,8 +2,11 @@
 
 _ROWS = 12
 """For windows of so many parameters or fewer, the image makes room for them."""
+_TILE = '[data-dock-root] div[style*="min-height: 50px"]'
+"""What viser gives a docked window; one above another share what is left beside their bases."""
 _ROOM = "\n".join(
-    f".mantine-ScrollArea-root:has(.rv-rows-{n}) {{ --rv-rows: {n}; }}" for n in range(_ROWS + 1)
+    f"{_TILE}:has(.rv-rows-{n}) {{ --rv-rows: {n}; flex-basis: {29 * n}px !important; }}"
+    for n in range(_ROWS + 1)
 )
 
 _SHEET = ".mantine-Paper-root:has(> div > .mantine-ScrollArea-root)"
@@ -18,7 +21,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .mantine-ScrollArea-root {{ --scrollarea-scrollbar-size: 8px !important; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
 [data-dock-region] :is(img[src^="blob:"], .rv-whole) {{
-  max-height: max(100px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
+  max-height: max(88px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Scrolled down to the other parameters, it stays in view at half its size. */
 @supports (animation-timeline: scroll()) {{
   [data-dock-region] div:has(> div > img[src^="blob:"]) {{
@@ -38,6 +41,7 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 .rv-message {{ position: fixed; bottom: 1em; left: 1em; z-index: 100; max-width: 19em;
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
+.rv-message div + div {{ margin-top: .4em; padding-top: .4em; border-top: 1px solid #8883; }}
 .rv-text {{ padding: 0 .8em .5em; font-size: .8rem; line-height: 1.45; }}
 .rv-text p {{ margin: .4em 0; }}
 .rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; overflow-x: auto; }}
@@ -96,7 +100,11 @@ IMAGES_ALONE = """<style>
 """Beside `STYLE`, where nothing is drawn in 3D."""
 
 BESIDE_SCENE = """<style>
-:root { --rv-sheet: 72dvh; }
+:root { --rv-sheet: 68dvh; }
+/* On a phone the scene is what is above the sheet. */
+@media (max-width: 36em) {
+  [data-dock-root] > div:has(> canvas) { bottom: var(--rv-sheet) !important; }
+}
 /* Windows share a column evenly, however often it was halved; more than four of them scroll. */
 [data-dock-region="right"] [data-dock-scroll]:has(> [style*="flex: 0.25 "])
   > :is([style*="flex: 0.5 "], [style*="flex: 0.25 "]):has(> [data-dock-leaf]) {

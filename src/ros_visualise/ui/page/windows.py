@@ -126,18 +126,23 @@ class Window:
         if len(topics) > 1:
             chosen = self._gui.add_dropdown("show", topics, initial_value=first)
         has_boxes = any(detections_of(runtime.graph, topic) for topic in topics)
-        rows += (chosen is not None) + bool(self._clouds) + has_boxes
-        if self._clouds:
-            self._add_overlay()
-        if has_boxes:
-            self._add_boxes()
+        rows += chosen is not None
         self.picture = Picture(self._gui, runtime, first, rows, self._overlay, self._boxes, picks)
         if chosen is not None:
             chosen.on_update(self._worker.listener((self.name, "show"), self._choose))
+        if self._clouds or has_boxes:
+            with self._gui.add_folder("on the image", expand_by_default=False):
+                self._add_drawn(has_boxes)
 
     def _choose(self, topic: str) -> None:
         assert self.picture is not None
         self.picture.topic = topic
+
+    def _add_drawn(self, has_boxes: bool) -> None:
+        if self._clouds:
+            self._add_overlay()
+        if has_boxes:
+            self._add_boxes()
 
     def _add_overlay(self) -> None:
         over = self._gui.add_dropdown(

@@ -34,7 +34,7 @@ class Fix(Drawing):
         super().__init__(scene, name, color)
         self._plane: LocalPlane | None = None
         self._datum: Floats | None = None
-        self.T_frame_body: Floats = np.eye(4)
+        self.T_frame_body: Floats = np.diag([0.0, 0, 0, 1])  # nobody knows where it looks
         self._trail = Trail()
         self._vertices: npt.NDArray[np.floating] = np.zeros((0, 3))
         self._line = Line(scene, f"{name}/trail", color)

@@ -12,6 +12,7 @@ from ros_visualise.data import Floats
 
 _NEAREST_M, _FARTHEST_M = 4.0, 28.0
 _BEYOND_M = 1e9  # coordinates that are no place; those of the largest grids are below 1e7
+_SHORTEST_M = 1e-3
 _MOST = 70  # percent of what is drawn decides how far away the camera stands
 _BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
 _SETTLED_S = 1.5
@@ -87,7 +88,8 @@ class View:
         """Go on with the robot to where it is now.
 
         Args:
-            T_fixed_robot: 4x4; None as long as it is not known.
+            T_fixed_robot: 4x4; None as long as it is not known. Its axes are zero where nobody
+                knows where it looks.
             extent: gives points (N, 3) in the fixed frame that tell how large everything is.
         """
         if T_fixed_robot is not None and not _is_place(T_fixed_robot).all():
@@ -138,7 +140,8 @@ class View:
             self._settled = True
             before = self._far
             self._pose()
-            if self._far > _GROWN * before:
+            is_track = self._robot is not None and not self._robot[:3, 0].any()
+            if self._far > _GROWN * before or is_track:  # by now it is known where that leads
                 self._show_all()
             self._wanted.clear()
 
@@ -154,14 +157,30 @@ class View:
             centre = np.median(points, axis=0) if len(points) else np.zeros(3)
             forward, farthest = np.array([0.8, 0.6, 0.0]), np.inf
         else:
-            centre, forward, farthest = T[:3, 3], T[:3, 0] * [1, 1, 0], _FARTHEST_M
-            forward = forward / max(float(np.linalg.norm(forward)), 1e-6)
+            centre, farthest = T[:3, 3], _FARTHEST_M
+            forward = _level(_heading(T, points))
         away = np.linalg.norm((points - centre)[:, :2], axis=1)
         far = float(np.percentile(away, _MOST)) if len(points) else 0.0
         far = self._far = min(max(far, _NEAREST_M), farthest)
         up = np.array([0.0, 0.0, 1.0])
         position = centre + self._offset - forward * _BEHIND * far + up * _ABOVE * far
         return position, centre + self._offset + forward * _AHEAD * far
+
+
+def _heading(T_fixed_robot: Floats, points: npt.NDArray[np.floating]) -> Floats:
+    """Where a robot looks; where nobody knows that, towards the middle of what is drawn."""
+    ahead: Floats = T_fixed_robot[:3, 0]
+    if ahead.any() or not len(points):
+        return ahead
+    middle: Floats = points.mean(axis=0) - T_fixed_robot[:3, 3]
+    return middle
+
+
+def _level(direction: Floats) -> Floats:
+    """A direction (3,) without its height, of length 1; any where it has no other part."""
+    level: Floats = direction * [1, 1, 0]
+    length = float(np.linalg.norm(level))
+    return level / length if length > _SHORTEST_M else np.array([1.0, 0, 0])
 
 
 def _is_place(coordinates: npt.NDArray[np.floating]) -> npt.NDArray[np.bool_]:
