@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -20,6 +20,7 @@ from ros_visualise.declaration_checks import (
 from ros_visualise.errors import UsageError
 from ros_visualise.joining import EACH, Join
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.series import Series
 
 T = TypeVar("T")
 
@@ -79,6 +80,7 @@ class SourceType:
     leads back to its start, so that it is looped while somebody looks on. ``extend`` is the name of
     a parameter that brings more of them, and what gives the parameters with these. ``recording`` is
     the file or folder that it plays, which can be opened once more; its outputs are the topics.
+    ``series`` are those of its outputs that are known whole, by the times at which they are played.
     """
 
     name: str
@@ -97,6 +99,7 @@ class SourceType:
     seamless: bool = False
     extend: tuple[str, Callable[[Any], Any]] | None = None
     recording: Path | None = None
+    series: Sequence[Series] = ()
 
 
 class Source(Protocol):

@@ -84,6 +84,7 @@ def test_of_two_topics_the_images_of_one_stamp_are_found(told, looker):
         told.say(deep=image(value))
     assert ask(looker, "ask=pixels&topic=/deep&stamp=2").body == bytes([2] * 4)
     assert ask(looker, "ask=pixels&topic=/deep").body == bytes([3] * 4)
+    assert ask(looker, "ask=pixels&topic=/deep&stamp=9&near=1").body == bytes([3] * 4)
     assert "of that stamp" in said(ask(looker, "ask=pixels&topic=/deep&stamp=9"))["error"]
 
 
@@ -210,6 +211,14 @@ def test_the_door_is_before_these_pages_too(page, port):
     assert get(port, "/other?ask=topics", **OURS)[0] == 404
 
 
+DIFFERENCE = """() => {
+  const facts = { width: 1, height: 1, channels: 3, dtype: "uint8", measured: false, stamp: "1" };
+  const made = (encoding, ...values) =>
+    new Picture("/image", { ...facts, encoding }, new Uint8Array(values).buffer);
+  return difference(made("rgb8", 10, 20, 30), made("bgr8", 33, 20, 7)).at(0, 0);
+}"""
+
+
 def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
     tab = browse()
     shown = tab.locator("img[src^='blob:']").first.bounding_box()
@@ -228,3 +237,4 @@ def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
     values = subscription.take(10).pixels[y, x].tolist()
     subscription.close()
     assert [int(v) for v in re.findall(r"[RGB] (\d+)", text)] == values
+    assert whole.evaluate(DIFFERENCE) == [3, 0, 3]

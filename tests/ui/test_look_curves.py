@@ -2,14 +2,16 @@
 
 import json
 import time
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from made_videos import numbered, write_video
 from scene_messages import odometry
 from scene_runtime import Told
 
 from ros_visualise.data import Image, Odometry
-from ros_visualise.pipelines import recording_pipeline
+from ros_visualise.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
@@ -30,15 +32,19 @@ def ask(looker, query):
     return json.loads(looker.answer(query, OURS).body)
 
 
-@pytest.fixture
-def looker(tmp_path):
-    """That of a paused recording of 40 fixes, one a second."""
-    file = tmp_path / "flight.SRT"
-    blocks = (BLOCK.format(n=n + 1, a=n, b=n + 1, x=149 + n / 1000) for n in range(40))
+def flight(file, count=40):
+    """That many fixes, one a second."""
+    blocks = (BLOCK.format(n=n + 1, a=n, b=n + 1, x=149 + n / 1000) for n in range(count))
     file.write_text("".join(blocks))
+    return file
+
+
+@contextmanager
+def looking(graph):
+    """At a graph that is paused."""
     playback = Playback(hold=True)
     playback.pause()
-    runtime = LocalRuntime(recording_pipeline(open_recording(file)), playback)
+    runtime = LocalRuntime(graph, playback)
     runtime.start()
     looker = Looker(runtime)
     yield looker
@@ -46,19 +52,40 @@ def looker(tmp_path):
     runtime.stop()
 
 
-def test_a_paused_recording_is_there_from_its_start_to_its_end(looker):
+@pytest.fixture
+def looker(tmp_path):
+    with looking(recording_pipeline(open_recording(flight(tmp_path / "flight.SRT")))) as looker:
+        yield looker
+
+
+def whole_curve(looker, field):
+    """As soon as it is there."""
     end_s = time.monotonic() + 30
     while True:
-        (curve,) = ask(looker, f"{WHOLE}&field=/gps/fix:longitude")["curves"]
+        (curve,) = ask(looker, f"{WHOLE}&field={field}")["curves"]
         if curve["share"] == 1:
-            break
+            return curve
         assert time.monotonic() < end_s
         time.sleep(0.01)
+
+
+def test_a_paused_recording_is_there_from_its_start_to_its_end(looker):
+    curve = whole_curve(looker, "/gps/fix:longitude")
     assert curve["times"] == list(range(40))
     assert np.allclose(curve["values"], 149 + np.arange(40) / 1000)
     (part,) = ask(looker, "ask=curves&from=10&to=12&field=/gps/fix:longitude")["curves"]
     assert part["times"] == [9, 10, 11, 12, 13]  # and one of either side
     assert "longitude" in ask(looker, "ask=fields&topic=/gps/fix")["fields"]
+
+
+def test_what_was_measured_beside_a_film_is_there_whole(tmp_path):
+    film = write_video(tmp_path / "film.mkv", numbered(3))
+    flight(film.with_suffix(".SRT"), 9)
+    with looking(film_pipeline(film)) as looker:
+        curve = whole_curve(looker, "/fix:longitude")
+        assert "longitude" in ask(looker, "ask=fields&topic=/fix")["fields"]
+    assert curve["times"] == list(range(9))
+    assert np.allclose(curve["values"], 149 + np.arange(9) / 1000)
 
 
 def test_a_click_goes_there(looker):
@@ -83,7 +110,10 @@ def test_what_is_live_grows():
         assert curve["share"] is None
         assert curve["times"] == [0, 1, 3]
         assert curve["values"] == [5, 6, 8]
-        assert looker.answer(f"{WHOLE}&field=/image:width", OURS).status == 404
+        told.say(odom=odometry([9, 0, 0], 9))
+        *others, there = ask(looker, f"{WHOLE}&field=/image:width&field=/gone:x&{query}")["curves"]
+        assert all(one["error"] and not one["times"] for one in others)
+        assert there["values"][-1] == 9, "one that cannot be drawn takes no other with it"
         assert looker.answer(f"{WHOLE}&field=odom", OURS).status == 400
     finally:
         looker.close()

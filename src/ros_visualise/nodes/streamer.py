@@ -76,6 +76,5 @@ def film(path: str | Path) -> SourceType:
     declared = find_source("streamer")
     make: Callable[..., Source] = declared.make
     measured = {one.topic: one.kind for one in series}
-    return replace(
-        declared, make=partial(make, series=series), outputs={**declared.outputs, **measured}
-    )
+    outputs = {**declared.outputs, **measured}
+    return replace(declared, make=partial(make, series=series), outputs=outputs, series=series)

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 import math
 import threading
+from functools import partial
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
 from ros_visualise.ui.look.curve import Curve, Numbers
 from ros_visualise.ui.look.decoding import Decoding
@@ -42,9 +46,17 @@ class Curves:
         self._curves: dict[Name, Curve] = {}
         self._lock = threading.Lock()
         source = runtime.graph.source
-        path = None if source is None else source.type.recording
-        self._recorded = {} if source is None or path is None else _inverse(source.outputs)
-        self._decoding = None if path is None else Decoding(path, list(self._recorded.values()))
+        self._recorded: dict[str, str] = {}
+        self._decoding: Decoding | None = None
+        if source is not None and source.type.recording is not None:
+            self._recorded = _inverse(source.outputs)
+            played = list(self._recorded.values())
+            self._decoding = Decoding(partial(open_recording, source.type.recording), played)
+        elif source is not None and source.type.series:
+            series = source.type.series
+            measured = {one.topic for one in series}
+            self._recorded = {t: p for t, p in _inverse(source.outputs).items() if p in measured}
+            self._decoding = Decoding(lambda: SeriesRecording(Path(), "film", 0, series), None)
 
     @property
     def topics(self) -> list[str]:
@@ -53,14 +65,17 @@ class Curves:
         return [name for name, kind in topics.items() if kind.plotted]
 
     def fields(self, question: Question) -> Answer:
-        """The paths of a topic's numbers, by its newest message.
+        """The paths of a topic's numbers, by its newest message, or by the first that is recorded.
 
         Raises:
             Refusal: there is no such topic or message.
         """
         topic = question.text("topic")
-        self._check(topic)
+        if refusal := self._refusal(topic):
+            raise Refusal(refusal, 404)
         message = self._newest.newest(topic, _WAIT_S)
+        if message is None and self._decoding is not None and not self._is_live(topic):
+            message = self._decoding.first(self._recorded[topic], _WAIT_S)
         if message is None:
             raise Refusal("no message yet", 404)
         return as_json({"fields": list(fields_of(message))})
@@ -68,14 +83,15 @@ class Curves:
     def curves(self, question: Question) -> Answer:
         """The curves of fields as ``/odom:pose.pose.position.x``, from one second to another.
 
+        One that cannot be drawn is empty and says why.
+
         Raises:
-            Refusal: there is no such topic, or they are too many.
+            Refusal: something else is asked for.
         """
         names = [_parse(text) for text in question.texts("field")[:_MOST]]
-        for topic, _ in names:
-            self._check(topic)
+        there = [name for name in names if not self._refusal(name[0])]
         start_s, end_s = question.seconds("from"), question.seconds("to")
-        self._provide(names)
+        self._provide(there)
         self._growing.take()
         found = [self._describe(name, start_s, end_s) for name in names]
         return as_json({"curves": found, **self._place()})
@@ -92,11 +108,11 @@ class Curves:
         if self._decoding is not None:
             self._decoding.close()
 
-    def _check(self, topic: str) -> None:
+    def _refusal(self, topic: str) -> str:
+        """Why a topic has no curves; empty if it has."""
         if topic not in self._runtime.graph.topics:
-            raise Refusal("there is no such topic", 404)
-        if topic not in self.topics:
-            raise Refusal("its messages hold nothing to be plotted", 404)
+            return f"there is no topic {topic}"
+        return "" if topic in self.topics else f"{topic} holds nothing to be plotted"
 
     def _provide(self, names: list[Name]) -> None:
         """Begin with those that are new, all of one topic together."""
@@ -123,14 +139,14 @@ class Curves:
         return topic not in self._recorded
 
     def _describe(self, name: Name, start_s: float, end_s: float) -> dict[str, Any]:
-        curve = self._curves[name]
+        curve = self._curves.get(name, Curve(1.0))
         times_s, values = curve.between(start_s, end_s, _POINTS)
         return {
             "name": ":".join(name),
             "times": _rounded(times_s),
             "values": _rounded(values),
             "share": curve.share,
-            "error": curve.error,
+            "error": curve.error or self._refusal(name[0]),
         }
 
     def _place(self) -> dict[str, Any]:

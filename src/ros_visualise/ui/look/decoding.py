@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
+from concurrent.futures import Future
 from contextlib import closing
-from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
-from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import played_time
 from ros_visualise.ui.look.curve import Curve
@@ -22,6 +22,7 @@ log = logging.getLogger(__name__)
 _NS = 1e-9
 _TURN = 50  # messages, after which others have theirs
 _REST_S = 0.001
+_UNREADABLE = (RosVisualiseError, ValueError, OSError)
 
 
 class Decoding:
@@ -30,52 +31,79 @@ class Decoding:
     It opens the recording itself: one thread at a time reads one.
 
     Args:
-        path: the recording.
-        played: the topics that are played: the gaps of their time are skipped.
+        open_it: opens the recording.
+        played: the topics that are played: the gaps of their time are skipped; None: its stamps are
+            the times of playing.
     """
 
-    def __init__(self, path: Path, played: list[str]) -> None:
-        self._path, self._played = path, played
-        self._asked: SimpleQueue[tuple[str, Mapping[str, Curve]] | None] = SimpleQueue()
+    def __init__(self, open_it: Callable[[], Recording], played: Collection[str] | None) -> None:
+        self._open, self._played = open_it, played
+        self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._recording: Recording | None = None
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="curves", daemon=True)
 
     def fill(self, topic: str, curves: Mapping[str, Curve]) -> None:
         """Fill these curves, by the paths of their fields, as soon as their turn comes."""
-        if self._thread.ident is None:
-            self._thread.start()
-        self._asked.put((topic, curves))
+        self._ask(lambda: self._fill_all(topic, curves))
+
+    def first(self, topic: str, wait_s: float) -> Any:
+        """The first message of a topic; None if there is none, or not in time."""
+        found: Future[Any] = Future()
+        self._ask(lambda: found.set_result(self._first(topic)))
+        try:
+            return found.result(wait_s)
+        except TimeoutError:
+            return None
 
     def close(self) -> None:
         """End after the present message."""
         self._closed = True
         self._asked.put(None)
 
+    def _ask(self, job: Callable[[], None]) -> None:
+        if self._thread.ident is None:
+            self._thread.start()
+        self._asked.put(job)
+
     def _run(self) -> None:
-        recording: Recording | None = None
-        while (asked := self._asked.get()) is not None:
-            topic, curves = asked
-            try:
-                recording = recording or open_recording(self._path)
-                self._fill(recording, topic, curves)
-            except (RosVisualiseError, ValueError, OSError) as error:
-                log.warning("%s: %s cannot be drawn: %s", self._path, topic, error)
-                for curve in curves.values():
-                    curve.error = str(error)
+        while (job := self._asked.get()) is not None:
+            job()
+        if self._recording is not None:
+            self._recording.close()
+
+    def _opened(self) -> Recording:
+        self._recording = self._recording or self._open()
+        return self._recording
+
+    def _first(self, topic: str) -> Any:
+        try:
+            with closing(self._opened().read(topics=[topic])) as entries:
+                return next((entry.message for entry in entries), None)
+        except _UNREADABLE:
+            return None
+
+    def _fill_all(self, topic: str, curves: Mapping[str, Curve]) -> None:
+        try:
+            self._fill(self._opened(), topic, curves)
+        except _UNREADABLE as error:
+            log.warning("%s cannot be drawn: %s", topic, error)
             for curve in curves.values():
-                curve.share = 1.0
-        if recording is not None:
-            recording.close()
+                curve.error = str(error)
+        for curve in curves.values():
+            curve.share = 1.0
 
     def _fill(self, recording: Recording, topic: str, curves: Mapping[str, Curve]) -> None:
-        line = played_time(recording, self._played)
+        place_ns: Callable[[int], int] = lambda stamp_ns: max(stamp_ns, 0)  # noqa: E731
+        if self._played is not None:
+            place_ns = played_time(recording, self._played).place_ns
         total = max(recording.topics[topic].messages, 1)
         with closing(recording.read(topics=[topic])) as entries:
             for number, entry in enumerate(entries):
                 if self._closed:
                     return
                 fields = fields_of(entry.message)
-                time_s = line.place_ns(entry.stamp_ns) * _NS
+                time_s = place_ns(entry.stamp_ns) * _NS
                 for path, curve in curves.items():
                     if path in fields:
                         curve.add(time_s, fields[path])

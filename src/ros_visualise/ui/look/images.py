@@ -23,8 +23,9 @@ _MAX_BYTES = 256 << 20
 class Images:
     """Answers with the pixels of a topic's images.
 
-    A question names the topic and, to compare it with another's, the ``stamp``. With ``after``,
-    that of the image which is there already, nothing is sent twice.
+    A question names the topic and, to compare it with another's, the ``stamp``; with ``near``, the
+    image of the nearest stamp will do. With ``after``, the stamp of the image which is there
+    already, nothing is sent twice.
     """
 
     def __init__(self, runtime: Runtime) -> None:
@@ -77,6 +78,8 @@ class Images:
             raise Refusal("there is no such topic of images", 404)
         if stamp_ns is None:
             found = self._taps.newest(topic, _WAIT_S)
+        elif "near" in question:
+            found = self._taps.near(topic, stamp_ns)
         else:
             found = self._taps.at(topic, stamp_ns, _WAIT_S)
         if found is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -10,6 +11,7 @@ from urllib.parse import quote
 
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.ui.colors import PALETTE, css
 from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
@@ -151,4 +153,5 @@ def _read(name: str) -> bytes:
     page = (_FOLDER / name).read_text("utf-8")
     for part in sorted(_FOLDER.glob("*.css")) + sorted(_FOLDER.glob("*.js")):
         page = page.replace(f"/* {part.name} */", part.read_text("utf-8"))
-    return page.encode()
+    colors = json.dumps([css(color) for color in PALETTE])
+    return page.replace("/* colors.js */", f"const COLORS = {colors};").encode()

@@ -57,11 +57,19 @@ class Taps:
 
     def newest(self, topic: str, wait_s: float = 0.0) -> Any:
         """The newest message; None if none comes in time."""
-        return self._find(topic, lambda message: True, wait_s)
+        return next(reversed(self._wait(topic, bool, wait_s)), None)
 
     def at(self, topic: str, stamp_ns: int, wait_s: float = 0.0) -> Any:
-        """The message of this stamp; None if it is not there any more, or does not come in time."""
-        return self._find(topic, lambda message: message.header.stamp_ns == stamp_ns, wait_s)
+        """The message of this stamp; None if a later one is there, or none comes in time."""
+        messages = self._wait(
+            topic, lambda there: any(_stamp_ns(one) >= stamp_ns for one in there), wait_s
+        )
+        return next((one for one in messages if _stamp_ns(one) == stamp_ns), None)
+
+    def near(self, topic: str, stamp_ns: int) -> Any:
+        """The message of the nearest stamp; None if none is there."""
+        messages = self._tap(topic).messages()
+        return min(messages, key=lambda one: abs(_stamp_ns(one) - stamp_ns), default=None)
 
     def rest(self, all_of_them: bool = False) -> None:
         """Let go of those that nobody asked for lately."""
@@ -70,14 +78,12 @@ class Taps:
                 if all_of_them or self._clock() - tap.used_s > _IDLE_S:
                     self._taps.pop(topic).close()
 
-    def _find(self, topic: str, fits: Callable[[Any], bool], wait_s: float) -> Any:
+    def _wait(self, topic: str, until: Callable[[list[Any]], bool], wait_s: float) -> list[Any]:
+        """What is there of a topic, as soon as that will do, or when the time is over."""
         end_s = self._clock() + wait_s
-        while True:
-            messages = self._tap(topic).messages()
-            found = next((one for one in reversed(messages) if fits(one)), None)
-            if found is not None or self._clock() >= end_s:
-                return found
+        while not until(messages := self._tap(topic).messages()) and self._clock() < end_s:
             time.sleep(_STEP_S)
+        return messages
 
     def _tap(self, topic: str) -> Tap:
         with self._lock:
@@ -90,3 +96,7 @@ class Taps:
 
 def _size(message: Any) -> int:
     return int(getattr(getattr(message, "data", None), "nbytes", 0))
+
+
+def _stamp_ns(message: Any) -> int:
+    return int(message.header.stamp_ns)

@@ -1,7 +1,7 @@
 // Which images are shown: the newest of a topic and, with it, that of another of the same stamp.
 const $ = (id) => document.getElementById(id);
 const NONE = "nothing";
-const state = { one: null, other: null, held: false };
+const state = { one: null, other: null, alone: "", held: false };
 const stage = new Stage($("view"), tell);
 
 function canvases() {
@@ -11,20 +11,32 @@ function canvases() {
   if ($("mode").value === "wipe") {
     return [one, other].map((picture) => ({ picture, canvas: picture.draw(stretch) }));
   }
-  if (one.width !== other.width || one.height !== other.height) {
-    throw new Error("images of two sizes have no difference; take wipe");
-  }
-  return [{ picture: one, canvas: difference(one, other, stretch) }];
+  const apart = difference(one, other);
+  return [{ picture: apart, canvas: apart.draw(stretch) }];
 }
 function show() {
   if (!state.one) return;
-  say("");
+  say(state.alone);
   try { stage.show(canvases()); } catch (error) { say(error.message); }
   const { width, height, encoding, stamp, topic } = state.one;
-  $("facts").textContent = `${width} × ${height} ${encoding}, ${Number(stamp) / 1e9} s`;
-  $("range").textContent = drawHistogram($("histogram"), state.one);
+  $("facts").textContent = `${width} × ${height} ${encoding}, ${Number(stamp) / 1e9} s${later()}`;
+  $("range").textContent = drawHistogram($("histogram"), seen());
   $("png").href = `?${new URLSearchParams({ ask: "png", topic, stamp })}`;
   tell();
+}
+const seen = () => stage.layers[0]?.picture || state.one;
+function later() {  // how far the stamps are apart, where none is the same
+  const apart = state.other ? Number(BigInt(state.other.stamp) - BigInt(state.one.stamp)) / 1e6 : 0;
+  return apart ? `; the other one ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
+}
+function savePng(event) {  // a difference is made here: it is saved as it is shown
+  if (seen() === state.one) return;
+  event.preventDefault();
+  stage.layers[0].canvas.toBlob((data) => {
+    const link = Object.assign(element("a"), { href: URL.createObjectURL(data), download: "difference.png" });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
+  });
 }
 function describe(picture, [x, y]) {
   const names = picture.names();
@@ -34,13 +46,13 @@ function describe(picture, [x, y]) {
 function tell() {
   if (!state.one) return;
   const under = stage.under;
-  const shown = [state.one, state.other].filter(Boolean);
+  const shown = [...new Set([state.one, state.other, seen()])].filter(Boolean);
   const inside = (picture) => under[0] < picture.width && under[1] < picture.height;
   $("value").textContent = under
     ? `x ${under[0]}, y ${under[1]}\n${shown.filter(inside).map((p) => describe(p, under)).join("\n")}`
     : "point at a pixel";
   $("along").hidden = !stage.line;
-  if (stage.line) $("length").textContent = drawProfile($("profile"), state.one, stage.line);
+  if (stage.line) $("length").textContent = drawProfile($("profile"), seen(), stage.line);
 }
 function say(text) { $("said").textContent = text; }
 
@@ -49,13 +61,14 @@ async function fetchPicture(topic, values) {
   if (answer.status === 204) return null;
   return new Picture(topic, JSON.parse(answer.headers.get("X-Image")), await answer.arrayBuffer());
 }
+const fetchAt = (topic, { stamp }) => fetchPicture(topic, { stamp }).catch(() => null);
 async function fetchPair(one, other) {  // of one stamp; nodes that are slow leave images out
-  try {
-    return [one, await fetchPicture(other, { stamp: one.stamp })];
-  } catch {
-    const beside = await fetchPicture(other, {});
-    return [await fetchPicture(one.topic, { stamp: beside.stamp }), beside];
-  }
+  const beside = await fetchAt(other, one);
+  if (beside) return [one, beside];
+  const newest = await fetchPicture(other, {});
+  const same = await fetchAt(one.topic, newest);
+  if (same) return [same, newest];  // else the nearest, as of two cameras
+  return [one, await fetchPicture(other, { stamp: one.stamp, near: 1 })];
 }
 async function update() {
   const topic = $("topic").value;
@@ -63,12 +76,17 @@ async function update() {
   const same = state.one?.topic === topic;
   let one = await fetchPicture(topic, { after: same ? state.one.stamp : undefined }) || state.one;
   let beside = state.other;
+  let alone = "";
   if (!other) beside = null;
-  else if (one !== state.one || beside?.topic !== other) [one, beside] = await fetchPair(one, other);
-  const isNew = one !== state.one;
+  else if (one !== state.one || beside?.topic !== other || beside.stamp !== one.stamp) {
+    try { [one, beside] = await fetchPair(one, other); } catch (error) {
+      [beside, alone] = [null, `${other}: ${error.message}`];
+    }
+  }
   if (topic !== $("topic").value || state.held) return;
-  const changed = isNew || beside !== state.other;
-  Object.assign(state, { one, other: beside });
+  if (beside?.topic === state.other?.topic && beside?.stamp === state.other?.stamp) beside = state.other;
+  const changed = one !== state.one || beside !== state.other || alone !== state.alone;
+  Object.assign(state, { one, other: beside, alone });
   if (changed) show();
 }
 async function keepFresh() {
@@ -106,6 +124,7 @@ async function start() {
   $("mode").onchange = $("stretch").onchange = show;
   $("hold").onclick = hold;
   $("line").onclick = drawLine;
+  $("png").onclick = savePng;
   $("fit").onclick = () => stage.fit();
   $("one").onclick = () => stage.exact();
   const keys = { h: hold, l: drawLine, f: () => stage.fit(), 1: () => stage.exact() };

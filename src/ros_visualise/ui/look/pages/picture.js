@@ -91,17 +91,33 @@ function turbo(x, out, to) {
   out[to + 1] = 255 * poly([0.09140261, 2.19418839, 4.84296658, -14.18503333, 4.27729857, 2.82956604]);
   out[to + 2] = 255 * poly([0.1066733, 12.64194608, -60.58204836, 110.36276771, -89.90310912, 27.34824973]);
 }
-function difference(one, other, stretch) {  // of what is shown of both, as one canvas
-  const [a, b] = [one, other].map((p) => p.draw(stretch).getContext("2d")
-    .getImageData(0, 0, p.width, p.height));
-  for (let i = 0; i < a.data.length; i++) {
-    if (i % 4 < 3) a.data[i] = Math.abs(a.data[i] - b.data[i]);
+function difference(one, other) {  // a picture of the values' difference; of unlike ones, of what is shown
+  if (one.width !== other.width || one.height !== other.height) {
+    throw new Error("images of two sizes have no difference; take wipe");
   }
-  const canvas = document.createElement("canvas");
-  canvas.width = one.width;
-  canvas.height = one.height;
-  canvas.getContext("2d").putImageData(a, 0, 0);
-  return canvas;
+  if (one.measured !== other.measured) {
+    throw new Error("a measurement and a picture have no difference; take wipe");
+  }
+  const alike = one.channels === other.channels && one.dtype === other.dtype;
+  return alike ? subtract(one, other) : subtract(asShown(one), asShown(other));
+}
+function subtract(one, other) {
+  const { width, height, channels, dtype, encoding, measured, stamp } = one;
+  const made = one.values.slice();
+  const turned = channels >= 3 && one.order[0] !== other.order[0];  // RGB and BGR
+  for (let i = 0; i < made.length; i++) {
+    const channel = i % channels;
+    const value = other.values[turned && channel < 3 ? i - channel + 2 - channel : i];
+    const none = one.isNone(made[i]) || other.isNone(value);
+    made[i] = none ? NaN : Math.abs(made[i] - value);  // of whole numbers NaN is 0
+  }
+  return new Picture("difference", { width, height, channels, dtype, encoding, measured, stamp }, made.buffer);
+}
+function asShown(picture) {
+  const { width, height, stamp } = picture;
+  const { data } = picture.draw(false).getContext("2d").getImageData(0, 0, width, height);
+  const facts = { width, height, channels: 4, dtype: "uint8", encoding: "rgba8", measured: false, stamp };
+  return new Picture(picture.topic, facts, new Uint8Array(data).buffer);
 }
 const written = (value) => Number.isInteger(value) || !Number.isFinite(value)
   ? String(value) : value.toPrecision(5);

@@ -1,7 +1,7 @@
 // Numbers of any topics over the time that is played; a click goes there.
 const $ = (id) => document.getElementById(id);
-const COLORS = ["#4dabf7", "#ffa94d", "#69db7c", "#da77f2", "#ffd43b", "#ff8787", "#3bc9db", "#f783ac"];
 const NOTHING = "no topic here has numbers to plot: films have none, but for their telemetry";
+const CHOOSE = "Choose a topic and some of its numbers: all of a recording is drawn at once. A click goes to that time.";
 const MARGIN = { left: 62, right: 12, top: 10, bottom: 26 };
 const state = {
   chosen: new URLSearchParams(location.search).getAll("field"),
@@ -12,8 +12,11 @@ const color = (name) => COLORS[state.chosen.indexOf(name) % COLORS.length];
 
 function span() {  // the seconds that are shown
   if (!state.fitted) return [state.from, state.to];
-  const last = Math.max(0, ...state.curves.map((curve) => curve.times.at(-1) ?? 0));
-  return [0, Math.max(state.length ?? 0, last, state.position, 1)];
+  const ends = (number) => state.curves.map((curve) => curve.times.at(number)).filter((time) => time !== undefined);
+  const first = state.length === null ? Math.min(...ends(0)) : 0;  // what is live begins when it is looked at
+  const last = Math.max(state.length ?? 0, state.position, ...ends(-1));
+  const begin = Number.isFinite(first) ? first : 0;
+  return [begin, Math.max(last, begin + 1)];
 }
 function area() {
   const { clientWidth: width, clientHeight: height } = $("plot");
@@ -124,11 +127,12 @@ function drawLegend() {
     const remove = element("button", "×");
     remove.title = "take away";
     remove.onclick = () => choose(name, false);
-    row.append(mark, element("span", name), element("b", value?.toPrecision(6) ?? "–", "number"), remove);
+    row.append(mark, element("span", name.replace(/[/_.:]/g, "$&\u200b")), element("b", value?.toPrecision(6) ?? "–", "number"), remove);
     return row;
   });
-  if (!rows.length) rows.push(element("div", state.offers ? "choose numbers below" : NOTHING, "dim"));
-  else rows.push(element("div", `at ${time.toFixed(2)} s`, "dim number"));
+  $("hint").hidden = state.chosen.length > 0;
+  $("hint").textContent = state.offers ? CHOOSE : NOTHING;
+  if (rows.length) rows.push(element("div", `at ${time.toFixed(2)} s`, "dim number"));
   $("legend").replaceChildren(...rows);
 }
 function choose(name, on) {
@@ -140,10 +144,19 @@ function choose(name, on) {
   for (const box of $("fields").querySelectorAll("input")) box.checked = state.chosen.includes(box.value);
   update().catch(tell);
 }
+async function fieldsOf(topic) {  // as soon as there is a message
+  while (topic === $("topic").value) {
+    try { return (await (await ask("fields", { topic })).json()).fields; } catch (error) {
+      $("fields").replaceChildren(element("div", error.message, "dim"));
+    }
+    await pause(1000);
+  }
+}
 async function offer() {
   const topic = $("topic").value;
   $("fields").replaceChildren(element("div", "asking for its fields", "dim"));
-  const { fields } = await (await ask("fields", { topic })).json();
+  const fields = await fieldsOf(topic);
+  if (topic !== $("topic").value) return;
   const rows = fields.map((path) => {
     const box = element("input");
     Object.assign(box, { type: "checkbox", value: `${topic}:${path}` });
@@ -157,8 +170,10 @@ async function offer() {
   filter();
 }
 function filter() {
-  const words = $("search").value.toLowerCase();
-  for (const row of $("fields").children) row.hidden = !row.textContent.toLowerCase().includes(words);
+  const words = $("search").value.toLowerCase().split(/\s+/);
+  for (const row of $("fields").children) {
+    row.hidden = !words.every((word) => row.textContent.toLowerCase().includes(word));
+  }
 }
 async function update() {
   const [from, to] = state.fitted ? [0, 1e9] : [Math.max(0, state.from), Math.max(0, state.to)];
