@@ -10,7 +10,7 @@ import os  # noqa: E402
 # Nodes are threads already; those of NumPy's library of matrices would wait for work at full load.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from ros_visualise.signals import STOPPED, ignore, leave_at_once, leave_threads  # noqa: E402
+from ros_visualise.signals import STOPPED, ignore, leave, leave_at_once  # noqa: E402
 
 leave_at_once()
 
@@ -18,7 +18,7 @@ leave_at_once()
 def main() -> int:
     """``ros-visualise``; the exit status, see `ros_visualise.cli.main`."""
     ended: list[int] = []
-    atexit.register(leave_threads, ended)  # before all others, so that it is called after them
+    atexit.register(leave, ended)  # before all others, so that it is called after them
     try:
         from ros_visualise import cli
 
@@ -31,6 +31,12 @@ def main() -> int:
 
 def run_executable(name: str) -> None:
     """A ROS executable, by its name; see `ros_visualise.executables`."""
+    ended = [1]  # after a bug, whose traceback is printed by then
+    atexit.register(leave, ended)  # before all others, so that it is called after them
     from ros_visualise.executables import run
 
-    run(name)
+    try:
+        run(name)
+    except SystemExit as end:
+        ended.append(int(end.code or 0))
+        raise

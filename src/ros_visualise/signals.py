@@ -10,7 +10,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -32,16 +31,16 @@ def leave_at_once() -> None:
     _handle(lambda *_: os._exit(STOPPED))
 
 
-def leave_threads(ended: Sequence[int]) -> None:
-    """End the process here, at the very end, where threads still run that nobody waits for.
+def leave(ended: Sequence[int]) -> None:
+    """End the process here, at the very end, when all is closed.
 
-    Python would go on and take itself apart under them: one that comes back from a library then
-    ends the process as if it had crashed.
+    Python would go on and take itself apart, which lasts most of a second; and under threads that
+    nobody waits for: one that comes back from a library then ends the process as if it had crashed.
 
     Args:
         ended: the exit status, once there is one.
     """
-    if not ended or threading.active_count() == 1:
+    if not ended:
         return
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):

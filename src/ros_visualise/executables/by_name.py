@@ -53,7 +53,8 @@ def _run(name: str, middleware: Middleware, work: Work) -> None:
     except RosVisualiseError as error:
         log.critical("%s", error)
         status = error.exit_status
-    middleware.end("done")
+    finally:
+        middleware.end("done")
     sys.exit(status)
 
 
