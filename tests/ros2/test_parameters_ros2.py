@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from rcl_interfaces.msg import ParameterType
+from rcl_interfaces.msg import ParameterEvent, ParameterType
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from waiting import wait_for
@@ -73,9 +73,33 @@ def test_they_are_described_and_set_as_one_whole_or_refused_with_a_reason(pipeli
     assert (low_now.integer_value, gray.bool_value) == (40, False)
 
 
+def test_a_change_is_told_of_once_and_options_are_among_them(pipeline: Asked, ros2: Ros2):
+    [source, nodes] = pipeline.describe("source", "nodes")
+    assert source.read_only
+    assert nodes.read_only
+    assert pipeline.get("nodes")[0].string_value == "fps_control filters edge_detector"
+    told: list[str] = []
+
+    def hear(event: ParameterEvent) -> None:
+        told.extend(one.name for one in event.changed_parameters if event.node == "/pipeline")
+
+    heard = ros2.session.node.create_subscription(ParameterEvent, "/parameter_events", hear, 100)
+    wait_for(lambda: heard.get_publisher_count() > 1, "its events")
+    for low in range(50, 55):
+        assert pipeline.set(edge_detector__low=low).successful
+    wait_for(lambda: told.count("edge_detector.low") == 5, "the changes")
+    assert pipeline.set(filters__gray=False).successful
+    wait_for(lambda: "filters.gray" in told, "the last change")
+    assert told.count("edge_detector.low") == 5
+    ros2.session.node.destroy_subscription(heard)
+
+
 def test_a_change_by_others_is_followed_and_a_refusal_names_its_reason(pipeline: Asked, ros2: Ros2):
-    wait_for(lambda: ros2.look().parameters.get("/pipeline", [""])[0] != "/pipeline", "places")
-    assert "/pipeline/edge_detector" in ros2.look().parameters["/pipeline"]
+
+    def is_seen() -> bool:
+        return "/pipeline/edge_detector" in ros2.look().parameters.get("/pipeline", ())
+
+    wait_for(is_seen, "its nodes")
     edges = RemoteParameters(ros2, "/pipeline/edge_detector")
     assert edges.wait(PATIENCE_S)
     assert edges.node is not None

@@ -10,7 +10,7 @@ from typing import Any
 
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.params import Parameters, specs
+from ros_visualise.params import Parameters
 from ros_visualise.rate import Clock
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.bridge.logged import log_to
@@ -38,8 +38,8 @@ class Ros2:
 
     def begin(self, name: str) -> None:
         """Become a node."""
+        note(self._wish)  # who leaves while he joins would be seen for another ten seconds
         self.join(name, sys.argv)
-        note(self._wish)
         log_to(session.say_on(self.session.node))
         is_over, node = self.is_over, self.session.node
         threading.Thread(target=clock.watch_clock, args=(node, is_over), daemon=True).start()
@@ -69,17 +69,16 @@ class Ros2:
 
     def option(self, name: str, default: Any) -> Any:
         """A parameter that is read once."""
-        return self.session.option(name, default)
+        value = self.session.option(name, default)
+        self._desk.show(name, value)
+        return value
 
     def starting_values(
         self, params: type, namespace: str = "", known: Iterable[str] = ()
     ) -> dict[str, Any]:
         """The values that were given to declared parameters."""
+        self._desk.expect(namespace)
         given = self.session.given(namespace)
-        declared = {spec.name for spec in specs(params)}
-        known = list(known)
-        once = {name: given[name] for name in known if name in given and name not in declared}
-        self._desk.expect(namespace, once)
         return given_values(params, given, known, f"{namespace}.".lstrip("."))
 
     def find_file(self, url: str) -> str:

@@ -35,22 +35,28 @@ class ParameterDesk:
         self.node = node
         self._served: dict[str, ServedParameters] = {}
         self._members: set[str] = set()
+        self._shown: dict[str, Any] = {}
         self._pushing = threading.local()
+        self.lock = threading.RLock()
         node.add_on_set_parameters_callback(self._on_set)
 
-    def expect(self, namespace: str, once: Mapping[str, Any]) -> None:
+    def expect(self, namespace: str) -> None:
         """A node of this process is going to have its parameters there.
 
         Args:
             namespace: what their names begin with; empty for those of the process's only node.
-            once: what was given for those that are read once.
         """
         if namespace:
             self._members.add(namespace)
-        about = {"read_only": True, "description": "read when the node starts"}
-        there = [name for name in once if not self.node.has_parameter(name)]
-        # a descriptor for each: rclpy writes the type of the value into it
-        self.declare([(name, once[name], ParameterDescriptor(**about)) for name in there])
+
+    def show(self, name: str, value: Any) -> None:
+        """Have an option of the process among its parameters, unless it turns out to be a live one.
+
+        Args:
+            name: of the option.
+            value: as it was given, or what it is by itself.
+        """
+        self._shown[name] = value
 
     def serve(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
         """Declare a node's parameters, until that is closed."""
@@ -59,9 +65,10 @@ class ParameterDesk:
     def add(self, served: ServedParameters) -> None:
         """Have requests for these parameters answered."""
         self._served[served.prefix] = served
-        if self._members and not self.node.has_parameter(MEMBERS):
-            told = ParameterDescriptor(read_only=True, description="the nodes of this process")
-            self.declare([(MEMBERS, sorted(self._members), told)])
+        if self._members:
+            self._declare_fixed({MEMBERS: sorted(self._members)}, "the nodes of this process")
+        options = {name: value for name, value in self._shown.items() if "/" not in name}
+        self._declare_fixed(options, "read when the node starts")
 
     def remove(self, served: ServedParameters) -> None:
         """No longer."""
@@ -74,6 +81,13 @@ class ParameterDesk:
             self.node.declare_parameters("", list(parameters), ignore_override=True)
         finally:
             self._pushing.on = False
+
+    def _declare_fixed(self, values: Mapping[str, Any], description: str) -> None:
+        """Declare those that are not there yet, and that nobody can change."""
+        about = {"read_only": True, "description": description}
+        new = [name for name in values if not self.node.has_parameter(name)]
+        # a descriptor for each: rclpy writes the type of the value into it
+        self.declare([(name, values[name], ParameterDescriptor(**about)) for name in new])
 
     def push(self, parameters: list[Parameter]) -> None:
         """Tell the graph of values that are there."""
@@ -90,10 +104,13 @@ class ParameterDesk:
         changes: dict[ServedParameters, dict[str, Any]] = defaultdict(dict)
         for one in asked:
             for served in self._served.values():
-                if one.name in served.names:
+                if one.name in served.told:
                     changes[served][one.name.removeprefix(served.prefix)] = one.value
         try:
-            _apply_all(changes)
+            with self.lock:
+                _apply_all(changes)
+                for served, changed in changes.items():
+                    served.told |= {served.prefix + name: one for name, one in changed.items()}
         except ParameterError as error:
             log.warning("refused: %s", error)
             return SetParametersResult(successful=False, reason=str(error))
@@ -112,7 +129,7 @@ class ServedParameters:
         prefix: what their names begin with there.
 
     Attributes:
-        names: under which they are known there.
+        told: their values as the graph knows them, by their names there.
     """
 
     def __init__(self, desk: ParameterDesk, parameters: Parameters[Any], prefix: str) -> None:
@@ -120,10 +137,10 @@ class ServedParameters:
         self.parameters = parameters
         self._desk = desk
         self._specs = specs(parameters.current)
-        self.names = {prefix + spec.name for spec in self._specs}
         self._changed = threading.Event()
         self._closed = False
         values = to_parameters(prefix, self._specs, parameters.current)
+        self.told = {one.name: one.value for one in values}
         self._desk.declare(
             [
                 (one.name, one.value, describe(spec, one.name))
@@ -154,15 +171,12 @@ class ServedParameters:
 
     def _tell(self) -> None:
         """Tell the graph of what has changed here, and not by its own request."""
-        current = self.parameters.current
-        node = self._desk.node
-        changed = [
-            one
-            for one in to_parameters(self.prefix, self._specs, current)
-            if node.get_parameter(one.name).value != one.value
-        ]
-        if changed:
-            self._desk.push(changed)
+        with self._desk.lock:  # a request that is being applied is told of by ROS itself
+            values = to_parameters(self.prefix, self._specs, self.parameters.current)
+            changed = [one for one in values if one.value != self.told[one.name]]
+            if changed:
+                self.told |= {one.name: one.value for one in changed}
+                self._desk.push(changed)
 
 
 def _apply_all(changes: Mapping[ServedParameters, Mapping[str, Any]]) -> None:
