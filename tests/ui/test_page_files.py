@@ -3,6 +3,8 @@
 import http.client
 import time
 from contextlib import closing, suppress
+from io import BytesIO
+from zipfile import ZipFile
 
 import pytest
 from page_client import Client
@@ -137,6 +139,29 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
     with AnyReader([tmp_path / "there/mine.mcap"]) as reader:
         recorded = {one.topic for one in reader.connections}
     assert recorded == {"/processed_image", "/edges", "/parameter_events"}
+
+
+def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):
+    client.set("file", "mine")
+    client.set("● record", True)
+    client.read_until(lambda: any("mine: " in html for html in client.html))
+    client.set("● record", True)
+    client.read_until(lambda: any('data-download="mine.zip"' in html for html in client.html))
+    own = {"X-Ros-Visualise": "1"}
+    status, whole = fetch(port, "ask=recorded&name=mine.zip&from=0", **own)
+    assert status == 200
+    for start in (1, 40, len(whole) // 2, len(whole) - 1):  # in headers, and in files
+        assert fetch(port, f"ask=recorded&name=mine.zip&from={start}", **own)[1] == whole[start:]
+    with ZipFile(BytesIO(whole)) as zipped:
+        assert zipped.testzip() is None
+        zipped.extractall(tmp_path / "unpacked")
+    files = [path for path in (tmp_path / "there/mine").rglob("*") if path.is_file()]
+    assert len(files) == len(zipped.namelist()) > 1
+    for path in files:
+        same = tmp_path / "unpacked" / path.relative_to(tmp_path / "there")
+        assert same.read_bytes() == path.read_bytes()
+    with AnyReader([tmp_path / "unpacked/mine"]) as reader:
+        assert "/edges" in {one.topic for one in reader.connections}
 
 
 def test_no_topic_is_recorded_where_none_is_chosen(client, tmp_path):

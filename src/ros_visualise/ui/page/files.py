@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from html import escape
 from pathlib import Path
+from threading import Lock
 from urllib.parse import quote
 
 import viser
@@ -13,6 +14,7 @@ from ros_visualise.ui.look.answers import Answer, Question, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.uploads import MAX_GIB, Receive, Uploads
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.page.zipped import ZippedFolder
 from ros_visualise.ui.shelf import SUFFIXES, Shelf
 
 FOLDER = "open"
@@ -33,6 +35,8 @@ class Files:
         self.folder, self.shelf = folder, shelf
         self.uploads = None if shelf is None else Uploads(folder, shelf.ask)
         self._recorded: dict[str, Path] = {}
+        self._zipped: dict[Path, ZippedFolder] = {}
+        self._zipping = Lock()
 
     @property
     def title(self) -> str:
@@ -41,9 +45,9 @@ class Files:
         return "" if current is None else f"{current.name} - ros_visualise"
 
     def recorded(self, path: Path) -> None:
-        """Offer a file that was recorded for download."""
-        if path.is_file():
-            self._recorded[path.name] = path
+        """Offer what was recorded for download: a file, or a folder as a ZIP file."""
+        if path.exists():
+            self._recorded[f"{path.name}.zip" if path.is_dir() else path.name] = path
 
     @property
     def links(self) -> str:
@@ -63,13 +67,18 @@ class Files:
         try:
             if path is None:
                 raise FileNotFoundError
-            with path.open("rb") as file:
-                size = file.seek(0, 2)
-                file.seek(min(max(question.whole("from") or 0, 0), size))
-                body = file.read(_PIECE_BYTES)
+            start = max(question.whole("from") or 0, 0)
+            body, size = self._read_folder(path, start) if path.is_dir() else _read(path, start)
         except OSError:
             raise Refusal("there is no such recording", 404) from None
         return Answer(body, "application/octet-stream", headers={"X-Size": str(size)})
+
+    def _read_folder(self, path: Path, start: int) -> tuple[bytes, int]:
+        with self._zipping:
+            if start == 0 or path not in self._zipped:  # which reads all its files once
+                self._zipped[path] = ZippedFolder(path)
+            zipped = self._zipped[path]
+        return zipped.read(start, _PIECE_BYTES), zipped.size
 
     async def receive(self, query: str, receive: Receive) -> bool:
         """Take in an upload; whether it is one."""
@@ -79,6 +88,14 @@ class Files:
         if self.uploads is not None:
             await self.uploads.take(question, receive)
         return True
+
+
+def _read(path: Path, start: int) -> tuple[bytes, int]:
+    """A piece of a file, and the size of all of it."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(min(start, size))
+        return file.read(_PIECE_BYTES), size
 
 
 class Opener:

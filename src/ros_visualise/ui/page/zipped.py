@@ -1,0 +1,84 @@
+"""A folder as one ZIP file, of which any piece is made when it is asked for."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from pathlib import Path
+from typing import IO, cast
+from zipfile import ZipFile, ZipInfo
+
+_BLOCK_BYTES = 1 << 20
+
+
+class ZippedFolder:
+    """A ZIP file that is nowhere whole: its own bytes are kept, those of the files are read again.
+
+    All files are read once to begin with, as a ZIP file holds a checksum of each. Nothing is
+    compressed, so that pieces can be found. The files must stay as they are.
+
+    Args:
+        folder: whose files it holds, under its name.
+
+    Attributes:
+        size: bytes.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.size = 0
+        self._starts: list[int] = []  # of the parts, in order
+        self._parts: list[bytes | Path] = []
+        self._reads = False  # what is written now is the last part's, which is a file
+        with ZipFile(cast("IO[bytes]", self), "w") as made:  # who writes to `write` alone
+            for path in sorted(one for one in folder.rglob("*") if one.is_file()):
+                self._add(made, path, str(path.relative_to(folder.parent)))
+
+    def read(self, start: int, count: int) -> bytes:
+        """At most so many of its bytes from there on.
+
+        Raises:
+            OSError: a file has gone or has changed.
+        """
+        found = b""
+        while len(found) < count and start + len(found) < self.size:
+            found += self._piece(start + len(found), count - len(found))
+        return found
+
+    def write(self, data: bytes) -> int:
+        """Go on; for `zipfile` alone."""
+        if not self._reads:
+            self._begin(bytes(data))
+        self.size += len(data)
+        return len(data)
+
+    def flush(self) -> None:
+        """Nothing waits; for `zipfile` alone."""
+
+    def _add(self, made: ZipFile, path: Path, name: str) -> None:
+        with path.open("rb") as file, made.open(ZipInfo.from_file(path, name), "w") as target:
+            self._begin(path)
+            self._reads = True
+            while block := file.read(_BLOCK_BYTES):
+                target.write(block)
+            self._reads = False
+
+    def _begin(self, part: bytes | Path) -> None:
+        self._starts.append(self.size)
+        self._parts.append(part)
+
+    def _piece(self, start: int, count: int) -> bytes:
+        """Bytes of one part; at least one."""
+        number = bisect_right(self._starts, start) - 1
+        part, within = self._parts[number], start - self._starts[number]
+        end = self._starts[number + 1] if number + 1 < len(self._starts) else self.size
+        count = min(count, end - start)
+        if isinstance(part, bytes):
+            return part[within : within + count]
+        with part.open("rb") as file:
+            file.seek(within)
+            found = file.read(count)
+        if len(found) < count:
+            raise OSError(f"{part}: has become shorter")
+        return found
