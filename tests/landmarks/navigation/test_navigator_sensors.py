@@ -220,7 +220,7 @@ def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
     without, _ = fly(Navigator(settings), one, blind(told))
     navigator = Navigator(settings)
     errors, covariances = fly(navigator, one, told)
-    assert rms(errors) < 0.7 * rms(without)
+    assert rms(errors) < 0.5 * rms(without)
     assert_expected(errors[-1], covariances[-1])
     used = [post for post in navigator.chart.landmarks.values() if post.is_used]
     found = navigator.state.landmarks_p[navigator.state.indices([post.key for post in used])]
