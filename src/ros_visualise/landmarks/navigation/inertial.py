@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,9 +19,11 @@ from ros_visualise.landmarks.navigation.robot import (
     GRAVITY,
     GYRO,
     VELOCITY,
+    Robot,
 )
 
 _EYE = np.eye(3)
+_MOVED = VELOCITY.stop  # the first errors: those of pose, scales and velocity
 _GAP_NS = 100_000_000  # longer without a measurement, an IMU tells nothing
 _BACK_NS = 1_000_000_000  # a stamp that is so much older than the last: that one was wrong
 
@@ -51,6 +54,17 @@ class Mounting:
     p: Floats
 
 
+class Part(NamedTuple):
+    """Some seconds in which rates (3,) in rad/s and force (3,) in m/s^2 hardly changed."""
+
+    seconds: float
+    rates: Floats
+    force: Floats
+
+
+Parts = list[Part]
+
+
 class Inertial:
     """The last seconds of an IMU, in the robot's axes and at the robot's origin."""
 
@@ -75,16 +89,17 @@ class Inertial:
         if not is_number or (self._stamps_ns and stamp_ns <= self._stamps_ns[-1]):
             return
         w, f = mounting.R @ rates, mounting.R @ force
-        f = f - np.cross(w, np.cross(w, mounting.p))
+        spin = twists.cross(w)
+        f = f - spin @ spin @ mounting.p
         if self._stamps_ns:
             seconds = (stamp_ns - self._stamps_ns[-1]) / 1e9
-            f = f - np.cross((w - self._rates[-1]) / seconds, mounting.p)
+            f = f - twists.cross((w - self._rates[-1]) / seconds) @ mounting.p
         self._stamps_ns.append(stamp_ns)
         self._rates.append(w)
         self._forces.append(f)
 
-    def between(self, from_ns: int, to_ns: int) -> list[tuple[float, Floats, Floats]] | None:
-        """Seconds, rates and forces of each part of a time; None where there is too little."""
+    def between(self, from_ns: int, to_ns: int) -> Parts | None:
+        """All parts of a time, in the robot's axes; None where there is too little."""
         times = self._stamps_ns
         first, end = bisect_right(times, from_ns) - 1, bisect_left(times, to_ns)
         if first < 0:
@@ -97,7 +112,7 @@ class Inertial:
         for n, (a, b) in enumerate(pairwise(stamps), first):
             m = min(n + 1, len(times) - 1)
             mean = (self._rates[n] + self._rates[m]) / 2, (self._forces[n] + self._forces[m]) / 2
-            parts.append(((b - a) / 1e9, *mean))
+            parts.append(Part((b - a) / 1e9, *mean))
         return parts
 
     def forget_all(self) -> None:
@@ -110,36 +125,80 @@ class Inertial:
         del self._stamps_ns[:count], self._rates[:count], self._forces[:count]
 
 
-def by_imu(carried: Carried, seconds: float, rates: Floats, force: Floats, model: ImuNoise) -> None:
-    """Go on by rates (3,) in rad/s and specific force (3,) in m/s^2, in the robot's axes.
+def by_imu(carried: Carried, parts: Parts, model: ImuNoise) -> None:
+    """Go on by all that an IMU measured in a time, with one Jacobian for the whole of it.
 
     Source: A. Barrau, S. Bonnabel, as in `ros_visualise.landmarks.navigation.robot`: how pose and
     velocity depend on what they were does not depend on what they are; J. Sola, Quaternion
-    kinematics for the error-state Kalman filter, 2017, section 5, for the biases.
+    kinematics for the error-state Kalman filter, 2017, section 5, for the biases; C. Forster et
+    al., On-manifold preintegration for real-time visual-inertial odometry, 2017, for joining them.
     """
     robot = carried.robot
-    turn = (rates - robot.gyro) * seconds
-    half = robot.R @ cv2.Rodrigues(turn / 2)[0]
-    R = robot.R @ cv2.Rodrigues(turn)[0]
-    a = half @ (force - robot.accel) + robot.gravity
-    p = robot.p + (robot.v + a * (seconds / 2)) * seconds
-    v = robot.v + a * seconds
+    seconds = np.array([part.seconds for part in parts])[:, None]
+    middles, R = _attitudes(robot, parts)
+    forces = np.array([part.force for part in parts]) - robot.accel
+    pushes = ((middles @ forces[..., None])[..., 0] + robot.gravity) * seconds
+    v = robot.v + pushes.cumsum(axis=0)
+    p = robot.p + ((v - pushes / 2) * seconds).cumsum(axis=0)
+    left = seconds.sum() - seconds.cumsum(axis=0)
+    fall = twists.cross(robot.gravity)
+    turned = _turned(p, v, left[..., None], fall)
+    J = _motion(float(seconds.sum()), fall)
+    lasting = middles * seconds[..., None]
+    J[:_MOVED, GYRO] = -(turned @ lasting).sum(axis=0)
+    J[:3, ACCEL] = -(lasting * (left + seconds / 2)[..., None]).sum(axis=0)
+    J[VELOCITY, ACCEL] = -lasting.sum(axis=0)
+    carried.go(J, _noise(turned, seconds, left, model))
+    carried.robot = replace(robot, R=R, p=p[-1], v=v[-1])
+
+
+def _attitudes(robot: Robot, parts: Parts) -> tuple[Floats, Floats]:
+    """(K, 3, 3) in the middle of each part, and (3, 3) at the end."""
+    R, middles = robot.R, []
+    for part in parts:
+        half = cv2.Rodrigues((part.rates - robot.gyro) * (part.seconds / 2))[0]
+        middles.append(R @ half)
+        R = middles[-1] @ half
+    return np.array(middles), R
+
+
+def _turned(p: Floats, v: Floats, left: Floats, fall: Floats) -> Floats:
+    """(K, _MOVED, 3) what a turn (3,) at the end of each part is for the errors when all is over.
+
+    Args:
+        p, v: (K, 3) at the end of each part.
+        left: (K, 1, 1) seconds until all is over.
+        fall: (3, 3) of gravity.
+    """
+    swing = twists.cross(v)
+    turned = np.zeros((len(p), _MOVED, 3))
+    turned[:, :3] = twists.cross(p) + swing * left + fall * (left**2 / 2)
+    turned[:, 3:6] = _EYE
+    turned[:, VELOCITY] = swing + fall * left
+    return turned
+
+
+def _motion(seconds: float, fall: Floats) -> Floats:
+    """(CORE, CORE) how errors follow from those so many seconds before, but for the biases."""
     J = np.eye(CORE)
-    fall, arm, swing = twists.cross(robot.gravity), twists.cross(p), twists.cross(v)
     J[:3, VELOCITY] = seconds * _EYE
     J[VELOCITY, 3:6] = fall * seconds
     J[:3, 3:6] = fall * (seconds**2 / 2)
     J[VELOCITY.start, GRAVITY.start] = J[VELOCITY.start + 1, GRAVITY.start + 1] = seconds
     J[0, GRAVITY.start] = J[1, GRAVITY.start + 1] = seconds**2 / 2
-    turned = half * seconds
-    J[:3, GYRO], J[3:6, GYRO], J[VELOCITY, GYRO] = -arm @ turned, -turned, -swing @ turned
-    J[:3, ACCEL], J[VELOCITY, ACCEL] = -turned * (seconds / 2), -turned
+    return J
+
+
+def _noise(turned: Floats, seconds: Floats, left: Floats, model: ImuNoise) -> Floats:
+    """(CORE, CORE) covariance that comes to the errors in all parts."""
     noise = np.zeros((CORE, CORE))
-    into = np.zeros((CORE, 3))
-    into[:3], into[3:6], into[VELOCITY] = arm, _EYE, swing
-    noise += model.gyro**2 * seconds * (into @ into.T)
-    noise[VELOCITY, VELOCITY] += model.accel**2 * seconds * _EYE
-    noise[GYRO, GYRO] = model.gyro_walk**2 * seconds * _EYE
-    noise[ACCEL, ACCEL] = model.accel_walk**2 * seconds * _EYE
-    carried.go(J, noise)
-    carried.robot = replace(robot, R=R, p=p, v=v)
+    rows = np.concatenate(turned * (model.gyro * np.sqrt(seconds[..., None])), axis=1)
+    noise[:_MOVED, :_MOVED] = rows @ rows.T
+    of_v, of_both, of_p = (float((seconds * left**n).sum()) * model.accel**2 for n in range(3))
+    noise[VELOCITY, VELOCITY] += of_v * _EYE
+    noise[VELOCITY, :3] += of_both * _EYE
+    noise[:3, VELOCITY] += of_both * _EYE
+    noise[:3, :3] += of_p * _EYE
+    noise[GYRO, GYRO] = model.gyro_walk**2 * seconds.sum() * _EYE
+    noise[ACCEL, ACCEL] = model.accel_walk**2 * seconds.sum() * _EYE
+    return noise

@@ -17,20 +17,17 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 from ros_visualise.geometry.transforms import inverse
-from ros_visualise.landmarks.navigation.carried import Carried
 from ros_visualise.landmarks.navigation.chart import Chart, Judged, Mode
 from ros_visualise.landmarks.navigation.inertial import Mounting
 from ros_visualise.landmarks.navigation.landmark import Known
 from ros_visualise.landmarks.navigation.motion import Step, begin, up_of
 from ros_visualise.landmarks.navigation.odometer import Odometer
 from ros_visualise.landmarks.navigation.past import Past
-from ros_visualise.landmarks.navigation.robot import (
-    POSE,
-    SCALES,
-)
+from ros_visualise.landmarks.navigation.robot import POSE, SCALES
 from ros_visualise.landmarks.navigation.search import Prior, Search
 from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import View
+from ros_visualise.landmarks.navigation.trail import Trail
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 log = logging.getLogger(__name__)
@@ -95,7 +92,7 @@ class Navigator:
         self.trouble = "looks for the landmarks of the map"
         self.past = Past(self.settings.noise)
         self._search = Search()
-        self._ahead = Carried(self.state)
+        self._trail = Trail(self.past, self.state)
         self._waiting: list[tuple[int, int, View]] = []
         self._count = 0
         self.at_ns = 0
@@ -134,8 +131,9 @@ class Navigator:
 
     def fix(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> None:
         """Take a fix of GPS, as `ros_visualise.landmarks.navigation.satellites` has it."""
-        if self.past.gps.add(stamp_ns, geodetic, covariance, arm) and self.is_located:
-            self.past.gps.place(self.state, self._ahead)
+        is_new = self.past.gps.add(stamp_ns, geodetic, covariance, arm)
+        if is_new and self.is_located and self.past.gps.place(self.state, self._trail.newest):
+            self._retrace()
 
     def see(self, view: View) -> bool:
         """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
@@ -155,7 +153,7 @@ class Navigator:
             change = about_origin(to_matrix(self._start)[:3, 3])
             self._stand(T[:3, :3], T[:3, 3], change @ tilt @ change.T)
             self._locate()
-        self._ahead = Carried(self.state)
+        self._trail.restart(self.state, stamp_ns)
 
     def _stand(self, R: Floats, p: Floats, covariance: Floats) -> None:
         begin(self.state, R, p, covariance, self.settings.noise.odometry)
@@ -174,12 +172,12 @@ class Navigator:
     def _jump(self, stamp_ns: int, pose: Pose) -> None:
         """The odometry begins anew elsewhere: the robot is where it was, as far as is known."""
         self._work()
-        robot = self._ahead.robot
+        robot = self._trail.newest.robot
         self.state.robot = replace(self.state.robot, R=robot.R, p=robot.p)
         self.past.odometer = Odometer()
         self.past.odometer.add(stamp_ns, pose)
         self.at_ns = stamp_ns
-        self._ahead = Carried(self.state)
+        self._trail.restart(self.state, stamp_ns)
         self._search.clear()
         if self._has_pose:
             self._lose("the odometry has jumped")
@@ -192,7 +190,7 @@ class Navigator:
     def _go_on(self, step: Step) -> None:
         """Go on by the newest odometry."""
         was_refused = self.past.is_imu_refused
-        self.past.newest(self._ahead, step, self.is_located)
+        self._trail.add(step, self.is_located)
         if self.past.is_imu_refused and not was_refused:
             log.warning("the IMU contradicts the odometry: it is left out (its frame on tf?)")
 
@@ -203,8 +201,8 @@ class Navigator:
         while newest_ns is not None and self._waiting and self._waiting[0][0] <= newest_ns:
             view = self._waiting.pop(0)[2]
             worked = self._put_in(view) or worked
-        if worked and newest_ns is not None:
-            self._catch_up(newest_ns)
+        if worked:
+            self._retrace()
         return worked
 
     def _put_in(self, view: View) -> bool:
@@ -225,6 +223,7 @@ class Navigator:
             self.judged = Judged(refused=dict(view.left_out))
             self._search.look(view, self.chart.map_of(self.state), self._prior(view))
             self._recover(1 if not self._has_pose else 2)
+        self._trail.restart(self.state, self.at_ns)
         return True
 
     def _doubt(self, view: View) -> None:
@@ -265,33 +264,33 @@ class Navigator:
         """Carry the state on to a time."""
         if stamp_ns == self.at_ns:
             return
-        self.state = self._carried(stamp_ns).into(self.state, self.chart.is_frozen)
+        now = self._trail.at(stamp_ns, self.is_located)
+        self.state = now.into(self.state, self.chart.is_frozen)
         steps = self.past.odometer.steps(self.at_ns, stamp_ns) if self._search.places else []
         self._search.predict(steps, self.settings.noise.odometry)
         self.at_ns = stamp_ns
 
     def _keep_up(self, newest_ns: int) -> None:
-        """Leave behind what no image can come for any more."""
-        oldest_ns = newest_ns - round(self.settings.delay_s * 1e9)
-        if self.at_ns < oldest_ns:
-            self._advance(oldest_ns)
-            self._catch_up(newest_ns)
+        """Leave behind what no image can come for any more; now and then, as that takes time."""
+        delay_ns = round(self.settings.delay_s * 1e9)
+        if self.at_ns < newest_ns - 2 * delay_ns:
+            self._advance(newest_ns - delay_ns)
+            self._retrace()
         self.past.forget(self.at_ns)
 
-    def _catch_up(self, newest_ns: int) -> None:
+    def _retrace(self) -> None:
         """What is known now, by the state and what was measured since."""
-        self._ahead = self._carried(newest_ns)
-
-    def _carried(self, stamp_ns: int) -> Carried:
-        carried = Carried(self.state)
-        self.past.carry(carried, self.at_ns, stamp_ns, self.is_located)
-        return carried
+        newest_ns = self.past.odometer.newest_ns
+        self._trail.restart(self.state, self.at_ns)
+        if newest_ns is not None:
+            self._trail.catch_up(newest_ns, self.is_located)
 
     def _now(self, stamp_ns: int) -> Now:
-        robot = self._ahead.robot
+        now = self._trail.newest
+        robot = now.robot
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = robot.R, robot.p
         change = about_itself(robot.p)
-        covariance = change @ self._ahead.P[POSE, POSE] @ change.T
+        covariance = change @ now.P[POSE, POSE] @ change.T
         T_map_odom = T @ inverse(to_matrix(self.past.odometer.newest))
         return Now(stamp_ns, T, T_map_odom, covariance, self.is_located)

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from ros_visualise.data import Floats
 from ros_visualise.landmarks.navigation.carried import Carried
-from ros_visualise.landmarks.navigation.inertial import ImuNoise, Inertial, by_imu
+from ros_visualise.landmarks.navigation.inertial import ImuNoise, Inertial, Parts, by_imu
 from ros_visualise.landmarks.navigation.motion import (
     OdometryNoise,
     Step,
@@ -19,9 +18,6 @@ from ros_visualise.landmarks.navigation.satellites import GpsNoise, Satellites, 
 
 _MEMORY = 0.99  # how much of the doubt stays with each odometry
 _TOO_MUCH = 0.2  # of the odometries
-
-Parts = list[tuple[float, Floats, Floats]]
-"""Seconds, rates and forces, as `Inertial.between` has them."""
 
 
 @dataclass(frozen=True)
@@ -57,28 +53,22 @@ class Past:
     def newest(self, carried: Carried, step: Step, is_located: bool) -> None:
         """Go on by a step that has just come; what does not fit is counted."""
         before = self.gps.used, self.gps.refused
-        fits, used, refused = self._go(carried, step, is_located)
+        fits, used, refused = self.go(carried, step, is_located)
         self.gps.used, self.gps.refused = before[0] + used, before[1] + refused
         self._doubt = _MEMORY * self._doubt + (1 - _MEMORY) * (not fits)
         self.is_imu_refused = self.is_imu_refused or self._doubt > _TOO_MUCH
 
-    def carry(self, carried: Carried, from_ns: int, to_ns: int, is_located: bool) -> None:
-        """Go on from one time to another."""
-        if to_ns > from_ns:
-            for step in self.odometer.steps(from_ns, to_ns):
-                self._go(carried, step, is_located)
+    def steps(self, from_ns: int, to_ns: int) -> list[Step]:
+        """The motions from one time to another, as the odometry tells them."""
+        return self.odometer.steps(from_ns, to_ns) if to_ns > from_ns else []
 
     def forget(self, before_ns: int) -> None:
         """Let go of what is older."""
         for one in (self.odometer, self.imu, self.gps):
             one.forget(before_ns)
 
-    def _parts(self, step: Step) -> Parts | None:
-        """What the IMU measured in that time."""
-        return None if self.is_imu_refused else self.imu.between(step.from_ns, step.to_ns)
-
-    def _go(self, carried: Carried, step: Step, is_located: bool) -> tuple[bool, int, int]:
-        """Whether the odometry fits to the IMU, and how many fixes did and did not."""
+    def go(self, carried: Carried, step: Step, is_located: bool) -> tuple[bool, int, int]:
+        """Go on by a step: whether the IMU fits to it, and how many fixes did and did not."""
         parts = self._parts(step) if is_located and is_speed_known(carried) else None
         fits = parts is None or self._by_imu(carried, step, parts)
         if parts is None or not (fits or step.is_long):
@@ -87,12 +77,15 @@ class Past:
         used = sum(correct(carried, fix, step.to_ns, self.noise.gps) for fix in fixes)
         return fits, used, len(fixes) - used
 
+    def _parts(self, step: Step) -> Parts | None:
+        """What the IMU measured in that time."""
+        return None if self.is_imu_refused else self.imu.between(step.from_ns, step.to_ns)
+
     def _by_imu(self, carried: Carried, step: Step, parts: Parts) -> bool:
         """Go on by an IMU, unless an odometry without a gap contradicts; whether that fits."""
         before = carried.copy()
         carried.remember()
-        for seconds, rates, force in parts:
-            by_imu(carried, seconds, rates, force, self.noise.imu)
+        by_imu(carried, parts, self.noise.imu)
         fits = step.is_guess or check_odometry(carried, step, self.noise.odometry)
         if not fits and not step.is_long:
             carried.become(before)

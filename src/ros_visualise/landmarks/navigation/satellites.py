@@ -87,19 +87,19 @@ class Satellites:
         self._fixes.append(Fix(stamp_ns, before_ns, enu, covariance, arm))
         return True
 
-    def place(self, state: State, now: Carried) -> None:
-        """Find out where GPS counts from, as soon as the robot has gone far enough for that."""
+    def place(self, state: State, now: Carried) -> bool:
+        """Find out where GPS counts from, as soon as the robot has gone far enough; whether now."""
         if self._is_placed or not self._fixes:
-            return
+            return False
         fix = self._fixes[-1]
         at = now.robot.p + now.robot.R @ fix.arm
         if self._first is None:
             self._first = fix.enu, at
-            return
+            return False
         (dx, dy), (east, north) = (at - self._first[1])[:2], (fix.enu - self._first[0])[:2]
         far = _BASE * np.sqrt(np.trace(fix.covariance[:2, :2]) / 2)
         if min(np.hypot(dx, dy), np.hypot(east, north)) < far:
-            return
+            return False
         yaw = np.arctan2(dy, dx) - np.arctan2(north, east)
         R = rotations.to_matrix(rotations.from_rpy([0.0, 0.0, yaw]))
         state.robot = replace(state.robot, datum_R=R, datum_p=at - R @ fix.enu)
@@ -107,6 +107,7 @@ class Satellites:
         vague = np.diag([_VAGUE_M**2] * 3 + [_VAGUE_RAD**2])
         state.covariance[DATUM, DATUM] = change @ vague @ change.T
         self._is_placed = True
+        return True
 
     def between(self, from_ns: int, to_ns: int) -> list[Fix]:
         """Those after a time, until another."""

@@ -42,7 +42,7 @@ def moved(twist: Floats, R: Floats, p: Floats) -> tuple[Floats, Floats]:
 def cross(points: Floats) -> Floats:
     """(..., 3, 3) matrices that take ``b`` to the cross product of ``points`` (..., 3) and it."""
     matrix = np.zeros((*points.shape, 3))
-    x, y, z = np.moveaxis(points, -1, 0)
+    x, y, z = points[..., 0], points[..., 1], points[..., 2]
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
     matrix[..., 1, 0], matrix[..., 2, 0], matrix[..., 2, 1] = z, -y, x
     return matrix

@@ -1,0 +1,76 @@
+"""Laws of the filter: what a direction tells of a landmark, and joined measurements of an IMU."""
+
+import cv2
+import numpy as np
+import pytest
+
+from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.inertial import ImuNoise, Part, by_imu
+from ros_visualise.landmarks.navigation.measuring import Pair, measure
+from ros_visualise.landmarks.navigation.robot import CORE, Robot
+from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
+from ros_visualise.landmarks.navigation.state import State
+
+DOWN = np.diag([1.0, -1.0, -1.0])
+
+
+def seen_post(ray):
+    """A post ahead and below of a robot, seen in a direction (3,) by a camera that looks down."""
+    state = State(Robot(p=np.array([1.0, 2, 10])), np.eye(CORE) * 1e-4)
+    state.add("post", np.eye(3), np.array([4.0, 1, 0]), np.eye(6) * 1e-2)
+    ray = np.asarray(ray) / np.linalg.norm(ray)
+    along = np.multiply.outer(ray, ray)
+    covariance = np.eye(6) * 1e6
+    covariance[:3, :3] = 1e-6 * (np.eye(3) - along) + 1e6 * along
+    sight = Sight(
+        "post", 7, 0.0, None, np.zeros((8, 8)), (SeenPose(None, ray, covariance, 0.9, False),)
+    )
+    return View(0, DOWN, np.zeros(3), (sight,), {}, b""), Pair(sight, "post"), state
+
+
+def test_noise_of_a_direction_is_in_no_jacobian():
+    """It would be multiplied with itself, and make every way look longer or shorter."""
+    noisy, right = [3.3, 0.8, 10.1], [3.0, 1.0, 10.0]
+    (one,), (other,) = (
+        measure(view, [pair], s) for view, pair, s in map(seen_post, (noisy, right))
+    )
+    np.testing.assert_allclose(one.of_landmark, other.of_landmark)
+    np.testing.assert_allclose(one.of_robot, other.of_robot)
+    np.testing.assert_allclose(other.residual, 0, atol=1e-12)
+
+
+def test_a_direction_tells_of_a_landmark_what_moving_it_changes():
+    view, pair, state = seen_post([3.0, 1.0, 10.0])
+    (before,) = measure(view, [pair], state)
+    for axis in range(3):
+        moved = np.zeros(CORE + 6)
+        moved[CORE + axis] = 1e-5
+        (after,) = measure(view, [pair], state.moved(moved))
+        expected = before.of_landmark[:, axis] * 1e-5
+        assert np.linalg.norm(after.residual) == pytest.approx(np.linalg.norm(expected), rel=1e-3)
+    away = np.array([4.0, 1, 0]) - state.p
+    np.testing.assert_allclose(before.of_landmark[:, :3] @ away, 0, atol=1e-12)
+
+
+def test_measurements_of_an_imu_joined_are_those_one_by_one():
+    random = np.random.default_rng(1)
+    robot = Robot(
+        R=cv2.Rodrigues(random.normal(size=3))[0],
+        p=random.normal(size=3) * 20,
+        v=random.normal(size=3) * 3,
+        gyro=random.normal(size=3) * 0.01,
+        accel=random.normal(size=3) * 0.1,
+    )
+    spread = random.normal(size=(CORE, CORE))
+    state, noise = State(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
+    parts = [
+        Part(0.01 + 0.002 * n, random.normal(size=3), random.normal(size=3) * 3) for n in range(5)
+    ]
+    joined, alone = Carried(state), Carried(state)
+    by_imu(joined, parts, noise)
+    for part in parts:
+        by_imu(alone, [part], noise)
+    np.testing.assert_allclose(joined.P, alone.P, rtol=1e-9, atol=1e-9)
+    for name in ("R", "p", "v"):
+        there, expected = getattr(joined.robot, name), getattr(alone.robot, name)
+        np.testing.assert_allclose(there, expected, rtol=1e-12)
