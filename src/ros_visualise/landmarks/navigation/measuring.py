@@ -114,20 +114,23 @@ def _pose(camera: Camera, pose: SeenPose, R: Floats, p: Floats, first: Floats) -
     noise, residual = pose.covariance[:3, :3], pose.t - away
     if pose.has_range:
         return Measured(residual, of_landmark, of_robot, noise)
-    return _direction(pose, away, of_landmark, of_robot)
+    first_away = back @ (first - camera.p)
+    return _direction(pose, away, first_away, of_landmark, of_robot)
 
 
-def _direction(pose: SeenPose, away: Floats, of_landmark: Floats, of_robot: Floats) -> Measured:
+def _direction(
+    pose: SeenPose, away: Floats, first_away: Floats, of_landmark: Floats, of_robot: Floats
+) -> Measured:
     """Two numbers: how far aside of where it is expected, as a part of its range.
 
-    Across the expected direction, not the measured one: Jacobians with the noise of what they are
-    multiplied by would make every way look longer or shorter than it is.
+    Jacobians know nothing of what was measured now, or they would be multiplied with its noise; nor
+    of what was learnt of the landmark since, or they would tell how long all ways are.
     """
-    range_m = float(np.linalg.norm(away))
-    expected, ray = away / range_m, pose.t / np.linalg.norm(pose.t)
-    across = np.linalg.svd(expected[None])[2][1:]
+    range_m = float(np.linalg.norm(first_away))
+    ahead, ray = first_away / range_m, pose.t / np.linalg.norm(pose.t)
+    across = np.linalg.svd(ahead[None])[2][1:]
     aside = across - np.multiply.outer(across @ ray, ray)
     noise = aside @ pose.covariance[:3, :3] @ aside.T / float(pose.t @ pose.t)
-    residual = across @ ray / max(float(expected @ ray), 1e-6)
+    residual = across @ (ray / max(ahead @ ray, 1e-6) - away / max(ahead @ away, 1e-6))
     project = across / range_m
     return Measured(residual, project @ of_landmark, project @ of_robot, noise)
