@@ -27,6 +27,12 @@ LEVEL = np.array([0.0, 0, 0, 1])
 S = 1_000_000_000
 
 
+@pytest.mark.parametrize("target", ["", " , "])
+def test_a_target_without_a_name_is_refused_in_one_line(target):
+    with pytest.raises(ParameterError, match="name what to land on"):
+        update(PARAMS, {"target": target})
+
+
 def moving(frame, child, place, turn, times=range(0, 61, 2)):
     return [
         TransformStamped(child, np.array(place, float), turn, Header(t * S // 10, frame))

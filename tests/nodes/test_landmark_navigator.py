@@ -138,7 +138,10 @@ def test_it_says_what_it_uses_and_refuses(params):
     assert (status.level, status.values["located"]) == (Level.OK, "True")
     assert status.values["used"] == "tag36h11_3, tag36h11_4"
     (first,) = told[0]["diagnostics"].statuses
-    assert (first.level, first.message) == (Level.ERROR, "looks for the landmarks of the map")
+    assert (first.level, first.message) == (
+        Level.ERROR,
+        "not located yet: one tag of the map in three images is needed",
+    )
     wrong = detections(3.0, np.array([2.0, 0, 5]))
     wrong = replace(wrong, detections=(wrong.detections[0], wrong.detections[0]))
     node.step(params, odometry=odometry(3.0, 1.0), frames=tree())

@@ -17,6 +17,7 @@ from ros_visualise.data import (
     PoseStamped,
     PoseWithCovarianceStamped,
 )
+from ros_visualise.errors import ParameterError
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.landing.relative import Axes, relative_to
@@ -89,6 +90,15 @@ class LandingTargetParams:
         group="sureness",
     )
 
+    def __post_init__(self) -> None:
+        if not self.names:
+            raise ParameterError(f"target={self.target!r}: name what to land on, such as pad")
+
+    @property
+    def names(self) -> set[str]:
+        """The classes to land on."""
+        return {name.strip() for name in self.target.split(",")} - {""}
+
 
 @node(
     "landing_target",
@@ -145,7 +155,7 @@ class LandingTarget:
         return {"answers": self._answers, "refused": refused, "losses": self._losses}
 
     def _observe(self, found: Detections, params: LandingTargetParams, frames: FrameTree) -> None:
-        names = {name.strip() for name in params.target.split(",")}
+        names = params.names
         stamp_ns = found.header.stamp_ns
         ours = [
             [h for h in one.hypotheses if h.class_id in names]

@@ -131,6 +131,7 @@ def _direction(
     across = np.linalg.svd(ahead[None])[2][1:]
     aside = across - np.multiply.outer(across @ ray, ray)
     noise = aside @ pose.covariance[:3, :3] @ aside.T / float(pose.t @ pose.t)
-    residual = across @ (ray / max(ahead @ ray, 1e-6) - away / max(ahead @ away, 1e-6))
+    seen, expected = (one / max(float(ahead @ one), 1e-6) for one in (ray, away))
+    residual = across @ (seen - expected)
     project = across / range_m
     return Measured(residual, project @ of_landmark, project @ of_robot, noise)

@@ -89,7 +89,7 @@ class Navigator:
         self.chart = Chart(self.settings.rules, self._known)
         self.judged = Judged()
         self.is_located = False
-        self.trouble = "looks for the landmarks of the map"
+        self.trouble = "not located yet: one tag of the map in three images is needed"
         self.past = Past(self.settings.noise)
         self._search = Search()
         self._trail = Trail(self.past, self.state)
@@ -101,10 +101,14 @@ class Navigator:
         self._last_print: bytes = b""
         self._has_pose = False
 
+    @property
+    def found_by(self) -> set[str]:
+        """Tags that tell so far where it may be, while it looks for that."""
+        return self._search.names
+
     def configure(self, settings: Settings) -> None:
         """Go on with other settings."""
-        self.settings = settings
-        self.past.noise = settings.noise
+        self.settings, self.past.noise = settings, settings.noise
 
     def odometry(self, stamp_ns: int, pose: Pose) -> Now | None:
         """Go on by an odometry, T_odom_base; None while nothing is known of where the robot is."""
@@ -183,9 +187,10 @@ class Navigator:
             self._lose("the odometry has jumped")
 
     def _lose(self, why: str) -> None:
-        self.is_located, self.trouble = False, f"lost: {why}"
+        self.is_located = False
+        self.trouble = f"lost: {why}; two different tags of the map are needed to find it again"
         self.counts["losses"] += 1
-        log.warning("%s; two different tags of the map are needed to find it again", self.trouble)
+        log.warning("%s", self.trouble)
 
     def _go_on(self, step: Step) -> None:
         """Go on by the newest odometry."""

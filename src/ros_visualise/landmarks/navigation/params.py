@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ros_visualise.errors import UsageError
+from ros_visualise.errors import ParameterError
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.landmarks.navigation.chart import Mode, Rules
 from ros_visualise.landmarks.navigation.inertial import ImuNoise
@@ -160,12 +160,16 @@ class GpsParams:
         group="gps",
     )
 
+    def __post_init__(self) -> None:
+        """Refuse a place that is none."""
+        _ = self.origin
+
     @property
     def origin(self) -> tuple[float, float, float] | None:
         """The place that `gps_origin` names.
 
         Raises:
-            UsageError: it is none.
+            ParameterError: it is none.
         """
         if not self.gps_origin.strip():
             return None
@@ -174,7 +178,7 @@ class GpsParams:
         except ValueError:
             latitude = longitude = altitude = math.nan
         if not (abs(latitude) <= 90 and abs(longitude) <= 180 and math.isfinite(altitude)):
-            raise UsageError(
+            raise ParameterError(
                 f"gps_origin={self.gps_origin}: give latitude, longitude, altitude: 49.0, 8.4, 116"
             )
         return latitude, longitude, altitude
@@ -222,11 +226,7 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
     )
 
     def settings(self) -> Settings:
-        """The same, in the units of the filter.
-
-        Raises:
-            UsageError: `gps_origin` is no place.
-        """
+        """The same, in the units of the filter."""
         odometry = OdometryNoise(
             self.odom_scale,
             self.odom_turn_scale,

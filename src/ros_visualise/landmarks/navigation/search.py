@@ -89,6 +89,11 @@ class Search:
             self._begin(view, sights, known, prior)
         self._thin_out()
 
+    @property
+    def names(self) -> set[str]:
+        """The landmarks that the likeliest place was told by."""
+        return self.places[0].names if self.places else set()
+
     def found(self, least_names: int) -> State | None:
         """The state at the one place that is left; None while that is not decided."""
         if not self.places:

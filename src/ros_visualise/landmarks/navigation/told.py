@@ -81,6 +81,7 @@ def diagnostics_of(navigator: Navigator, now: Now | None, header: Header) -> Dia
         "located": str(navigator.is_located),
         "position sigma (m)": f"{np.linalg.norm(sigmas[:3]):.3f}",
         "heading sigma (deg)": f"{np.degrees(sigmas[5]):.2f}",
+        "found so far by": ", ".join(sorted(navigator.found_by)),
         "used": ", ".join(judged.used),
         "watched": ", ".join(judged.watched),
         "landmarks": str(sum(one.is_used for one in navigator.chart.landmarks.values())),
