@@ -20,14 +20,15 @@ def test_each_pixel_is_found_where_it_is_drawn(shape):
     zoom.draw(picture)
     image = Image(Drawn(figure), "bgr8")
     is_white = (image.pixels == 255).all(axis=2)
-    is_white[:, image.width // 2 - 8 : image.width // 2 + 8] = False  # the gap, and the page
+    edge = round(image.width * zoom.place(chosen[0] - 3.5, 0)[0] / figure.width)
+    is_white[:, edge - 18 : edge + 2] = False  # the gap, and the page
     rows, columns = np.nonzero(cv2.erode(is_white.astype(np.uint8), np.ones((5, 5))))
     found = {
         pixel_at(image, (column + 0.5) / image.width, (row + 0.5) / image.height)
         for row, column in zip(rows[::7].tolist(), columns[::7].tolist(), strict=True)
     }
     assert found <= {chosen, None}
-    zoomed = columns > image.width / 2
+    zoomed = columns > edge
     assert zoomed.sum() > 1000
     middle = columns[zoomed].mean() / image.width, rows[zoomed].mean() / image.height
     assert pixel_at(image, *middle) == chosen
@@ -40,7 +41,7 @@ def test_a_pixel_beside_the_one_enlarged_can_be_chosen_and_none_beyond_the_pictu
     for x, y in [(17, 7), (23, 13), (20, 12)]:
         place = zoom.place(x, y) / [figure.width, figure.height]
         assert pixel_at(image, *place) == (x, y)
-    assert pixel_at(image, 0.5, 0.5) is None, "between the pictures there is nothing"
+    assert pixel_at(image, 244 / figure.width, 0.5) is None, "between the pictures there is nothing"
 
 
 def test_what_was_chosen_stays_in_the_picture():

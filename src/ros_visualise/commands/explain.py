@@ -10,6 +10,7 @@ from ros_visualise.commands import play
 from ros_visualise.errors import OpenError
 from ros_visualise.lessons import TOPICS, find_lesson
 from ros_visualise.lessons.handout import PAGE
+from ros_visualise.pipelines import robots
 from ros_visualise.printing import answer, say
 
 
@@ -24,9 +25,11 @@ def run(args: Namespace) -> int:
         return play.run(args)
     page = args.export / PAGE
     _prepare(page, args.overwrite)
-    args.view, args.rate = "none", 0.0
+    args.view = "none"
+    args.rate = 1.0 if lesson.in_time else 0.0
     if args.frames is None and args.duration is None:
-        args.duration = lesson.export_s or None
+        is_recorded = lesson.streams and args.input not in (None, *robots())
+        args.duration = None if is_recorded else lesson.export_s or None
         args.frames = None if lesson.export_s else 1
     status = play.run(args)
     if page.exists():

@@ -34,10 +34,10 @@ class _Sensor(NamedTuple):
     """Where its name is in 3D: names of neighbours must not cover one another."""
 
 
-_VELODYNE = _Sensor("Velodyne", (0.81, 0.32, 1.73), RED, (0.22, 0.22, 0.28), (0.2, 0.8, 2.4))
+_VELODYNE = _Sensor("Velodyne", (0.81, 0.32, 1.73), RED, (0.22, 0.22, 0.28), (0.4, 0.4, 2.8))
 _CAMERAS = (
-    _Sensor("gray cameras", (1.08, 0.32, 1.65), BLUE, (0.12, 0.05, 0.05), (1.6, 0.9, 2.0)),
-    _Sensor("colour cameras", (1.08, 0.26, 1.65), GREEN, (0.12, 0.05, 0.05), (1.8, -0.9, 2.0)),
+    _Sensor("gray cameras", (1.08, 0.32, 1.65), BLUE, (0.12, 0.05, 0.05), (1.6, 1.6, 2.0)),
+    _Sensor("colour cameras", (1.08, 0.26, 1.65), GREEN, (0.12, 0.05, 0.05), (1.8, -1.2, 2.0)),
 )
 _INERTIAL = _Sensor("GPS and IMU", (0.0, 0.0, _IMU_UP), ORANGE, (0.3, 0.2, 0.15), (-0.6, 0, 2.0))
 _SENSORS = (_VELODYNE, *_CAMERAS, _INERTIAL)
@@ -50,22 +50,23 @@ def figure() -> Figure:
     length, width, height = _SIZE * scale
     left = middle - length / 2
     for name, top, tall in (
-        ("from the side: heights above the road", 210 - height, height),
+        ("from the side, and heights above the road", 210 - height, height),
         ("from above", 270.0, width),
     ):
-        drawn.text(left, top - 12, name, 13)
+        drawn.text(left + 8, top + 24, name, 17)
         frame(drawn, (left, top, length, tall), GRAY, 2)
     drawn.line(np.array([[left - 40, 230], [left + length + 40, 230]]), GRAY, 1)
     for x in (left + 90, left + length - 90):
         drawn.dot(x, 210, 20, GRAY)
     for number, sensor in enumerate(_SENSORS):
-        ahead, aside, up = sensor.place
+        ahead, _, up = sensor.place
         x = middle + (ahead - _MIDDLE[0]) * scale
         drawn.dot(x, 230 - up * scale, 7, sensor.color)
-        drawn.dot(x, 270 + width / 2 - (aside - _MIDDLE[1]) * scale, 7, sensor.color)
+        for place in _asides(sensor):
+            drawn.dot(x, 270 + width / 2 - (place - _MIDDLE[1]) * scale, 7, sensor.color)
         row, column = divmod(number, 2)
         drawn.dot(left + 240 * column + 6, 480 + 26 * row, 6, sensor.color)
-        drawn.text(left + 240 * column + 20, 485 + 26 * row, f"{sensor.name}, {up:.2f} m", 13)
+        drawn.text(left + 240 * column + 20, 486 + 26 * row, f"{sensor.name}, {up:.2f} m", 17)
     return drawn
 
 
@@ -96,12 +97,17 @@ def _body() -> Iterator[Marker]:
             yield Marker(MarkerType.CYLINDER, place, lying, size, _rgba((50, 50, 50)))
 
 
+def _asides(sensor: _Sensor) -> list[float]:
+    """How far it is to the left; of a pair both."""
+    aside = sensor.place[1]
+    return [aside, aside - _BASELINE_M] if sensor in _CAMERAS else [aside]
+
+
 def _named(sensor: _Sensor) -> Iterator[Marker]:
     """A sensor, or a pair of cameras, with its name."""
     kind = MarkerType.CYLINDER if sensor is _VELODYNE else MarkerType.CUBE
-    places = [_at(*sensor.place)]
-    if sensor in _CAMERAS:
-        places.append(places[0] - [0, _BASELINE_M, 0])
+    ahead, _, up = sensor.place
+    places = [_at(ahead, aside, up) for aside in _asides(sensor)]
     for place in places:
         yield Marker(kind, place, scale_xyz=np.array(sensor.size), color_rgba=_rgba(sensor.color))
     label, letters = _at(*sensor.label), np.full(3, _LETTERS_M)

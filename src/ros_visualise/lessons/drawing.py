@@ -11,6 +11,9 @@ from ros_visualise.data import Floats, Pixels
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Box, Color, Figure
 
+WIDTH = 480
+"""Of figures with texts: in a window of some 300 pixels they can be read."""
+
 INK: Color = (40, 40, 40)
 BLUE: Color = (31, 111, 178)
 RED: Color = (200, 50, 40)
@@ -64,12 +67,12 @@ def draw_histogram(figure: Figure, box: Box, pixels: Pixels, color: Color = GRAY
     return axes
 
 
-def draw_level(axes: Axes, level: float, top: float, color: Color) -> None:
+def draw_level(axes: Axes, level: float, top: float, color: Color, foot: float = 0.0) -> None:
     """A vertical line at a level."""
-    axes.curve(np.array([[level, 0.0], [level, top]]), color, 2)
+    axes.curve(np.array([[level, foot], [level, top]]), color, 2)
 
 
-def titled(pictures: Sequence[tuple[str, Pixels]], columns: int, width: int = 640) -> Figure:
+def titled(pictures: Sequence[tuple[str, Pixels]], columns: int, width: int = WIDTH) -> Figure:
     """Pictures of one size in a grid, each below its title."""
     height, across = pictures[0][1].shape[:2]
     cell = width / columns

@@ -22,7 +22,7 @@ PAGE = "index.html"
 
 _STYLE = """body { font: 16px/1.5 sans-serif; max-width: 50em; margin: 2em auto; padding: 0 1em; }
 img { width: 100%; } figcaption { font-size: .8em; }
-pre { background: #f2f2f2; padding: .6em 1em; overflow-x: auto; }"""
+pre { background: #f2f2f2; padding: .6em 1em; overflow-x: auto; font-size: min(.9rem, 2.9vw); }"""
 
 
 def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: bool) -> Any:

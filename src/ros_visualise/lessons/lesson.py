@@ -43,12 +43,14 @@ class Lesson:
     Attributes:
         name: its name on the command line.
         about: a sentence that tells what one sees.
-        intro: the text that it begins with.
+        intro: the text about its picture; empty where the steps take a stream.
         steps: its nodes; they follow the node ``picture``, which gives them the picture.
         sample: the source that is at hand where a person names none, and its parameters.
         streams: its steps take the messages of a source as they come, not a picture.
         plays: it is to be seen in motion, so it does not begin paused.
-        export_s: so many seconds are looked at before it is written down; 0: one picture.
+        export_s: so many seconds are looked at before it is written down; 0: one picture. Of a
+            recording whose messages are taken as they come it is all.
+        in_time: before it is written down it is played as fast as it was recorded, not faster.
     """
 
     name: str
@@ -59,6 +61,7 @@ class Lesson:
     streams: bool = False
     plays: bool = False
     export_s: float = 0.0
+    in_time: bool = False
 
 
 class Drawn(Deferred):

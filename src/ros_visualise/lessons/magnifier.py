@@ -14,7 +14,7 @@ from ros_visualise.lessons.lesson import Drawn
 from ros_visualise.params import param
 from ros_visualise.sinks.figure import Box, Color, Figure
 
-_SIDE = 320  # of the pictures on the left, and of the pixels on the right
+_LEFT, _SIDE = 240, 400  # width of the pictures on the left, and of the pixels on the right
 _GAP = 8
 
 
@@ -83,7 +83,7 @@ class Zoom:
                 ink = (0, 0, 0) if is_bright else (255, 255, 255)
                 place = self.place(column, row)
                 text = f"{numbers[row, column]:.0f}"
-                size = min(13.0, 1.5 * self._side / len(text))
+                size = min(17.0, 1.5 * self._side / len(text))
                 self._figure.text(place[0], place[1] + size / 3, text, size, "middle", ink)
 
     def mark(self, x: int, y: int, color: Color) -> None:
@@ -109,12 +109,12 @@ def magnified(
     """
     height, width = pictures[0].shape[:2]
     each = (_SIDE - _GAP * (len(pictures) - 1)) / len(pictures)
-    scale = min(_SIDE / width, each / height)
-    figure = Figure(2 * _SIDE + _GAP, _SIDE)
+    scale = min(_LEFT / width, each / height)
+    figure = Figure(_LEFT + _GAP + _SIDE, _SIDE)
     for number, picture in enumerate(pictures):
         top = number * (height * scale + _GAP)
         figure.picture((0, top, width * scale, height * scale), picture, (0, 0))
     half = (reach + 0.5) * scale + 3
     left, top = (pixel[0] + 0.5) * scale - half, (pixel[1] + 0.5) * scale - half
     frame(figure, (left, top, 2 * half, 2 * half), YELLOW)
-    return figure, Zoom(figure, (_SIDE + _GAP, 0, _SIDE, _SIDE), pixel, reach)
+    return figure, Zoom(figure, (_LEFT + _GAP, 0, _SIDE, _SIDE), pixel, reach)

@@ -85,10 +85,17 @@ class Axes:
 
 
 def marks(low: float, high: float, about: float) -> list[tuple[float, str]]:
-    """Round numbers from low to high and how to write them, some ``about`` of them."""
+    """Round numbers from low to high and how to write them, some ``about`` of them; two, if so
+    few are round."""
     rough = (high - low) / about
     power = 10.0 ** math.floor(math.log10(rough))
-    step = next(step for step in (power, 2 * power, 5 * power, 10 * power) if step >= rough)
+    steps = [factor * power for factor in (0.5, 1, 2, 5, 10)]
+    chosen = next(number for number, step in enumerate(steps) if step >= rough)
+    found = _multiples(low, high, steps[chosen])
+    return found if len(found) > 1 else _multiples(low, high, steps[chosen - 1])
+
+
+def _multiples(low: float, high: float, step: float) -> list[tuple[float, str]]:
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     numbers = range(math.ceil(low / step), math.floor(high / step) + 1)
     return [(number * step, f"{number * step:.{digits}f}") for number in numbers]

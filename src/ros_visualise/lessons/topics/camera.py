@@ -227,6 +227,7 @@ def _through(bgr: Pixels, K: Floats, D: Floats) -> Pixels:
 def _grid(width: int, height: int) -> list[Floats]:
     """Straight lines across the picture, (N, 2) each."""
     step = max(width, height) / _GRID
-    x, y = np.arange(0.0, width + step, step / 8), np.arange(0.0, height + step, step / 8)
-    across = [np.stack([x, np.full_like(x, level)], axis=1) for level in np.arange(0, height, step)]
-    return across + [np.stack([np.full_like(y, at), y], axis=1) for at in np.arange(0, width, step)]
+    x, y = np.linspace(0.0, width - 1, 100), np.linspace(0.0, height - 1, 100)
+    rows, columns = (np.arange(0, size, step) for size in (height, width))
+    across = [np.stack([x, np.full_like(x, row)], axis=1) for row in rows]
+    return across + [np.stack([np.full_like(y, column), y], axis=1) for column in columns]

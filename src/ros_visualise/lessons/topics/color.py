@@ -17,9 +17,8 @@ from ros_visualise.data import (
     MarkerType,
     Message,
     Pixels,
-    PointCloud,
 )
-from ros_visualise.lessons.drawing import GRAY, titled
+from ros_visualise.lessons.drawing import GRAY, WIDTH, titled
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
@@ -28,15 +27,14 @@ from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.color import hsv_mask
 
-_SIDE = 10.0
-"""Length of the cube's edges in 3D, metres."""
-_POINT = np.dtype([("x", "f4"), ("y", "f4"), ("z", "f4"), ("rgb", "f4")])
+_SIDE, _DOT, _LETTERS = 2.6, 0.03, 0.18
+"""In 3D, metres: the cube's edges, the points, the names of its corners."""
 _EDGES = [[one, one ^ bit] for one in range(8) for bit in (1, 2, 4) if not one & bit]
 """Pairs of the cube's corners, numbered by the bits of x, y and z."""
 _TURN, _TILT = np.radians(-35), np.radians(25)
 
 
-_GIVES = {**GIVES, "points": PointCloud, "axes": MarkerArray}
+_GIVES = {**GIVES, "markers": MarkerArray}
 _CORNERS = {"black": (0, 0, 0), "red": (1, 0, 0), "green": (0, 1, 0), "blue": (0, 0, 1),
             "white": (1, 1, 1)}  # fmt: skip
 
@@ -67,7 +65,7 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
         line, and the more a gray picture tells of them.
         """
     return show(image, _draw_cube(chosen), text, kinds=kinds, share=100 * axes[-1] / axes.sum()) | {
-        "points": _cloud(chosen, image.header)
+        "markers": _markers(chosen, image.header)
     }
 
 
@@ -128,15 +126,16 @@ def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
     bgr = work_of(image, np.ndarray)
     low = params.hue_low, params.saturation, params.value
     mask = hsv_mask(bgr, "BGR", low, (params.hue_high, 255, 255))
+    dim = cv2.cvtColor(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY) // 3, cv2.COLOR_GRAY2BGR)
     text = """
         Light and shadow change R, G and B together, and the hue hardly: so a thing is chosen by
         its hue, from {low} to {high} here, that is {low_degrees}° to {high_degrees}°. Grays have no
         hue, so the saturation has to be {saturation} at least. {share:.1f} % of the pixels are in
-        this range.
+        this range, and keep their colours; the others are dark and gray.
         """
     return show(
         image,
-        cv2.bitwise_and(bgr, bgr, mask=mask),
+        np.where(mask[..., None] > 0, bgr, dim),
         text,
         low=params.hue_low,
         high=params.hue_high,
@@ -192,59 +191,63 @@ LESSON = Lesson(
 )
 
 
-def _cloud(colors: Pixels, header: Header) -> PointCloud:
-    """Colours (N, 3) in BGR as points: x red, y green, z blue."""
-    points = np.zeros(len(colors), _POINT)
-    for axis, channel in zip("xyz", (2, 1, 0), strict=True):
-        points[axis] = colors[:, channel] * (_SIDE / 255)
-    packed = colors.astype(np.uint32) @ np.array([1, 1 << 8, 1 << 16], np.uint32)
-    points["rgb"] = packed.astype(np.uint32).view(np.float32)
-    return PointCloud(points, True, header)
-
-
-def _axes(header: Header) -> MarkerArray:
-    """The edges of the cube, and the names of its corners."""
-    corners = np.array(list(product((0.0, _SIDE), repeat=3)))
-    edges = [corners[pair, :] for pair in _EDGES]
-    lines = Marker(
+def _markers(colors: Pixels, header: Header) -> MarkerArray:
+    """Colours (N, 3) in BGR in the cube: x is red, y green, z blue; its middle is the origin."""
+    rgb = colors[:, ::-1] / 255
+    corners = np.array(list(product((0.0, 1.0), repeat=3)))
+    points = Marker(
+        MarkerType.POINTS,
+        scale_xyz=np.full(3, _DOT),
+        points_xyz=_place(rgb),
+        colors_rgba=np.column_stack([rgb, np.ones(len(rgb))]),
+        header=header,
+    )
+    edges = Marker(
         MarkerType.LINE_LIST,
-        scale_xyz=np.full(3, 0.03),
+        scale_xyz=np.full(3, 0.01),
         color_rgba=np.array([0.6, 0.6, 0.6, 1], np.float32),
-        points_xyz=np.concatenate(edges),
+        points_xyz=_place(corners[np.array(_EDGES).ravel()]),
+        id=1,
         header=header,
     )
     names = [
         Marker(
             MarkerType.TEXT_VIEW_FACING,
-            position_xyz=np.array(place) * _SIDE * 1.06,
-            scale_xyz=np.full(3, 0.5),
+            position_xyz=_place(np.array(corner)) * 1.1,
+            scale_xyz=np.full(3, _LETTERS),
             text=name,
             id=number,
             header=header,
         )
-        for number, (name, place) in enumerate(_CORNERS.items(), 1)
+        for number, (name, corner) in enumerate(_CORNERS.items(), 2)
     ]
-    return MarkerArray((lines, *names))
+    return MarkerArray((points, edges, *names))
+
+
+def _place(rgb: Floats) -> Floats:
+    """Where colours from 0 to 1 are in 3D, metres."""
+    places: Floats = (rgb - 0.5) * _SIDE
+    return places
 
 
 def _draw_cube(colors: Pixels) -> Figure:
     """The cube seen at a slant, the nearest points last."""
-    side = 480
-    figure = Figure(640, side)
-    picture = np.full((side, 640, 3), 255, np.uint8)
+    side = 400
+    figure = Figure(WIDTH, side)
+    picture = np.full((side, WIDTH, 3), 255, np.uint8)
     rgb = colors[:, ::-1].astype(float) / 255
     places, depth = _project(rgb, side)
     order = depth.argsort()[::-1]
     column, row = np.rint(places[order]).astype(int).T
     for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
         picture[row + shift[1], column + shift[0]] = colors[order]
-    figure.picture((0, 0, 640, side), picture)
+    figure.picture((0, 0, WIDTH, side), picture)
     shown, _ = _project(np.array(list(product((0.0, 1.0), repeat=3))), side)
     for pair in _EDGES:
         figure.line(shown[pair, :], GRAY, 1)
     for name, place in _CORNERS.items():
         x, y = _project(np.array([place], float), side)[0][0]
-        figure.text(x + 6, y - 6, name, 13)
+        figure.text(x + 6, y - 6, name, 15)
     return figure
 
 
@@ -256,4 +259,4 @@ def _project(rgb: Floats, side: int) -> tuple[Floats, Floats]:
     up = z * np.cos(_TILT) + away * np.sin(_TILT)
     depth = away * np.cos(_TILT) - z * np.sin(_TILT)
     scale = 0.56 * side
-    return np.stack([320 + across * scale, side / 2 - up * scale], axis=1), depth
+    return np.stack([WIDTH / 2 + across * scale, side / 2 - up * scale], axis=1), depth

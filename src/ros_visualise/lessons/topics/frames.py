@@ -11,7 +11,7 @@ from ros_visualise.data import Floats, Message, Odometry, Transforms
 from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, INK, RED
+from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, INK, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
 from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
 from ros_visualise.nodes import node
@@ -19,7 +19,6 @@ from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
-_WIDTH = 640
 _PERIOD_NS = 1_000_000_000
 _ROW, _INDENT = 30, 34
 _MOST = 100_000  # poses that are kept
@@ -58,12 +57,13 @@ class Tree:
         source = params.source or deepest
         target = params.target or chains.get(source, [source])[0]
         text = """
-            Each part of a robot has a frame: an origin and three axes. Each frame is placed in one
+            Where is the camera, seen from the map? Each part of a robot has a frame: an origin and
+            three axes. Each frame is placed in one
             other, its parent, so that all make a tree: {count} frames here. tf answers where a
             frame is in any other, at any time of the last seconds, by multiplying the transforms on
             the way:
 
-                {product}
+            {product}
 
             {answer}
 
@@ -179,10 +179,7 @@ class Drift:
 LESSON = Lesson(
     "frames",
     "the tree of frames, what tf answers, and odometry beside the truth: why it drifts",
-    """
-    Where is the camera, seen from the map? Give a recording with tf and odometry; without one, a
-    simulated rover drives a square.
-    """,
+    "",
     [Step(Tree), Step(Drift)],
     sample=("husky", {"world": "plane", "mission": "square", "camera": False, "lidar": False}),
     streams=True,
@@ -203,12 +200,14 @@ def _product(target: str, chain: list[str]) -> str:
     """How the transform to the last of a chain is put together."""
     below = chain[chain.index(target) :] if target in chain else [target, chain[-1]]
     links = [f"T({parent} ← {child})" for parent, child in pairwise(below)]
-    return f"T({target} ← {chain[-1]}) = {' · '.join(links) or 'I'}"
+    lines = [f"    T({target} ← {chain[-1]})", f"      = {links[0] if links else 'I'}"]
+    return "\n".join(lines + [f"      · {link}" for link in links[1:]])
 
 
 def _answer(T: Floats, target: str, source: str) -> str:
-    x, y, z = T[:3, 3]
-    roll, pitch, yaw = np.degrees(rotations.to_rpy(rotations.from_matrix(T[:3, :3])))
+    x, y, z = T[:3, 3].round(3) + 0.0  # no minus before a zero
+    angles = np.degrees(rotations.to_rpy(rotations.from_matrix(T[:3, :3])))
+    roll, pitch, yaw = angles.round(1) + 0.0
     turned = f"roll {roll:.1f}°, pitch {pitch:.1f}°, yaw {yaw:.1f}°"
     return f"Now {source} is at ({x:.3f}, {y:.3f}, {z:.3f}) m in {target}, with {turned}."
 
@@ -217,7 +216,7 @@ def _draw_tree(chains: dict[str, list[str]]) -> Figure:
     """Each frame below its parent, and a line between them."""
     order = sorted(chains.values())
     rows = {chain[-1]: number for number, chain in enumerate(order)}
-    figure = Figure(_WIDTH, max(_ROW * len(rows) + 20, 60))
+    figure = Figure(WIDTH, max(_ROW * len(rows) + 20, 60))
     for chain in order:
         left, top = 20 + _INDENT * (len(chain) - 1), 26 + _ROW * rows[chain[-1]]
         if len(chain) > 1:
@@ -236,15 +235,15 @@ def _draw_way(
     ways: list[tuple[Floats, tuple[int, int, int]]], error: tuple[Floats, Floats] | None = None
 ) -> Figure:
     """Ways from above, and below them how the error grows."""
-    figure = Figure(_WIDTH, 620 if error else 430)
+    figure = Figure(WIDTH, 620 if error else 430)
     every = np.concatenate([places for places, _ in ways])
-    axes = Axes(figure, (70, 30, _WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)
+    axes = Axes(figure, (70, 30, WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)
     axes.draw("x (m)", "y (m)")
     for places, color in ways:
         axes.curve(places, color)
     if error is not None:
         points = np.stack([(error[0] - error[0][0]) / 1e9, error[1]], axis=1)
-        below = Axes(figure, (70, 440, _WIDTH - 90, 130), np.zeros(2), points.max(axis=0))
+        below = Axes(figure, (70, 440, WIDTH - 90, 130), np.zeros(2), points.max(axis=0))
         below.draw("time (s)", "error (m)")
         below.curve(points, RED)
     return figure

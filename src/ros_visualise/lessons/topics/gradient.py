@@ -7,9 +7,20 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import BLUE, RED, YELLOW, by_direction, levels, titled
+from ros_visualise.data import Floats, Image, Message, Pixels
+from ros_visualise.lessons.drawing import (
+    BLUE,
+    ORANGE,
+    RED,
+    WIDTH,
+    YELLOW,
+    by_direction,
+    draw_level,
+    levels,
+    titled,
+)
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
 from ros_visualise.nodes import node
 from ros_visualise.params import param
@@ -17,42 +28,41 @@ from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.edges import Aperture
 
-_WIDTH, _CURVE = 640, 190
+_CURVE, _BAND = 150, 200
 
 
-@dataclass(frozen=True)
-class ProfileParams:
-    """Along which line."""
-
-    row: int = param(-1, "row of the picture; -1: the middle", min=-1, max=4096, slider=(-1, 480))
-
-
-@node("profile", params=ProfileParams, inputs=TAKES, outputs=GIVES)
-def profile(image: Image, params: ProfileParams) -> dict[str, Message]:
+@node("profile", params=PixelParams, inputs=TAKES, outputs=GIVES)
+def profile(image: Image, params: PixelParams) -> dict[str, Message]:
     """The gray along a row, and its derivative."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
-    row = gray.shape[0] // 2 if params.row < 0 else min(params.row, gray.shape[0] - 1)
+    height, width = gray.shape
+    row = height // 2 if params.y < 0 else min(params.y, height - 1)
     slope = central_difference(gray[row])
-    x = int(np.abs(slope).argmax())
+    steepest = int(np.abs(slope).argmax())
+    x = steepest if params.x < 0 else min(params.x, width - 1)
     text = """
-        Along row {row}, yellow, the gray is a curve, blue. Its derivative, red, says how fast it
-        changes; between pixels there is nothing, so the difference of the neighbours is taken:
+        Along row {row}, yellow, the gray is a curve f, blue. Its derivative, red, says how fast it
+        changes. Between two pixels there is nothing, so half the difference of both neighbours is
+        taken:
 
             f'(x) ≈ (f(x + 1) − f(x − 1)) / 2
 
-        It is farthest from zero at an edge. Here that is {slope:+.1f} levels per pixel at x = {x},
-        where the gray goes from {before} to {after}.
+        At x = {x}, orange: ({after} − {before}) / 2 = {slope:+.1f} levels a pixel. In this row it
+        is farthest from zero at x = {steepest}, {most:+.1f}: there is an edge. Click at another
+        pixel.
         """
     return show(
         image,
-        _draw_profile(gray, row, slope),
+        _draw_profile(gray, (x, row), slope),
         text,
         gray,
         row=row,
-        slope=slope[x],
         x=x,
         before=int(gray[row, max(x - 1, 0)]),
-        after=int(gray[row, min(x + 1, gray.shape[1] - 1)]),
+        after=int(gray[row, min(x + 1, width - 1)]),
+        slope=slope[x],
+        steepest=steepest,
+        most=slope[steepest],
     )
 
 
@@ -204,14 +214,26 @@ def _signed(values: Pixels, top: float) -> Pixels:
     return shown
 
 
-def _draw_profile(gray: Pixels, row: int, slope: Pixels) -> Figure:
-    """The picture with its row, and below it the gray and its derivative, at the same places."""
-    shown = (_WIDTH - 70) * gray.shape[0] / gray.shape[1]
-    figure = Figure(_WIDTH, round(shown + 2 * _CURVE))
-    left, across = 60, _WIDTH - 70
-    figure.picture((left, 0, across, shown), gray)
-    place = shown * (row + 0.5) / gray.shape[0]
+def _draw_profile(gray: Pixels, pixel: tuple[int, int], slope: Floats) -> Figure:
+    """A band of the picture with a row, and below it the gray and its derivative at these places.
+
+    Args:
+        gray: the picture.
+        pixel: (x, y), what is looked at in which row.
+        slope: of the row.
+    """
+    at, row = pixel
+    left, across = 60, WIDTH - 70
+    scale = across / gray.shape[1]
+    rows = min(gray.shape[0], max(round(_BAND / scale), 1))
+    first = min(max(row - rows // 2, 0), gray.shape[0] - rows)
+    shown = scale * rows
+    figure = Figure(WIDTH, round(shown + 2 * _CURVE))
+    band = np.ascontiguousarray(gray[first : first + rows])
+    figure.picture((left, 0, across, shown), band, (0, first))
+    place = scale * (row - first + 0.5)
     figure.line(np.array([[left, place], [left + across, place]]), YELLOW, 2)
+    figure.dot(left + scale * (at + 0.5), place, 4, ORANGE)
     x = np.arange(len(slope))
     curves = ((gray[row].astype(float), "f", BLUE), (slope, "f'", RED))
     for number, (values, name, color) in enumerate(curves):
@@ -220,4 +242,5 @@ def _draw_profile(gray: Pixels, row: int, slope: Pixels) -> Figure:
         axes = Axes(figure, box, points.min(axis=0), points.max(axis=0))
         axes.draw("x (pixels)", name)
         axes.curve(points, color)
+        draw_level(axes, at, values.max(), ORANGE, values.min())
     return figure

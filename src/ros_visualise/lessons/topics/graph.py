@@ -9,15 +9,15 @@ from time import monotonic_ns, sleep
 import numpy as np
 
 from ros_visualise.data import Floats, Image, Message
-from ros_visualise.lessons.drawing import BLUE, GREEN, INK, RED, frame
+from ros_visualise.lessons.drawing import BLUE, GREEN, INK, RED, WIDTH, arrow, frame
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.nodes import node
 from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
-_WIDTH = 640
 _KEPT = 200
+_WIDE, _TALL, _ROW = 120, 36, 92  # of the boxes of nodes, and from one row to the next
 
 
 @node("message", inputs=TAKES, outputs=GIVES)
@@ -107,7 +107,7 @@ class Rate:
 class SlowParams:
     """How slow."""
 
-    busy_ms: int = param(100, "so long it works on each message, milliseconds", min=0, max=2000,
+    busy_ms: int = param(200, "so long it works on each message, milliseconds", min=0, max=2000,
                          slider=(0, 500))  # fmt: skip
 
 
@@ -153,8 +153,9 @@ def nodes(image: Image, params: object) -> dict[str, Message]:
     text = """
         Each box is a node, which does one thing; each arrow a topic, with its name. Here all nodes
         are threads of one process, and messages pass by reference; on a ROS graph the same nodes
-        may be processes on several machines. The graph that is running, with all its topics, is in
-        the main panel under graph; the rates and drops are in its table of topics.
+        may be processes on several machines: there rosrun ros_visualise viewer shows them in this
+        page. The graph that is running, with all its topics, is in the main panel under graph; the
+        rates and drops are in its table of topics.
         """
     return show(image, _draw_graph(), text)
 
@@ -175,6 +176,7 @@ LESSON = Lesson(
     ],
     plays=True,
     export_s=3.0,
+    in_time=True,
 )
 
 
@@ -186,10 +188,10 @@ def _rate(intervals_ms: Floats) -> str:
 
 
 def _draw_intervals(by_stamp: Floats, by_clock: Floats) -> Figure:
-    figure = Figure(_WIDTH, 360)
+    figure = Figure(WIDTH, 360)
     top = max([1.0, *by_stamp, *by_clock])
     high = np.array([max(len(by_stamp), 2) - 1.0, top])
-    axes = Axes(figure, (70, 30, _WIDTH - 90, 270), np.zeros(2), high)
+    axes = Axes(figure, (70, 30, WIDTH - 90, 270), np.zeros(2), high)
     axes.draw("message", "interval (ms)")
     for values, color in ((by_clock, RED), (by_stamp, BLUE)):
         axes.curve(np.stack([np.arange(len(values)), values], axis=1), color)
@@ -197,39 +199,39 @@ def _draw_intervals(by_stamp: Floats, by_clock: Floats) -> Figure:
 
 
 def _draw_share(taken: int, came: int) -> Figure:
-    figure = Figure(_WIDTH, 120)
-    across = (_WIDTH - 40) * taken / came
-    figure.area(_box(20, 40, _WIDTH - 40, 40), (235, 200, 195))
+    figure = Figure(WIDTH, 120)
+    across = (WIDTH - 40) * taken / came
+    figure.area(_box(20, 40, WIDTH - 40, 40), (235, 200, 195))
     figure.area(_box(20, 40, across, 40), GREEN)
     figure.text(20, 30, f"taken: {taken}", 14)
-    figure.text(_WIDTH - 20, 100, f"dropped: {came - taken}", 14, "end", RED)
+    figure.text(WIDTH - 20, 100, f"dropped: {came - taken}", 14, "end", RED)
     return figure
 
 
 def _draw_graph() -> Figure:
-    """The nodes of this lesson, each right of the one whose topic it takes."""
+    """The nodes of this lesson, each below the one whose topic it takes."""
     befores = {step.declared.name: step.after or "picture" for step in LESSON.steps}
-    columns = {"source": 0, "picture": 1}
+    rows = {"source": 0, "picture": 1}
     for name, before in befores.items():
-        columns[name] = columns[before] + 1
-    rows = dict.fromkeys(columns, 0)
-    for column in set(columns.values()):
-        for number, name in enumerate(n for n in columns if columns[n] == column):
-            rows[name] = number
-    figure = Figure(_WIDTH, 90 * (max(rows.values()) + 1))
-    step = (_WIDTH - 20) / (max(columns.values()) + 1)
+        rows[name] = rows[before] + 1
+    figure = Figure(WIDTH, _ROW * max(rows.values()) + _TALL + 20)
+    places = {}
+    for row in set(rows.values()):
+        beside = [name for name in rows if rows[name] == row]
+        for number, name in enumerate(beside):
+            places[name] = np.array([WIDTH * (number + 0.5) / len(beside), 10.0 + _ROW * row])
     for name, before in {"picture": "source", **befores}.items():
-        start = np.array([10 + step * columns[before] + 92, 40 + 90 * rows[before]])
-        end = np.array([10 + step * columns[name], 40 + 90 * rows[name]])
-        figure.line(np.array([start, end]), BLUE, 1.5)
+        start, end = places[before] + [0, _TALL], places[name]
+        arrow(figure, start, end, BLUE, 1.8)
         topic = "/image_raw" if before == "source" else f"/{before}"
-        x, y = (start + end) / 2
-        figure.text(x, y - 6, topic, 11, "middle", BLUE)
-    for name, column in columns.items():
-        left, top = 10 + step * column, 22 + 90 * rows[name]
-        figure.area(_box(left, top, 92, 36), (240, 240, 240))
-        frame(figure, (left, top, 92, 36), INK, 1.2)
-        figure.text(left + 46, top + 23, name, 14, "middle", INK)
+        is_left = end[0] < start[0]
+        x, y = (start + end) / 2 + [-12 if is_left else 12, 4]
+        figure.text(x, y, topic, 14, "end" if is_left else "start", BLUE)
+    for name, (x, y) in places.items():
+        box = (x - _WIDE / 2, y, _WIDE, _TALL)
+        figure.area(_box(*box), (240, 240, 240))
+        frame(figure, box, INK, 1.2)
+        figure.text(x, y + 24, name, 16, "middle", INK)
     return figure
 
 

@@ -12,6 +12,7 @@ from ros_visualise.lessons.drawing import (
     BLUE,
     GREEN,
     RED,
+    WIDTH,
     YELLOW,
     draw_histogram,
     titled,
@@ -96,7 +97,8 @@ def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
     text = """
         With k bits a pixel can have 2ᵏ levels:
 
-            2^{bits} = {count} levels,   {width} × {height} × {bits} / 8 = {size:.0f} bytes
+            2^{bits} = {count} levels
+            {width} × {height} × {bits} / 8 = {size:.0f} bytes
 
         Fewer levels save room and make steps where the gray changes slowly. Against 8 bits this
         picture has a PSNR of {psnr:.1f} dB; each bit more gives about 6 dB. {used} of the {count}
@@ -122,11 +124,11 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     """The histogram: how often each level is there."""
     bgr = work_of(image, np.ndarray)
     gray = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
-    figure = Figure(640, 420)
-    draw_histogram(figure, (70, 26, 550, 130), gray)
+    figure = Figure(WIDTH, 400)
+    draw_histogram(figure, (60, 26, WIDTH - 80, 120), gray)
     counts = [np.bincount(one.ravel(), minlength=256) for one in cv2.split(bgr)]
     top = np.array([255.0, max(count.max() for count in counts)])
-    axes = Axes(figure, (70, 230, 550, 130), np.zeros(2), top)
+    axes = Axes(figure, (60, 226, WIDTH - 80, 120), np.zeros(2), top)
     axes.draw("level", "pixels, of each channel")
     for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
         axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)

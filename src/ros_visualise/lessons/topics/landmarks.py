@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Floats, Image, Message
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
-from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, arrow
+from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import Zoom
 from ros_visualise.lessons.methods.camera import camera_matrix, project
@@ -21,7 +22,6 @@ from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
-_WIDTH = 640
 _TRIALS = 300
 
 
@@ -77,8 +77,8 @@ def corners(image: Image, params: object) -> dict[str, Message]:
     seen = _tag_of(image)
     if seen is None:
         return show(image, image.pixels, _NOTHING)
-    side = _WIDTH // 2
-    figure = Figure(_WIDTH, _WIDTH)
+    side = WIDTH // 2
+    figure = Figure(WIDTH, WIDTH)
     for number, (u, v) in enumerate(seen.corners):
         box = ((number % 2) * side + 2, (number // 2) * side + 2, side - 4, side - 4)
         zoom = Zoom(figure, box, (round(u), round(v)), 6)
@@ -138,14 +138,6 @@ def poses(image: Image, params: CornerParams) -> dict[str, Message]:
     found = () if seen is None else square_poses(seen.corners, seen.size_m, seen.info, params.sigma)
     if seen is None or not found:
         return show(image, image.pixels, _NOTHING)
-    figure = Figure(seen.info.width, seen.info.height)
-    figure.picture((0, 0, seen.info.width, seen.info.height), seen.picture)
-    for pose, color in zip(found, (GREEN, ORANGE), strict=False):
-        ends = np.array([[0, 0, 0], [0, 0, 0.7]]) * seen.size_m
-        places = project(
-            ends @ rotations.to_matrix(pose.quat_xyzw).T + pose.position_xyz, seen.info.K
-        )
-        arrow(figure, places[0], places[1], color, 3)
     best = found[0]
     rows = "\n".join(map(_described, found))
     text = f"""
@@ -159,9 +151,10 @@ and how far off the corners are:
 
 {rows}
 
-The arrows stand upright on the tag. {_other(found)}
+The tag is the floor of a box for each reading, half as high as wide: green the likelier one, orange
+the other. {_other(found)}
 """
-    return show(image, figure, text)
+    return show(image, _draw_poses(seen, found), text)
 
 
 @node("ellipse", params=CornerParams, inputs=TAKES, outputs=GIVES)
@@ -234,7 +227,7 @@ def _corner_error(seen: TagSeen) -> str:
 
 
 def _described(pose: PoseEstimate) -> str:
-    x, y, z = pose.position_xyz
+    x, y, z = pose.position_xyz.round(3) + 0.0  # no minus before a zero
     return f"    {pose.probability:7.1%}   ({x:.3f}, {y:.3f}, {z:.3f}) m   {pose.rms_px:.3f} pixels"
 
 
@@ -244,6 +237,26 @@ def _other(found: tuple[PoseEstimate, ...]) -> str:
     one, other = (rotations.to_matrix(pose.quat_xyzw)[:, 2] for pose in found[:2])
     angle = np.degrees(np.arccos(np.clip(one @ other, -1, 1)))
     return f"The two are {angle:.0f}° apart."
+
+
+def _draw_poses(seen: TagSeen, found: Sequence[PoseEstimate]) -> Figure:
+    """The tag, enlarged, as the floor of a box for each reading; the likeliest is drawn last."""
+    reach = 1.3 * float(np.ptp(seen.corners, axis=0).max())
+    middle = seen.corners.mean(axis=0)
+    half = np.array([1.3, 1.0]) * reach
+    low = np.clip(np.floor(middle - half), 0, None).astype(int)
+    high = np.ceil(middle + half).astype(int) + 1
+    part = np.ascontiguousarray(seen.picture[low[1] : high[1], low[0] : high[0]])
+    scale = WIDTH / part.shape[1]
+    figure = Figure(WIDTH, round(scale * part.shape[0]))
+    figure.picture((0, 0, WIDTH, scale * part.shape[0]), part)
+    corners = np.array([[x, y, z] for z in (0, 0.5) for x, y in SQUARE]) * seen.size_m
+    for pose, color in reversed(list(zip(found, (GREEN, ORANGE), strict=False))):
+        points = corners @ rotations.to_matrix(pose.quat_xyzw).T + pose.position_xyz
+        places = (project(points, seen.info.K) + 0.5 - low) * scale
+        for line in ([0, 1, 2, 3, 0], [4, 5, 6, 7, 4], [0, 4], [1, 5], [2, 6], [3, 7]):
+            figure.line(places[line], color, 3)
+    return figure
 
 
 def _tried(seen: TagSeen, sigma: float, best: PoseEstimate) -> Floats:
@@ -263,10 +276,10 @@ def _tried(seen: TagSeen, sigma: float, best: PoseEstimate) -> Floats:
 
 def _draw_ellipse(away_mm: Floats, covariance: Floats) -> Figure:
     """Dots and ellipses, from above: to the right, and up ahead."""
-    figure = Figure(_WIDTH, 480)
+    figure = Figure(WIDTH, 480)
     lines = [ellipse(covariance, count) for count in (1, 2)]
     reach = np.abs(np.concatenate([*lines, away_mm])).max(axis=0)
-    axes = Axes(figure, (70, 30, _WIDTH - 90, 390), -reach, reach, equal=True)
+    axes = Axes(figure, (70, 30, WIDTH - 90, 390), -reach, reach, equal=True)
     axes.draw("to the right (mm)", "ahead (mm)")
     for x, y in axes.places(away_mm):
         figure.dot(x, y, 2, BLUE)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import INK, RED
+from ros_visualise.lessons.drawing import INK, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.quality import FULL, mean_square, psnr
 from ros_visualise.nodes import node
@@ -202,7 +202,7 @@ def _result(work: _Noisy, smoothed: Pixels) -> str:
 
 def _beside(work: _Noisy, smoothed: Pixels) -> Figure:
     """The smoothed picture, and a row of it before and after."""
-    width = 640
+    width = WIDTH
     shown = (width - 70) * smoothed.shape[0] / smoothed.shape[1]
     figure = Figure(width, round(shown + 190))
     figure.picture((60, 0, width - 70, shown), smoothed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ros_visualise.data import Floats, Imu, MarkerArray, Message
 from ros_visualise.lessons import car
-from ros_visualise.lessons.drawing import BLUE, GREEN, RED
+from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
 from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
 from ros_visualise.nodes import node
@@ -16,9 +16,9 @@ from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 
-_WIDTH = 640
-_PERIOD_NS = 1_000_000_000
-_MOST = 200_000  # samples that are kept
+_PERIOD_S = 1.0
+_GROWS = 0.02
+_MOST, _DROPPED = 200_000, 20_000  # samples that are kept, and that make way for new ones
 _LEAST = 100
 
 
@@ -35,8 +35,9 @@ class Car:
             return None
         self._is_shown = True
         text = """
-            A passive sensor waits for what comes by itself, an active one sends something out and
-            measures what comes back. On KITTI's car, with which many compare their methods:
+            A robot knows of the world what its sensors tell. A passive sensor waits for what comes
+            by itself, an active one sends something out and measures what comes back. On KITTI's
+            car, with which many compare their methods:
 
                 camera       passive   light            10 Hz, 1392 × 512 pixels, dark at night
                 Velodyne     active    laser's time     10 Hz, about 100000 points, to 120 m
@@ -45,7 +46,7 @@ class Car:
 
             None is enough alone: cameras have no scale, lasers no colours, GPS no signal in
             tunnels, and an IMU no memory of where it began. In 3D the car stands around the IMU of
-            this run; of a drive of KITTI it is where it was.
+            this run, if tf tells where that is; in a drive of KITTI it is where it was.
             """
         markers = car.markers(imu.header.frame_id)
         return {**show_at(imu.header, car.figure(), text), "markers": markers}
@@ -61,47 +62,68 @@ class MeasuredParams:
 
 
 class _Samples:
-    """What an IMU has measured: stamps in seconds, and (N, 6) turn rates and accelerations."""
+    """What an IMU has measured.
 
-    def __init__(self) -> None:
-        self._stamps_ns: list[int] = []
-        self._values: list[Floats] = []
-        self._told_ns: int | None = None
+    Args:
+        grows: one looks when a second has gone, and when this part of the time has been added.
+    """
+
+    def __init__(self, grows: float = 0.0) -> None:
+        self._grows = grows
+        self._rows = np.empty((_MOST, 7))  # seconds since the first; turn rates, accelerations
+        self._count = 0
+        self._first_ns = 0
+        self._due_s = 0.0
 
     def add(self, imu: Imu) -> bool:
-        """Keep a measurement; whether a second has gone since the last time that one looked."""
-        stamp_ns = imu.header.stamp_ns
-        if self._stamps_ns and stamp_ns <= self._stamps_ns[-1]:
+        """Keep a measurement; whether it is time to look."""
+        if not self._count:
+            self._first_ns = imu.header.stamp_ns
+        time_s = (imu.header.stamp_ns - self._first_ns) / 1e9
+        if self._count and time_s <= self._rows[self._count - 1, 0]:
             return False
-        self._stamps_ns.append(stamp_ns)
-        self._values.append(np.concatenate([imu.angular_xyz, imu.linear_xyz]))
-        if len(self._values) > _MOST:
-            del self._stamps_ns[0], self._values[0]
-        is_due = self._told_ns is None or stamp_ns - self._told_ns >= _PERIOD_NS
-        if is_due and len(self._values) >= _LEAST:
-            self._told_ns = stamp_ns
-            return True
-        return False
+        if self._count == _MOST:  # the oldest go
+            self._count -= _DROPPED
+            self._rows[: self._count] = self._rows[_DROPPED:]
+        self._rows[self._count] = [time_s, *imu.angular_xyz, *imu.linear_xyz]
+        self._count += 1
+        if time_s < self._due_s and self.is_enough:
+            return False
+        self._due_s = time_s + max(_PERIOD_S, self._grows * time_s)
+        return True
 
     @property
     def is_enough(self) -> bool:
         """Whether there is anything to tell."""
-        return len(self._values) >= _LEAST
+        return self._count >= _LEAST
 
     @property
     def times_s(self) -> Floats:
         """Since the first, (N,)."""
-        return (np.array(self._stamps_ns) - self._stamps_ns[0]) / 1e9
+        return self._rows[: self._count, 0]
 
     @property
     def values(self) -> Floats:
         """(N, 6) rad/s and m/s^2."""
-        return np.array(self._values)
+        return self._rows[: self._count, 1:]
 
     @property
     def period_s(self) -> float:
         """From one to the next, by their median."""
         return float(np.median(np.diff(self.times_s)))
+
+    def wait(self, imu: Imu) -> dict[str, Message]:
+        """What is told while there is not enough."""
+        text = """
+            {count} measurements so far; from {least} on there is something to tell. This window
+            waits for them. A recording that is shorter has too few: KITTI's drives have 10 a
+            second, so take one of 10 s or more, or any recording with an IMU of its own.
+            """
+        figure = Figure(WIDTH, 120)
+        told = f"{self._count} of {_LEAST} measurements that are needed"
+        figure.text(WIDTH / 2, 40, told, 16, "middle", RED)
+        figure.text(WIDTH / 2, 80, "10 s of a KITTI drive have as many", 14, "middle")
+        return show_at(imu.header, figure, text, count=self._count, least=_LEAST)
 
 
 @node("measured", params=MeasuredParams, inputs={"imu": Imu}, outputs=GIVES)
@@ -118,6 +140,8 @@ class Measured:
         """Every second: the last of what was measured."""
         if not self._samples.add(imu):
             return None
+        if not self._samples.is_enough:
+            return self._samples.wait(imu)
         times, values = self._samples.times_s, self._samples.values
         recent = times >= times[-1] - params.seconds
         text = """
@@ -153,15 +177,17 @@ class Allan:
     """The Allan deviation of the IMU."""
 
     def __init__(self, _: object) -> None:
-        self._samples = _Samples()
+        self.reset()
 
     def reset(self) -> None:
-        self._samples = _Samples()
+        self._samples = _Samples(_GROWS)
 
     def step(self, imu: Imu, params: object) -> dict[str, Message] | None:
-        """Every second: by all that was measured so far."""
+        """Every second, later more seldom: by all that was measured so far."""
         if not self._samples.add(imu):
             return None
+        if not self._samples.is_enough:
+            return self._samples.wait(imu)
         period_s = self._samples.period_s
         times_s, deviation = allan_deviation(self._samples.values, period_s)
         if not (deviation > 0).all() or len(times_s) < 2:
@@ -203,10 +229,7 @@ class Allan:
 LESSON = Lesson(
     "sensors",
     "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of a real IMU",
-    """
-    A robot knows of the world what its sensors tell. Give a recording with an IMU, or a drive of
-    KITTI; without one, a simulated rover stands still and measures.
-    """,
+    "",
     [Step(Car), Step(Measured), Step(Allan)],
     sample=("husky", {"world": "plane", "mission": "none", "camera": False, "lidar": False}),
     streams=True,
@@ -220,14 +243,14 @@ def _three(values: Floats) -> str:
 
 
 def _draw_measured(times_s: Floats, values: Floats) -> Figure:
-    figure = Figure(_WIDTH, 460)
+    figure = Figure(WIDTH, 460)
     for number, (name, three) in enumerate(
         (("turn rate (rad/s): x red, y green, z blue", values[:, :3]),
          ("acceleration (m/s^2)", values[:, 3:]))
     ):  # fmt: skip
         low = np.array([times_s[0], three.min()])
         high = np.array([times_s[-1], three.max()])
-        axes = Axes(figure, (70, 30 + 225 * number, _WIDTH - 90, 150), low, high)
+        axes = Axes(figure, (70, 30 + 225 * number, WIDTH - 90, 150), low, high)
         axes.draw("time (s)", name)
         for column, color in zip(three.T, (RED, GREEN, BLUE), strict=True):
             axes.curve(np.stack([times_s, column], axis=1), color, 1)
@@ -236,7 +259,7 @@ def _draw_measured(times_s: Floats, values: Floats) -> Figure:
 
 def _draw_allan(times_s: Floats, gyro: Floats, force: Floats) -> Figure:
     """Both on logarithmic scales, and the slope of white noise, gray."""
-    figure = Figure(_WIDTH, 480)
+    figure = Figure(WIDTH, 480)
     across = np.log10(times_s)
     curves = [
         (np.log10(gyro), BLUE, "gyroscope (rad/s)"),
@@ -244,12 +267,12 @@ def _draw_allan(times_s: Floats, gyro: Floats, force: Floats) -> Figure:
     ]
     every = np.concatenate([curve for curve, _, _ in curves])
     low, high = np.array([across[0], every.min()]), np.array([across[-1], every.max()])
-    axes = Axes(figure, (70, 50, _WIDTH - 90, 370), low, high)
+    axes = Axes(figure, (70, 50, WIDTH - 90, 370), low, high)
     axes.draw("log10 of the time t (s)", "log10 of the Allan deviation")
     for number, (curve, color, name) in enumerate(curves):
         white = curve[0] - (across - across[0]) / 2
         is_inside = white >= low[1]
         axes.curve(np.stack([across, white], axis=1)[is_inside], (190, 190, 190), 1.2)
         axes.curve(np.stack([across, curve], axis=1), color, 2.5)
-        figure.text(_WIDTH - 30, 24 + 18 * number, name, 13, "end", color)
+        figure.text(WIDTH - 30, 24 + 18 * number, name, 13, "end", color)
     return figure

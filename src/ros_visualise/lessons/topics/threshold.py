@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import BLUE, GREEN, RED, draw_histogram, draw_level
+from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH, draw_histogram, draw_level
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.thresholds import LEVELS, between_classes, otsu, tone_curves
 from ros_visualise.nodes import node
@@ -17,7 +17,7 @@ from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.threshold import adaptive
 
-_WIDTH = 640
+_TALL = 190  # of the picture that is parted
 
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
@@ -25,8 +25,8 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     """How often each gray level is there."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     counts = np.bincount(gray.ravel(), minlength=256)
-    figure = Figure(_WIDTH, 360)
-    draw_histogram(figure, (70, 30, _WIDTH - 90, 270), gray)
+    figure = Figure(WIDTH, 360)
+    draw_histogram(figure, (70, 30, WIDTH - 90, 270), gray)
     text = """
         A threshold compares gray levels, so one looks at how often each is there: the histogram.
         This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the most
@@ -152,11 +152,11 @@ def _mean(levels: Pixels) -> float:
 def _draw_types(gray: Pixels, level: int) -> Figure:
     """Two in a row, each with its curve beside it; the picture itself comes first."""
     curves = {"gray": LEVELS.astype(np.uint8)} | tone_curves(level)
-    cell = _WIDTH / 2
+    cell = WIDTH / 2
     side = 110
     shown = cell - side - 16
     row = max(shown * gray.shape[0] / gray.shape[1], side) + 40
-    figure = Figure(_WIDTH, round(3 * row))
+    figure = Figure(WIDTH, round(3 * row))
     for number, (name, curve) in enumerate(curves.items()):
         left, top = (number % 2) * cell + 4, (number // 2) * row
         figure.text(left, top + 17, name, 13)
@@ -173,14 +173,16 @@ def _draw_types(gray: Pixels, level: int) -> Figure:
 def _draw_otsu(gray: Pixels, level: int) -> Figure:
     """The picture parted, its histogram with the threshold, and the measure of each threshold."""
     counts = np.bincount(gray.ravel(), minlength=256)
-    across = _WIDTH - 90
-    shown = across * gray.shape[0] / gray.shape[1]
-    figure = Figure(_WIDTH, round(shown + 420))
-    figure.picture((70, 0, across, shown), np.where(gray > level, np.uint8(255), np.uint8(0)))
-    axes = draw_histogram(figure, (70, shown + 26, across, 150), gray)
+    across = WIDTH - 90
+    scale = min(across / gray.shape[1], _TALL / gray.shape[0])
+    shown, wide = scale * gray.shape[0], scale * gray.shape[1]
+    figure = Figure(WIDTH, round(shown + 330))
+    is_above = np.where(gray > level, np.uint8(255), np.uint8(0))
+    figure.picture((70 + (across - wide) / 2, 0, wide, shown), is_above)
+    axes = draw_histogram(figure, (70, shown + 26, across, 100), gray)
     draw_level(axes, level, counts.max(), RED)
     measure = between_classes(counts)
-    box = (70, shown + 236, across, 130)
+    box = (70, shown + 190, across, 100)
     below = Axes(figure, box, np.zeros(2), np.array([255.0, measure.max()]))
     below.draw("threshold t", "variance between the classes")
     below.curve(np.stack([LEVELS, measure], axis=1), GREEN)

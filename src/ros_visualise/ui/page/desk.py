@@ -29,6 +29,7 @@ from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
+from ros_visualise.ui.page.tools import Tools
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
@@ -95,6 +96,7 @@ class Desk:
             actor.close(timeout_s)
         for window in self._windows:
             window.close()
+        self._tools.rest()
         self._images.close(timeout_s)
         self._drawing.close(timeout_s)
 
@@ -110,6 +112,8 @@ class Desk:
         self._opener = None
         if self._files.shelf is not None:
             self._opener = Opener(gui, self._files, self._worker)
+        self._tools = Tools(gui, self._runtime, self._worker, self._act)
+        self._tools.follow(self._graph)
         robot = gui.add_folder("robot")
         self._robot = RobotStatus(gui, robot, self._runtime, self._worker, self._act)
         self._driving = Driving(gui, robot, self._runtime, self._driver)
@@ -213,6 +217,7 @@ class Desk:
         for window in before:
             if window not in self._windows:
                 window.remove()
+        self._tools.follow(self._graph)
         self._picture.content = graph_picture(self._graph)
         self._field_plot.follow(_kinds_of(self._graph))
         self._recorder.follow(self._graph)
@@ -236,11 +241,13 @@ class Desk:
             self._field_plot.rest()
             for window in self._windows:
                 window.rest()
+            self._tools.rest()
             return
         self._field_plot.refresh()
         self._choice.refresh()
         for window in self._windows:
             window.refresh()
+        self._tools.refresh()
         if self._transport is not None:
             self._transport.refresh()
         self._preset.refresh()

@@ -17,6 +17,7 @@ WINDOWS_WIDTH = 1700
 _MAIN_BESIDE_SCENE, _WINDOW_BESIDE_SCENE, _WINDOW_BESIDE_TRACK = 330, 310, 390
 _COLUMN_WIDTH = 300
 _TAKEN_AWAY_S = 0.2
+_MOST_WITH_TEXTS = 3  # columns, so that lines of texts and formulas have room
 _WIDE = 2.0  # width over height of images, from which they need a column that is wide
 
 
@@ -72,7 +73,10 @@ def arrange(
         _place(panels, min(columns, 1) if room.wide else columns, width)
     else:
         gui.main_panel.set_width(MAIN_WIDTH)
-        _place(panels, (len(panels) + 1) // 2, WINDOWS_WIDTH)
+        columns = (len(panels) + 1) // 2
+        if any(window.tells for window in chosen):
+            columns = min(columns, _MOST_WITH_TEXTS)
+        _place(panels, columns, WINDOWS_WIDTH)
     for window in windows:
         window.visible = window in chosen
         window.panel.expand()  # on a phone, where each would begin as a line

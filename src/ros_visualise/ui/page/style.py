@@ -22,6 +22,9 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
 [data-dock-region] .mantine-ScrollArea-root {{ container-type: size; }}
 [data-dock-region] :is(img[src^="blob:"], .rv-whole) {{
   max-height: max(88px, calc(100cqh - 42px - 29px * var(--rv-rows, 2))); }}
+/* Where there is a text, one sees its beginning. */
+[data-dock-region] .mantine-ScrollArea-root:has(.rv-text) :is(img[src^="blob:"], .rv-whole) {{
+  max-height: max(88px, min(62cqh, 100cqh - 42px - 29px * var(--rv-rows, 2))); }}
 /* Scrolled down to the other parameters, it stays in view at half its size. */
 @supports (animation-timeline: scroll()) {{
   [data-dock-region] div:has(> div > img[src^="blob:"]) {{
@@ -42,9 +45,20 @@ img[src^="blob:"] {{ width: 100%; object-fit: contain; }}
   margin: 0; padding: .4em .6em; border-left: 3px solid #fa5252;
   background: #3b2424; font-size: .8rem; overflow-wrap: anywhere; }}
 .rv-message div + div {{ margin-top: .4em; padding-top: .4em; border-top: 1px solid #8883; }}
-.rv-text {{ padding: 0 .8em .5em; font-size: .8rem; line-height: 1.45; }}
+.rv-text {{ padding: 0 .8em .5em; font-size: .8rem; line-height: 1.45;
+  container-type: inline-size; overflow-wrap: anywhere; }}
 .rv-text p {{ margin: .4em 0; }}
-.rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; overflow-x: auto; }}
+/* A formula has lines of some 45 letters; where there is little room they are smaller. */
+.rv-text pre {{ margin: .4em 0; padding: .4em .6em; background: #8882; overflow-x: auto;
+  font-size: clamp(9px, 3.5cqi, 13px); }}
+/* Windows share a column evenly, however often it was halved; where it is too low it scrolls. */
+[data-dock-region="right"] [data-dock-scroll]:has(> [style*="flex: 0.25 "])
+  > :is([style*="flex: 0.5 "], [style*="flex: 0.25 "]):has(> [data-dock-leaf]) {{
+  flex-grow: .35 !important; }}
+[data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]) {{
+  min-height: max(180px, calc((100vh - 50px) / 4)) !important; }}
+[data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]):has(.rv-text) {{
+  min-height: 330px !important; }}
 .rv-note {{ padding: 0 .8em .5em; font-size: .75rem; opacity: .65; overflow-wrap: anywhere; }}
 .rv-upload {{ text-decoration: underline; cursor: pointer; }}
 .rv-swatch {{ position: relative; height: 0; }}
@@ -105,11 +119,5 @@ BESIDE_SCENE = """<style>
 @media (max-width: 36em) {
   [data-dock-root] > div:has(> canvas) { bottom: var(--rv-sheet) !important; }
 }
-/* Windows share a column evenly, however often it was halved; more than four of them scroll. */
-[data-dock-region="right"] [data-dock-scroll]:has(> [style*="flex: 0.25 "])
-  > :is([style*="flex: 0.5 "], [style*="flex: 0.25 "]):has(> [data-dock-leaf]) {
-  flex-grow: .35 !important; }
-[data-dock-region="right"] [data-dock-scroll] > div:has(> [data-dock-leaf]) {
-  min-height: max(180px, calc((100vh - 50px) / 4)) !important; }
 </style>"""
 """Beside `STYLE`, where the middle belongs to the scene."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from itertools import groupby
 
 import viser
@@ -18,6 +17,7 @@ from ros_visualise.ui.page.controls import Controls
 from ros_visualise.ui.page.images import Picture
 from ros_visualise.ui.page.note import Note
 from ros_visualise.ui.page.overlay import Overlay
+from ros_visualise.ui.page.tools import Act, add_actions, is_tool
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.shown import detections_of, first_shown, images_of, texts_of
@@ -39,7 +39,7 @@ class Window:
         node: Member,
         worker: Worker,
         scene: Scene,
-        act: Callable[[str, str], None] | None,
+        act: Act | None,
     ) -> None:
         self.name = node.name
         self.aside = node.aside
@@ -64,12 +64,17 @@ class Window:
             self._notes = [Note(gui, runtime, topic) for topic in texts_of(node)]
             self._add_folders([spec for spec in declared if spec.group])
             if act is not None:
-                self._add_actions(node, act)
+                add_actions(gui, worker, node, act)
 
     @property
     def shows_anything(self) -> bool:
         """Whether it has an image or a text."""
         return self.picture is not None or bool(self._notes)
+
+    @property
+    def tells(self) -> bool:
+        """Whether it has a text."""
+        return bool(self._notes)
 
     @property
     def visible(self) -> bool:
@@ -160,14 +165,6 @@ class Window:
     def _show_boxes(self, visible: bool) -> None:
         self._boxes.visible = visible
 
-    def _add_actions(self, node: Member, act: Callable[[str, str], None]) -> None:
-        for name, help in node.type.actions.items():
-            self._add_button(name, help, partial(act, node.name, name))
-
-    def _add_button(self, name: str, help: str, run: Callable[[], None]) -> None:
-        button = self._gui.add_button(name.replace("_", " "), hint=help)
-        button.on_click(self._worker.listener(None, lambda _: run()))
-
     def _add_folders(self, declared: Sequence[Spec]) -> None:
         for group, members in groupby(declared, key=lambda spec: spec.group):
             with self._gui.add_folder(group, expand_by_default=False):
@@ -175,8 +172,9 @@ class Window:
 
 
 def has_window(node: Member) -> bool:
-    """Whether a node has anything to show: images, texts, parameters or actions."""
-    return bool(images_of(node) or texts_of(node) or specs(node.params) or node.type.actions)
+    """Whether a node has images, texts or parameters to show, and not only a button."""
+    shows = images_of(node) or texts_of(node) or specs(node.params)
+    return bool(shows) and not is_tool(node)
 
 
 def _clouds_of(runtime: Runtime, node: Member) -> list[str]:
