@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from ros_visualise.cli import main
+from ros_visualise.data import MarkerType
 from ros_visualise.lessons import TOPICS, find_lesson
+from ros_visualise.lessons.lesson import Shown
 from ros_visualise.lessons.prose import to_html
+from ros_visualise.lessons.topics import color
 
 
 @pytest.fixture
@@ -87,6 +90,29 @@ def test_the_picture_may_be_ones_own(picture, tmp_path):
     drawn = cv2.imread(str(folder / "hysteresis.png"))
     is_edge = (drawn == 255).all(axis=2) | (drawn[..., 1] == 220)
     assert (is_edge == (edges > 0)).all()
+
+
+def test_the_gradient_is_told_along_the_row_of_the_pixel_that_is_chosen(picture, tmp_path):
+    chosen = ["--set", "profile.x=50", "--set", "profile.y=20"]
+    folder = tmp_path / "out"
+    assert main(["explain", "gradient", str(picture), "--export", str(folder), *chosen]) == 0
+    row = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2GRAY)[20].astype(int)
+    words = f"At x = 50, orange: ({row[51]} − {row[49]}) / 2 = {(row[51] - row[49]) / 2:+.1f}"
+    text = texts_of(folder / "index.html")
+    assert "Along row 20" in text
+    assert words in text
+
+
+def test_a_pixel_stands_in_the_cube_where_its_colour_says(landscape):
+    image = Shown(landscape, "bgr8", work=landscape)
+    markers = color.cube(image, color.CubeParams())["markers"].markers
+    dots = next(one for one in markers if one.type == MarkerType.POINTS)
+    assert (dots.points_xyz / color._SIDE + 0.5) * 255 == pytest.approx(
+        dots.colors_rgba[:, :3] * 255, abs=1e-3
+    )
+    named = {one.text: one.position_xyz for one in markers if one.text}
+    assert (named["white"] > 0).all()
+    assert (np.sign(named["green"]) == [-1, 1, -1]).all()
 
 
 def test_what_was_written_before_stays_unless_told_otherwise(picture, tmp_path, capsys):

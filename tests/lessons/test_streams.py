@@ -98,6 +98,26 @@ def test_an_imu_is_told_by_its_numbers():
     assert density == pytest.approx(0.02 / 10, rel=0.05)
 
 
+def test_an_imu_of_a_few_measurements_says_how_many_are_needed():
+    measured, allan = (one.declared.make(None) for one in (sensors.Measured, sensors.Allan))
+    for number in range(5):
+        imu = Imu(UP, np.zeros(3), UP[:3], header=stamped(number / 10))
+        said = measured.step(imu, sensors.MeasuredParams()), allan.step(imu, None)
+    assert all("5 measurements so far; from 100 on" in answer["text"].text for answer in said)
+
+
+def test_the_allan_deviation_is_taken_anew_as_the_time_grows():
+    allan = sensors.Allan.declared.make(None)
+    told = []
+    for number in range(4000):
+        imu = Imu(UP, UP[:3] + number % 7, UP[:3] + number % 5, header=stamped(number / 10))
+        if allan.step(imu, None) and number > 100:
+            told.append(number / 10)
+    assert told[1] - told[0] == pytest.approx(1, abs=0.11)
+    assert told[-1] - told[-2] == pytest.approx(0.02 * told[-2], abs=0.11)
+    assert allan._samples.times_s[-1] == pytest.approx(399.9)
+
+
 def test_the_car_stands_on_the_road_around_its_imu():
     told = sensors.Car.declared.make(None)
     imu = Imu(UP, np.zeros(3), np.zeros(3), header=Header(10**9, "imu_link"))
@@ -132,6 +152,13 @@ def test_a_rate_is_told_by_stamps_and_by_the_clock(monkeypatch):
         text = rate.step(image, None)["text"].text
     assert "20.00 a second, every 50.0 ± 0.0 ms" in text
     assert "10.00 a second, every 100.0 ± 0.0 ms" in text
+
+
+def test_a_film_is_no_recording(tmp_path, capsys):
+    film = tmp_path / "film.avi"
+    film.write_bytes(b"RIFF")
+    assert main(["explain", "sensors", str(film), "--view", "none"]) == 2
+    assert "is no recording: sensors takes one, or" in capsys.readouterr().err
 
 
 def test_a_recording_without_what_is_needed_is_refused_in_one_line(tmp_path, capsys):

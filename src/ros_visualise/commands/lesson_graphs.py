@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from argparse import Namespace
 from contextlib import ExitStack, closing
+from pathlib import Path
 from typing import Any
 
+from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.lessons import find_lesson
 from ros_visualise.lessons.lesson import Lesson
@@ -46,6 +48,9 @@ def _source(path: str | None, lesson: Lesson, undo: ExitStack) -> tuple[SourceNo
         return _alone("pictures", path=path), "/image_raw"
     if not is_recording(path) and not lesson.streams:
         return _alone("streamer", path=path), "/image_raw"
+    if lesson.streams and Path(path).is_file() and not is_recording(path):
+        robot = " or ".join(robots())
+        raise UsageError(f"{path} is no recording: {lesson.name} takes one, or {robot}, or nothing")
     return _recorded(undo.enter_context(closing(open_recording(path))), lesson)
 
 

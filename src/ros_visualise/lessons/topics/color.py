@@ -27,7 +27,7 @@ from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.color import hsv_mask
 
-_SIDE, _DOT, _LETTERS = 2.6, 0.03, 0.18
+_SIDE, _DOT, _LETTERS = 1.6, 0.02, 0.1
 """In 3D, metres: the cube's edges, the points, the names of its corners."""
 _EDGES = [[one, one ^ bit] for one in range(8) for bit in (1, 2, 4) if not one & bit]
 """Pairs of the cube's corners, numbered by the bits of x, y and z."""
@@ -204,7 +204,7 @@ def _markers(colors: Pixels, header: Header) -> MarkerArray:
     )
     edges = Marker(
         MarkerType.LINE_LIST,
-        scale_xyz=np.full(3, 0.01),
+        scale_xyz=np.full(3, 0.008),
         color_rgba=np.array([0.6, 0.6, 0.6, 1], np.float32),
         points_xyz=_place(corners[np.array(_EDGES).ravel()]),
         id=1,

@@ -28,7 +28,7 @@ from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.edges import Aperture
 
-_CURVE, _BAND = 150, 200
+_BAND, _CURVE, _GAP = 120, 84, 40
 
 
 @node("profile", params=PixelParams, inputs=TAKES, outputs=GIVES)
@@ -228,7 +228,7 @@ def _draw_profile(gray: Pixels, pixel: tuple[int, int], slope: Floats) -> Figure
     rows = min(gray.shape[0], max(round(_BAND / scale), 1))
     first = min(max(row - rows // 2, 0), gray.shape[0] - rows)
     shown = scale * rows
-    figure = Figure(WIDTH, round(shown + 2 * _CURVE))
+    figure = Figure(WIDTH, round(shown + 2 * _CURVE + 2 * _GAP + 24))
     band = np.ascontiguousarray(gray[first : first + rows])
     figure.picture((left, 0, across, shown), band, (0, first))
     place = scale * (row - first + 0.5)
@@ -237,10 +237,10 @@ def _draw_profile(gray: Pixels, pixel: tuple[int, int], slope: Floats) -> Figure
     x = np.arange(len(slope))
     curves = ((gray[row].astype(float), "f", BLUE), (slope, "f'", RED))
     for number, (values, name, color) in enumerate(curves):
-        box = (left, shown + 26 + number * _CURVE, across, _CURVE - 66)
+        box = (left, shown + 24 + number * (_CURVE + _GAP), across, _CURVE)
         points = np.stack([x, values], axis=1)
         axes = Axes(figure, box, points.min(axis=0), points.max(axis=0))
-        axes.draw("x (pixels)", name)
+        axes.draw("x (pixels)" if number else "", name)
         axes.curve(points, color)
         draw_level(axes, at, values.max(), ORANGE, values.min())
     return figure

@@ -17,7 +17,7 @@ from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.threshold import adaptive
 
-_TALL = 190  # of the picture that is parted
+_TALL = 130  # of the picture that is parted
 
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
@@ -176,13 +176,13 @@ def _draw_otsu(gray: Pixels, level: int) -> Figure:
     across = WIDTH - 90
     scale = min(across / gray.shape[1], _TALL / gray.shape[0])
     shown, wide = scale * gray.shape[0], scale * gray.shape[1]
-    figure = Figure(WIDTH, round(shown + 330))
+    figure = Figure(WIDTH, round(shown + 290))
     is_above = np.where(gray > level, np.uint8(255), np.uint8(0))
     figure.picture((70 + (across - wide) / 2, 0, wide, shown), is_above)
-    axes = draw_histogram(figure, (70, shown + 26, across, 100), gray)
+    axes = draw_histogram(figure, (70, shown + 26, across, 80), gray)
     draw_level(axes, level, counts.max(), RED)
     measure = between_classes(counts)
-    box = (70, shown + 190, across, 100)
+    box = (70, shown + 170, across, 80)
     below = Axes(figure, box, np.zeros(2), np.array([255.0, measure.max()]))
     below.draw("threshold t", "variance between the classes")
     below.curve(np.stack([LEVELS, measure], axis=1), GREEN)
