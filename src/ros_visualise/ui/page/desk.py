@@ -34,7 +34,8 @@ from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
 from ros_visualise.ui.page.windows import Window, has_window
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.scene.kinds import is_track
+from ros_visualise.ui.scene.drawing import Look
+from ros_visualise.ui.scene.kinds import is_track, is_tree
 from ros_visualise.ui.scene.scene import Scene
 from ros_visualise.ui.scene.thread import SceneThread, topics_of
 from ros_visualise.ui.shown import teller
@@ -68,6 +69,7 @@ class Desk:
         self._driver = Worker(self._notice.say, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
+        self._scene.look = Look(names=is_tree(topics_of(self._graph)))
         robot = teller(self._graph)[0]
         self._robot_name = None if robot is None else robot.name
         self._windows: list[Window] = []

@@ -71,6 +71,12 @@ def is_track(kinds: Mapping[str, type]) -> bool:
     return all(kind in (NavSatFix, Imu, Path) for kind in kinds.values() if is_spatial(kind))
 
 
+def is_tree(kinds: Mapping[str, type]) -> bool:
+    """Whether all that such messages show in 3D are frames."""
+    spatial = [kind for kind in kinds.values() if is_spatial(kind)]
+    return bool(spatial) and all(kind is Transforms for kind in spatial)
+
+
 def is_robot(topic: str) -> bool:
     """Whether the texts on a topic describe a robot, as ROS 2 names it."""
     return topic.rstrip("/").endswith("robot_description")

@@ -129,20 +129,20 @@ class View:
                 there.camera.fov = float(_FOV)
 
     def _settle(self) -> None:
-        """Look as soon as there is something, and once more when it turned out to be larger."""
+        """Look as soon as there is something; for a while, again when it turns out to be larger."""
         if not len(self._points()):
             return
-        now_s = self._clock()
+        now_s, before = self._clock(), self._far
         if self._started_s is None:
-            self._started_s = now_s
+            self._started_s, before = now_s, 0.0
+        self._settled = now_s - self._started_s > _SETTLED_S
+        self._pose()
+        is_track = self._robot is not None and not self._robot[:3, 0].any()
+        if self._far > _GROWN * before or (self._settled and is_track):  # its direction is known
             self._show_all()
-        elif now_s - self._started_s > _SETTLED_S:
-            self._settled = True
-            before = self._far
-            self._pose()
-            is_track = self._robot is not None and not self._robot[:3, 0].any()
-            if self._far > _GROWN * before or is_track:  # by now it is known where that leads
-                self._show_all()
+        else:
+            self._far = before
+        if self._settled:
             self._wanted.clear()
 
     def _points(self) -> npt.NDArray[np.floating]:

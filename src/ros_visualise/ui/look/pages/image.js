@@ -63,11 +63,14 @@ async function fetchPicture(topic, values) {
 }
 const fetchAt = (topic, { stamp }) => fetchPicture(topic, { stamp }).catch(() => null);
 async function fetchPair(one, other) {  // of one stamp; nodes that are slow leave images out
-  const beside = await fetchAt(other, one);
-  if (beside) return [one, beside];
-  const newest = await fetchPicture(other, {});
-  const same = await fetchAt(one.topic, newest);
-  if (same) return [same, newest];  // else the nearest, as of two cameras
+  const isApart = state.other?.topic === other && state.other.stamp !== state.one.stamp;
+  if (!isApart) {
+    const beside = await fetchAt(other, one);
+    if (beside) return [one, beside];
+    const newest = await fetchPicture(other, {});
+    const same = await fetchAt(one.topic, newest);
+    if (same) return [same, newest];
+  }  // else the nearest, as of two cameras
   return [one, await fetchPicture(other, { stamp: one.stamp, near: 1 })];
 }
 async function update() {
