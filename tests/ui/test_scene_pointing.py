@@ -6,11 +6,12 @@ from page_client import Client
 from scene_messages import LEFT, cloud, draw, has, is_at, odometry, tf, transform
 from scene_runtime import Told
 
-from ros_visualise.data import NavSatFix, Odometry, PointCloud, PoseStamped, Transforms
+from ros_visualise.data import Header, NavSatFix, Odometry, PointCloud, PoseStamped, Transforms
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.pointing import describe
 from ros_visualise.ui.scene.picking import Ray, pick
 
+S = 10**9
 DOWN = Ray(np.array([0.0, 0, 10]), np.array([0.0, 0, -2]))
 NOTHING = np.zeros((0, 3))
 
@@ -33,6 +34,32 @@ def test_a_jump_changes_no_frame_in_which_all_is_drawn(scene, clock):
     clock.now_s = 3.0
     scene.refresh()
     assert scene.frames.fixed == "base_link"  # it does not come again
+
+
+def test_a_track_of_fixes_is_seen_along_its_way(scene, server, clock):
+    for second in range(4):
+        clock.now_s = second
+        place = NavSatFix(48.0 + second * 1e-4, 11.0, 500.0, header=Header(second * S, "gps"))
+        scene.show("/fix", place)
+        draw(scene)
+    camera = server.initial_camera
+    view = np.subtract(camera.look_at, camera.position)[:2]
+    assert view[1] < 0, "it went north: all of its way lies south of it"
+    assert abs(view[0]) < 0.1 * abs(view[1])
+
+
+def test_what_comes_a_little_later_and_is_larger_is_looked_at_too(scene, server, clock):
+    points = 20 * np.stack([np.cos(np.arange(64)), np.sin(np.arange(64)), np.zeros(64)], axis=1)
+    draw(scene, odom=odometry([0, 0, 0], 1))
+    near = server.initial_camera.position[2]
+    clock.now_s = 0.5
+    draw(scene, points=cloud(points, "odom"))
+    far = server.initial_camera.position[2]
+    assert far > 2 * near
+    scene.forget()
+    clock.now_s = 2.0
+    draw(scene, odom=odometry([0, 0, 0], 2))
+    assert server.initial_camera.position[2] == far, "the view does not fall back"
 
 
 def test_frames_alone_are_looked_at_and_followed(scene, server, look):
