@@ -118,8 +118,9 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
         A lens moves what it sees, the more the farther it is from the middle. With x = X/Z,
         y = Y/Z and r² = x² + y²:
 
-            x' = x (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + 2 p₁ x y + p₂ (r² + 2 x²)
-            y' = y (1 + k₁ r² + k₂ r⁴ + k₃ r⁶) + p₁ (r² + 2 y²) + 2 p₂ x y
+            R  = 1 + k₁ r² + k₂ r⁴ + k₃ r⁶
+            x' = x R + 2 p₁ x y + p₂ (r² + 2 x²)
+            y' = y R + p₁ (r² + 2 y²) + 2 p₂ x y
 
         The grid, yellow, is straight in the world. The corner of the picture, (0, 0) without a
         lens, is at ({u:.1f}, {v:.1f}) with it: {length:.1f} pixels away.

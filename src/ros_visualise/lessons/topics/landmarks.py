@@ -228,7 +228,7 @@ def _corner_error(seen: TagSeen) -> str:
 
 def _described(pose: PoseEstimate) -> str:
     x, y, z = pose.position_xyz.round(3) + 0.0  # no minus before a zero
-    return f"    {pose.probability:7.1%}   ({x:.3f}, {y:.3f}, {z:.3f}) m   {pose.rms_px:.3f} pixels"
+    return f"    {pose.probability:6.1%}  ({x:.3f}, {y:.3f}, {z:.3f}) m  {pose.rms_px:.3f} px"
 
 
 def _other(found: tuple[PoseEstimate, ...]) -> str:

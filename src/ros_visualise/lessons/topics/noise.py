@@ -57,9 +57,11 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
 
         How far a picture is from the truth says the peak signal to noise ratio:
 
-            PSNR = 10 log₁₀(255² / mean square of the differences)
+            PSNR = 10 log₁₀(255² / MSE)
 
-        Here the mean square is {square:.1f}, its root {root:.1f} levels, the PSNR {psnr:.2f} dB.
+        MSE is the mean square of the differences.
+
+        Here it is {square:.1f}, its root {root:.1f} levels, the PSNR {psnr:.2f} dB.
         30 dB are good, below 20 dB one sees little else than the noise.
         """
     work = _Noisy(clean, added)
@@ -144,7 +146,8 @@ def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
     text = """
         Neighbours count by how near they are, and by how alike (Tomasi and Manduchi, 1998):
 
-            w = exp(−d² / 2σ²) · exp(−(difference of levels)² / 2σ_c²),   σ_c = {sigma:g}
+            w = exp(−d² / 2σ²) · exp(−l² / 2σ_c²)
+            l: difference of the levels,   σ_c = {sigma:g}
 
         Beyond an edge nothing is alike, so edges stay; salt and pepper stay too. {result}
         """

@@ -39,10 +39,14 @@ class Car:
             by itself, an active one sends something out and measures what comes back. On KITTI's
             car, with which many compare their methods:
 
-                camera       passive   light            10 Hz, 1392 × 512 pixels, dark at night
-                Velodyne     active    laser's time     10 Hz, about 100000 points, to 120 m
-                GPS (RTK)    passive   time of radio    where it is, to 5 cm under open sky
-                IMU          passive   turns, forces    100 Hz, always, and drifts
+                camera     passive  light, 10 Hz
+                Velodyne   active   a laser's time, 10 Hz
+                GPS (RTK)  passive  radio's time, 10 Hz
+                IMU        passive  turns, forces, 100 Hz
+
+            A camera has 1392 × 512 pixels and is blind at night. The Velodyne has about 100000
+            points a turn, to 120 m; GPS with corrections is right to 5 cm under open sky; the IMU
+            measures always, and drifts.
 
             None is enough alone: cameras have no scale, lasers no colours, GPS no signal in
             tunnels, and an IMU no memory of where it began. In 3D the car stands around the IMU of
