@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -264,3 +265,19 @@ def test_static_frames_of_two_nodes_in_one_process_are_both_there_for_who_comes_
         StaticTransformsOutput(published, frames).put(Packet(1, Transforms((frame,)), 0))
     (late,) = Peer(hub).hear("/tf_static", Transforms)
     assert {one.child_frame_id for one in late.transforms} == {"base", "tag"}
+
+
+def test_who_is_asked_to_end_while_it_opens_something_ends(
+    hub: Hub, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    middleware, opening = HubMiddleware(hub, {"path": "large.bag"}), Event()
+
+    def open_long(_: str) -> None:
+        middleware.end("asked to")
+        opening.wait(60)
+
+    monkeypatch.setattr("ros_visualise.executables.player.open_recording", open_long)
+    with pytest.raises(SystemExit) as ended:
+        run("player", middleware)
+    assert ended.value.code == 130
+    opening.set()

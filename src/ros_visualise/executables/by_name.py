@@ -22,6 +22,7 @@ from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
+from ros_visualise.signals import STOPPED
 from ros_visualise.ui import open_view
 from ros_visualise.ui.watching import watch
 
@@ -53,6 +54,8 @@ def _run(name: str, middleware: Middleware, work: Work) -> None:
     except RosVisualiseError as error:
         log.critical("%s", error)
         status = error.exit_status
+    except KeyboardInterrupt:  # asked to end before it has begun
+        status = STOPPED
     finally:
         middleware.end("done")
     sys.exit(status)

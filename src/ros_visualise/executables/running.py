@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, wait
 from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import (
@@ -34,6 +37,9 @@ Conduct = Callable[[Middleware, Process], AbstractContextManager[None]]
 """Surrounds the running of a process."""
 
 _SPIN_S = 0.1
+_LOOK_S = 0.05
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -74,8 +80,9 @@ def run_graph(
         graph = _configured(middleware, graph, namespaces, options)
         playback = _playback(middleware, graph, view.stays)
         compressed = choose_image_transport(middleware)
-        process = Process(middleware, graph, playback, namespaces, compressed)
-    except RosVisualiseError:
+        made = partial(Process, middleware, graph, playback, namespaces, compressed)
+        process = opened(middleware, made)
+    except (RosVisualiseError, KeyboardInterrupt):
         view.close()
         raise
     try:
@@ -88,6 +95,27 @@ def run_graph(
         view.close()
         process.stop()
     return int(process.runtime.failed or process.runtime.report().is_incomplete)
+
+
+def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
+    """What a call gives that may take long, as a simulation does before it can begin.
+
+    Raises:
+        KeyboardInterrupt: this process has to end meanwhile; the call is left alone.
+    """
+    opening: Future[T] = Future()
+
+    def run() -> None:
+        try:
+            opening.set_result(open_it())
+        except Exception as error:
+            opening.set_exception(error)
+
+    threading.Thread(target=run, name="opening", daemon=True).start()
+    while not wait([opening], _LOOK_S).done:
+        if middleware.is_over():
+            raise KeyboardInterrupt
+    return opening.result()
 
 
 def _spin(middleware: Middleware, process: Process, view: View) -> None:
