@@ -17,7 +17,7 @@ log = logging.getLogger(__name__)
 
 _STEP_S = 0.005
 _PERIOD_S = 0.01
-_PATIENCE_S = 5.0
+_PATIENCE_S = 15.0  # a simulation may take as long before it begins
 _NS = 1_000_000_000
 
 

@@ -8,15 +8,15 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages import from_message, type_name
+from ros_visualise.errors import DamagedMessage, UsageError
+from ros_visualise.messages import data_class, from_message, type_name
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.quality import fitting, profile
@@ -33,6 +33,13 @@ _LEAST = 5
 """Messages of any kind that may wait at least: as of REP 2003's sensor data."""
 _LARGE_BYTES = 1_000_000
 _NS = 1_000_000_000
+
+
+class _Asked(NamedTuple):
+    """What a subscription is for: messages of this type, as ``nav2_msgs/msg/ParticleCloud``."""
+
+    type: str
+    qos: QoS
 
 
 class Subscriber:
@@ -64,15 +71,14 @@ class Subscriber:
     ) -> None:
         self.name = session.resolve(topic)
         self._session, self._topic, self._kind = session, topic, kind
-        self._type = message_class(type_name(kind))
         self._take, self._refuse = take, refuse
         self._taker = rcl.Taker()
         self._sent_ns: deque[int] = deque(maxlen=_KEPT)
         self._closed = threading.Event()
         self._wake = GuardCondition(None, None, session.context)
-        self._qos = QoS(max(kind.waiting, _LEAST), reliable=False)
-        self._qos = self._wanted()
-        self._open = [self._subscribe(self._qos)]
+        qos = QoS(max(kind.waiting, _LEAST), reliable=False)
+        self._asked = self._wanted(_Asked(type_name(kind), qos))
+        self._open = [self._subscribe(self._asked)]
         self._changed_s = time.monotonic()
         self._known: frozenset[int] = frozenset()
         session.start(self._run, self.name)
@@ -127,7 +133,7 @@ class Subscriber:
 
     def _hand_on(self, data: Any) -> None:
         try:
-            message = DEFINITIONS.read(type_name(self._kind), data.data)
+            message = DEFINITIONS.read(self._asked.type, data.data)
             found: Any = from_message(message, self._kind)
         except (DamagedMessage, ValueError) as error:
             self._refuse(str(error))
@@ -141,23 +147,40 @@ class Subscriber:
             self._session.node.destroy_subscription(self._open.pop(0))
         elif self._known and now_s - self._changed_s > 2 * _TOGETHER_S:
             self._known = frozenset()
-        wanted = self._wanted()
-        if wanted != self._qos and len(self._open) == 1:
-            self._qos, self._changed_s = wanted, now_s
-            self._known = frozenset(self._sent_ns)
-            self._open.append(self._subscribe(wanted))
+        wanted = self._wanted(self._asked)
+        if wanted != self._asked and len(self._open) == 1:
+            self._turn_to(wanted, now_s)
 
-    def _wanted(self) -> QoS:
+    def _turn_to(self, wanted: _Asked, now_s: float) -> None:
+        try:
+            opened = self._subscribe(wanted)
+        except UsageError as error:
+            self._refuse(str(error))
+            return
+        if wanted.type != self._asked.type:  # nothing comes any more of what was asked for
+            self._session.node.destroy_subscription(self._open.pop())
+        self._asked, self._changed_s = wanted, now_s
+        self._known = frozenset(self._sent_ns)
+        self._open.append(opened)
+
+    def _wanted(self, asked: _Asked) -> _Asked:
         """What all publishers offer; where there are none, what was asked for until now."""
-        there = self._session.node.get_publishers_info_by_topic(self.name)
-        return fitting([one.qos_profile for one in there], self._qos.depth) if there else self._qos
+        there = [
+            one
+            for one in self._session.node.get_publishers_info_by_topic(self.name)
+            if data_class(one.topic_type) is self._kind
+        ]
+        if not there:
+            return asked
+        qos = fitting([one.qos_profile for one in there], asked.qos.depth)
+        return _Asked(there[0].topic_type, qos)
 
-    def _subscribe(self, qos: QoS) -> Any:
+    def _subscribe(self, asked: _Asked) -> Any:
         return self._session.node.create_subscription(
-            self._type,
+            message_class(asked.type),
             spelled(self._topic),
             _is_taken_here,
-            profile(qos),
+            profile(asked.qos),
             callback_group=_Apart(),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
