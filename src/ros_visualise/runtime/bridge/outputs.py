@@ -129,7 +129,8 @@ class ImageOutput(Output):
         name: the topic as the node calls it.
         resolved: its name on the graph.
         is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
-        waits: whether to wait, now, until an image is on its way to all.
+        in_haste: whether a source of this process plays as fast as it goes, without loss: then a
+            camera waits until an image is on its way to all, and others until they have room.
     """
 
     def __init__(
@@ -138,10 +139,10 @@ class ImageOutput(Output):
         name: str,
         resolved: str,
         is_camera: bool,
-        waits: Callable[[], bool],
+        in_haste: Callable[[], bool],
     ) -> None:
         super().__init__(middleware.advertise(name, TopicType(type_name(Image))))
-        self._waits = waits
+        self._in_haste = in_haste
         self._info = middleware.advertise(info_topic(resolved), CAMERA_INFO)
         compressed = TopicType(type_name(CompressedImage))
         self._compressed = middleware.advertise(f"{resolved}/compressed", compressed)
@@ -172,11 +173,14 @@ class ImageOutput(Output):
             return
         if self.wants_info:
             self._publish_info(image)
+        in_haste = self._in_haste()
+        if in_haste and not self._is_camera:
+            self.wait_for_room(_PATIENCE_S)
         if self.connections:
             self._send(self._publisher, image)
         if self._compressed.connections:
             self._to_compress.put(packet._replace(message=image))
-        if self._waits():
+        if in_haste and self._is_camera:
             self.flush(_PATIENCE_S)
 
     def _publish_info(self, image: Image) -> None:

@@ -137,8 +137,8 @@ class Process:
         if self._is_as_recorded(name):
             output = self._as_recorded(name, topic.ros)
         elif topic.type is Image:
-            waits = partial(self._is_in_haste, is_camera)
-            output = ImageOutput(self._middleware, self._declared[name], name, is_camera, waits)
+            declared, haste = self._declared[name], self._is_in_haste
+            output = ImageOutput(self._middleware, declared, name, is_camera, haste)
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
             declared = self._declared[name]
@@ -165,10 +165,10 @@ class Process:
         source = self._graph.source
         return source is not None and self._declared[name] in map(_outside, source.type.ros)
 
-    def _is_in_haste(self, is_camera: bool) -> bool:
+    def _is_in_haste(self) -> bool:
         """A source that plays as fast as it goes goes as fast as it is listened to."""
         playback = self.runtime.playback
-        return is_camera and playback is not None and playback.state.rate == 0
+        return playback is not None and playback.state.rate == 0
 
     def _open_input(self, name: str, kind: type) -> Input:
         declared, feed = self._declared[name], partial(self.runtime.publish, name)
