@@ -22,7 +22,6 @@ from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
-from ros_visualise.signals import STOPPED
 from ros_visualise.ui import open_view
 from ros_visualise.ui.watching import watch
 
@@ -54,8 +53,8 @@ def _run(name: str, middleware: Middleware, work: Work) -> None:
     except RosVisualiseError as error:
         log.critical("%s", error)
         status = error.exit_status
-    except KeyboardInterrupt:  # asked to end before it has begun
-        status = STOPPED
+    except KeyboardInterrupt:  # asked to end while it was opening something
+        status = 0
     finally:
         middleware.end("done")
     sys.exit(status)
