@@ -156,6 +156,8 @@ def test_navigation_corrects_an_odometry_by_tags(source):
     assert launched.params("landmark_navigator")["mode"] == "extend"
     assert launched.params("landmark_navigator")["moving"] == "100"
     assert launched.resolve("navigation_path", "/pose_cov") == "/navigation/pose"
+    assert launched.resolve("navigation_path", "/fix") == "/navigation/no_fix"
+    assert ("/robot_description" in launched.config.params) == (source == "bag")
     if source == "simulator":
         assert launched.resolve("pose_error", "/pose") == "/navigation/pose"
         assert launched.resolve("pose_error", "/truth") == "/ground_truth/odom"
