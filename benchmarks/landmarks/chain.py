@@ -51,7 +51,7 @@ def record(path: Path, seconds: float) -> None:
 def play(path: Path, cores: int) -> dict[str, Any]:
     """The report of a run in real time."""
     os.sched_setaffinity(0, set(list(os.sched_getaffinity(0))[:cores]))
-    chain = ("--navigate", "--tags", tags_of_world("field"))
+    chain = ("--navigate", "--set", f"tag_detector.tags={tags_of_world('field')}")
     told = run("bag", str(path), *chain, "--view", "none", "--json")
     found: dict[str, Any] = json.loads(told)
     return found

@@ -94,10 +94,8 @@ class Navigator:
         self._search = Search()
         self._trail = Trail(self.past, self.state)
         self._waiting: list[tuple[int, int, View]] = []
-        self._count = 0
-        self.at_ns = 0
+        self._count = self._contradicted = self.at_ns = 0
         self.has_news = False
-        self._contradicted = 0
         self._last_print: bytes = b""
         self._has_pose = False
 
