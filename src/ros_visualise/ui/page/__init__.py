@@ -65,8 +65,8 @@ class Page:
         door = open_door(host, origins)
         self.url = url(host, port, door.token)
         self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
+        self._looker: Looker | None = None  # somebody may ask as soon as there is a server
         self._server = open_server(host, port, title, door, flag, self._answer, self._files.receive)
-        self._looker: Looker | None = None
         self._opens = browser
         self._desk: Desk | None = None
         self._ended = threading.Event()
