@@ -22,8 +22,8 @@ _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 class Print(NamedTuple):
     """A flat drawing: RGB, (SIDE, SIDE, 3), and the outline of what is meant on it.
 
-    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up. With
-    ``framed`` it is a line that is drawn; else the plate that it is drawn on ends it for the eye.
+    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up. It can be
+    seen where it is ``framed``, and is that of a letter alone otherwise.
     """
 
     picture: Canvas

@@ -18,7 +18,7 @@ _HELD_OUT_DICTIONARIES = ("DICT_6X6_1000", "DICT_APRILTAG_36h10")
 _LETTERS = "ABCDEFGJKLMOPQRSTUVWXY0123456789?!&%"  # an I, N or Z lying down looks like an H
 
 Outline = npt.NDArray[np.float64]
-SQUARE: Outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
+_WHOLE: Outline = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float64)
 
 
 def draw_tag_board(random: np.random.Generator, held_out: bool = False) -> Print:
@@ -35,7 +35,7 @@ def draw_tag_board(random: np.random.Generator, held_out: bool = False) -> Print
     if random.random() < 0.3:
         levels = levels + 12 * smooth_noise(random, SIDE, 5)
     picture = levels[..., None] * random.uniform(0.92, 1.05, 3)
-    return Print(np.asarray(np.clip(picture, 0, 255), np.uint8), SQUARE)
+    return Print(np.asarray(np.clip(picture, 0, 255), np.uint8), _WHOLE)
 
 
 def _tag(random: np.random.Generator, dictionary: cv2.aruco.Dictionary) -> npt.NDArray[np.uint8]:
@@ -84,7 +84,7 @@ def _cross(random: np.random.Generator, canvas: Canvas) -> Outline:
     for w, h in ((reach, half * reach), (half * reach, reach)):
         bar = np.array([[-w, -h], [w, -h], [w, h], [-w, h]]) @ np.array([[c, s], [-s, c]])
         cv2.fillPoly(canvas, [to_pixels(bar)], ink, cv2.LINE_AA, 4)
-    return SQUARE
+    return _WHOLE
 
 
 def _rings(random: np.random.Generator, canvas: Canvas) -> Outline:
@@ -105,7 +105,7 @@ def _checks(random: np.random.Generator, canvas: Canvas) -> Outline:
     first = random_colour(random)
     second = random_colour(random, away_from=float(np.mean(first)))
     canvas[:] = np.where(big[..., None] > 0, first, second)
-    return SQUARE
+    return _WHOLE
 
 
 def _bars(random: np.random.Generator, canvas: Canvas) -> Outline:
@@ -116,7 +116,7 @@ def _bars(random: np.random.Generator, canvas: Canvas) -> Outline:
     for number in range(count):
         start = round(number * pitch)
         canvas[SIDE // 8 : -SIDE // 8, start : start + round(pitch * 0.5)] = ink
-    return SQUARE
+    return _WHOLE
 
 
 def _blot(random: np.random.Generator, canvas: Canvas, sides: int, radius: float) -> Outline:

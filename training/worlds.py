@@ -14,7 +14,7 @@ from bodies import build_post, build_thing, build_vehicle, geom, paint
 from grounds import Canvas, draw_surface, find_photos
 from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
-from prints import SQUARE, draw_distractor, draw_tag_board
+from prints import draw_distractor, draw_tag_board
 
 from ros_visualise.simulation.sky import FACES
 
@@ -173,24 +173,21 @@ class _Writer:
     def _add_print(self, name: str, drawn: Print, size: float, number: int) -> None:
         """A plate with a drawing; a tag's is a board with an edge, and stands as it likes.
 
-        Other plates are mostly cut along the outline, so that it seems painted on the ground. A
-        letter alone on a plate that is not cut is a pad as large as the plate.
+        Other plates are mostly cut along the outline, so that it seems painted on the ground:
+        all of those without a frame, where a plate could be taken for the pad.
         """
         self._add_material(name, drawn.picture)
         half, board = size / 2, number == CLASSES.index("tag")
-        edge = drawn.outline_xy
         geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE if board else _PLATE), name)
-        if not board and self.random.random() < _CUT:
-            rim = self.random.uniform(1.0, 1.06) * edge
+        if not board and (self.random.random() < _CUT or not drawn.framed):
+            rim = self.random.uniform(1.0, 1.06) * drawn.outline_xy
             self._definitions.append(_flat_mesh(name, np.clip(rim, -1, 1), half))
             geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
-        elif not drawn.framed:
-            edge = SQUARE
         if board:
             rim = half * self.random.uniform(1.0, 1.12)
             geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
-        z = np.full((len(edge), 1), 0 if board else 2 * _PLATE)
-        outline = np.hstack([edge * half, z])
+        z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
+        outline = np.hstack([drawn.outline_xy * half, z])
         self._add_body(name, geoms, number, (outline,), board)
 
     def _add_body(
