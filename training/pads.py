@@ -22,13 +22,11 @@ _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 class Print(NamedTuple):
     """A flat drawing: RGB, (SIDE, SIDE, 3), and the outline of what is meant on it.
 
-    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up. It can be
-    seen where it is ``framed``, and is that of a letter alone otherwise.
+    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up.
     """
 
     picture: Canvas
     outline_xy: npt.NDArray[np.float64]
-    framed: bool = True
 
 
 def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
@@ -56,8 +54,8 @@ def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
     corners = _draw_letter(random, paint, letter, reach, second)
     if frame not in ("none", "cross"):
         _decorate(random, paint, radius, reach, ink)
-    drawn = _wear(random, paint, under)
-    return Print(drawn, corners, False) if outline is None else Print(drawn, outline)
+    outline = corners if outline is None else outline
+    return Print(_wear(random, paint, under), outline)
 
 
 def _draw_frame(

@@ -26,6 +26,7 @@ SIZE = 320, 320
 PER_WORLD = 160
 _QUALITY = 40, 96  # of JPEG
 _LEAST_CONTRAST = 8.0
+_RIM, _LETTER = 0.15, -0.2  # of the sides: around what stands out, and to where a pad's letter is
 _FLATTEST = 6.0
 _NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
 
@@ -103,8 +104,12 @@ def is_narrow(seen: Seen) -> bool:
 
 
 def contrast(seen: Seen, picture: Canvas) -> float:
-    """Standard deviation of the gray levels, smoothed, in and around a landmark's box."""
-    rim = 0.15 * (seen.box[2:] - seen.box[:2]) + 1
+    """Standard deviation of the gray levels, smoothed, in and around a landmark's box.
+
+    Of a pad it is that of the box's middle, where the letter is.
+    """
+    share = _LETTER if seen.kind == CLASSES.index("helipad") else _RIM
+    rim = share * (seen.box[2:] - seen.box[:2]) + 1
     low = np.maximum(np.floor(seen.box[:2] - rim), 0).astype(int)
     high = np.ceil(seen.box[2:] + rim).astype(int) + 1
     part = cv2.cvtColor(picture[low[1] : high[1], low[0] : high[0]], cv2.COLOR_RGB2GRAY)
