@@ -14,7 +14,7 @@ from torch import Tensor
 from torch.nn import functional
 
 _REACH = {8.0: (0.0, 96.0), 16.0: (40.0, 224.0), 32.0: (96.0, 1e9)}
-"""Stride -> the longer sides of the landmarks that its cells answer for, pixels."""
+"""Stride -> how large the landmarks are that its cells answer for: the root of the box, pixels."""
 _CELLS = 10
 
 
@@ -79,7 +79,7 @@ def assign(
 
 def _candidates(centres: Tensor, strides: Tensor, target: Tensor) -> Tensor:
     """(cells, n): the cells within a box of the fitting size, or close to its middle."""
-    side = (target[:, 2:] - target[:, :2]).amax(dim=1)
+    side = (target[:, 2:] - target[:, :2]).prod(dim=1).sqrt()
     fits = torch.zeros(len(centres), len(target), dtype=torch.bool)
     for stride, (low, high) in _REACH.items():
         fits |= (strides == stride) & (side >= low) & (side <= high)
