@@ -68,7 +68,7 @@ def print_rows(report: dict[str, Any]) -> None:
     print("| node | messages | left out | median ms | p99 ms |")
     print("|---|---|---|---|---|")
     for name, node in report["nodes"].items():
-        if node["received"]:
+        if node["received"] and node["p50_ms"] is not None:
             lost = sum(node["dropped"].values())
             times = node["p50_ms"], node["p99_ms"]
             print(f"| {name} | {node['received']} | {lost} | {times[0]:.1f} | {times[1]:.1f} |")
