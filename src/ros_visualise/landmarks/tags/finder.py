@@ -94,6 +94,7 @@ class TagFinder:
         """
         parts = regions or [(0, 0, gray.shape[1], gray.shape[0])]
         found = [tag for part in parts for tag in self._find_in(gray, part)]
+        found = self._refined(gray, found) if self._refine else found
         return tuple(sorted(found, key=lambda tag: (tag.family, tag.id, *tag.center_uv)))
 
     def _find_in(self, gray: Pixels, part: Region) -> list[Tag]:
@@ -112,8 +113,7 @@ class TagFinder:
             )
             for one in self._library.detect(pixels)
         ]
-        believed = [tag for tag in tags if self._is_believed(tag, gray)]
-        return self._refined(gray, believed) if self._refine else believed
+        return [tag for tag in tags if self._is_believed(tag, gray)]
 
     def _refined(self, gray: Pixels, tags: Sequence[Tag]) -> list[Tag]:
         refined = []

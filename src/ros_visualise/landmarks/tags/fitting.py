@@ -56,7 +56,7 @@ class _Linear(NamedTuple):
     residual: Floats
     """(T, N) levels of gray, with the weights of `_levels` that leave least."""
     J: Floats
-    """(T, N, 21) derivatives of gray by corners, blur and the weights of `_levels`."""
+    """(T, 21, N) derivatives of gray by corners, blur and the weights of `_levels`."""
     contrast: Floats
     """(T,) levels of gray from black to white."""
     cell: Floats
@@ -104,7 +104,7 @@ def _fits(
         linear = _linearised(state, samples, patterns, square)
         step, inverse = _solved(linear.J, linear.residual)
         state = _moved(state, step)
-        left = linear.residual - (linear.J @ step[..., None])[..., 0]
+        left = linear.residual - _sum(linear.J, step)
         most = np.abs(step[:, :8]).max(axis=1, initial=0)
         settled = np.maximum(_SETTLED_PX, _SETTLED * _deviation(left, inverse, samples.weight))
         ends = most < (settled if number < _ROUNDS - 1 else _RESTLESS_PX)
@@ -140,57 +140,60 @@ def _linearised(state: _State, samples: Samples, patterns: Floats, square: Float
     seen = appearance(H, samples.places, state.blur, patterns)
     size = np.abs(state.corners).max(axis=(1, 2))[:, None, None]
     u, v = np.moveaxis(samples.places / size, 2, 0)
-    columns = _levels(seen, u, v) * samples.weight[..., None]
+    levels = _levels(seen, u, v) * samples.weight[:, None]
     gray = samples.gray * samples.weight
-    weights = _solved(columns, gray)[0]
+    weights = _solved(levels, gray)[0]
     first, second, third, by_u, by_v = np.moveaxis(weights[:, 1:6, None], 1, 0)
     m = seen.white
     gain = (first + 2 * second * m + 3 * third * m * m + by_u * u + by_v * v) * samples.weight
     by_warps = _warped(samples.places / size, seen.slope)
-    by_corners = by_warps @ -np.linalg.inv(_warps(state.corners / size))
-    moving = np.concatenate([by_corners, seen.by_blur], axis=2) * gain[..., None]
-    residual = gray - (columns @ weights[..., None])[..., 0]
-    J = np.concatenate([moving, columns], axis=2)
+    by_corners = -np.linalg.inv(_warps(state.corners / size)) @ by_warps
+    moving = np.concatenate([by_corners, seen.by_blur], axis=1) * gain[:, None]
+    J = np.concatenate([moving, levels], axis=1)
     x, y = np.floor(seen.xy).transpose(2, 0, 1)
     cell = np.where(samples.weight > 0, x * 32 + y, -1)
-    return _Linear(residual, J, weights[:, 1:4].sum(axis=1), cell)
+    return _Linear(gray - _sum(levels, weights), J, weights[:, 1:4].sum(axis=1), cell)
 
 
 def _levels(seen: Appearance, u: Floats, v: Floats) -> Floats:
-    """(T, N, 10) what levels of gray are a sum of."""
+    """(T, 10, N) what levels of gray are a sum of."""
     m, one = seen.white, np.ones_like(u)
-    grown = np.linalg.norm(seen.slope, axis=2)
-    return np.stack([one, m, m**2, m**3, m * u, m * v, u, v, grown, seen.beyond], axis=2)
+    grown = np.linalg.norm(seen.slope, axis=1)
+    return np.stack([one, m, m * m, m * m * m, m * u, m * v, u, v, grown, seen.beyond], axis=1)
 
 
 def _warps(corners: Floats) -> Floats:
-    """(T, 8, 8) how u and v of corners (T, 4, 2) change when homographies change a little."""
-    along_u, along_v = (np.broadcast_to(axis, corners.shape) for axis in np.eye(2))
-    both = np.stack([_warped(corners, along_u), _warped(corners, along_v)], axis=2)
+    """(T, 8, 8) how u and v of corners (T, 4, 2), by column, change with homographies, by row."""
+    along = np.broadcast_to(np.eye(2)[:, None, :, None], (2, len(corners), 2, 4))
+    both = np.stack([_warped(corners, axis) for axis in along], axis=3)
     return np.asarray(both.reshape(-1, 8, 8))
 
 
 def _warped(places: Floats, slope: Floats) -> Floats:
-    """(T, N, 8) how what has that slope (T, N, 2) changes at places that homographies move."""
-    (u, v), (by_u, by_v) = np.moveaxis(places, 2, 0), np.moveaxis(slope, 2, 0)
+    """(T, 8, N) how what has that slope (T, 2, N) changes at places that homographies move."""
+    (u, v), (by_u, by_v) = np.moveaxis(places, 2, 0), np.moveaxis(slope, 1, 0)
     inward = u * by_u + v * by_v
     warped = [by_u, u * by_u, v * by_u, by_v, u * by_v, v * by_v, u * inward, v * inward]
-    return np.stack(warped, axis=2)
+    return np.stack(warped, axis=1)
+
+
+def _sum(columns: Floats, weights: Floats) -> Floats:
+    """(T, N) of columns (T, K, N) so many times each (T, K)."""
+    return np.asarray((weights[:, None] @ columns)[:, 0])
 
 
 def _solved(J: Floats, residual: Floats) -> tuple[Floats, Floats]:
-    """Least squares (T, K), and the inverse (T, K, K) of their normal matrix."""
-    transposed = np.swapaxes(J, 1, 2)
-    normal = transposed @ J
+    """Least squares (T, K), and the inverse (T, K, K) of their normal matrix; J is (T, K, N)."""
+    normal = J @ np.swapaxes(J, 1, 2)
     scale = np.sqrt(np.diagonal(normal, axis1=1, axis2=2)) + 1e-12
     normed = normal / scale[:, :, None] / scale[:, None, :]
     known = np.isfinite(normed).all(axis=(1, 2), keepdims=True)
-    identity = np.eye(J.shape[2])
+    identity = np.eye(J.shape[1])
     inverted = np.asarray(
         np.linalg.inv(np.where(known, normed, identity) + _RIDGE * identity), np.float64
     )
     inverse = np.where(known, inverted / scale[:, :, None] / scale[:, None, :], np.nan)
-    return (inverse @ (transposed @ residual[..., None]))[..., 0], inverse
+    return (inverse @ (J @ residual[..., None]))[..., 0], inverse
 
 
 def _moved(state: _State, step: Floats) -> _State:
@@ -213,15 +216,15 @@ def _covariance(left: Floats, linear: _Linear, inverse: Floats, weight: Floats) 
     """(T, 8, 8) of corners, by what is left unexplained."""
     J = linear.J
     count = weight.sum(axis=1)
-    free = np.maximum(count - J.shape[2], 1)
+    free = np.maximum(count - J.shape[1], 1)
     by_pixels = inverse[:, :8, :8] * ((left * left).sum(axis=1) / free)[:, None, None]
-    pulls = inverse[:, :8] @ np.swapaxes(J * left[..., None], 1, 2)
+    pulls = inverse[:, :8] @ (J * left[:, None])
     by_cells = np.empty_like(by_pixels)
     for tag, (pull, group) in enumerate(zip(pulls, linear.cell, strict=True)):
         order = np.argsort(group, kind="stable")[int(np.sum(group < 0)) :]
         starts = np.flatnonzero(np.diff(group[order], prepend=-1))
         sums = np.add.reduceat(pull[:, order], starts, axis=1)
-        few = len(starts) / max(len(starts) - J.shape[2], 1)
+        few = len(starts) / max(len(starts) - J.shape[1], 1)
         by_cells[tag] = few * sums @ sums.T
     return np.asarray(_UNSEEN * (by_pixels + by_cells) / 2)
 
