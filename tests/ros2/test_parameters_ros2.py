@@ -46,7 +46,8 @@ class Asked:
 def pipeline(start: Callable[..., Any], ros2: Ros2) -> Asked:
     start("pipeline", edge_detector__low=30, filters__blur="off", view="none")
     asked = Asked(ros2, "/pipeline")
-    wait_for(lambda: "members" in asked.names(), "its parameters")
+    needed = {"edge_detector.low", "filters.gray"}
+    wait_for(lambda: needed <= set(asked.names()), "its parameters")
     return asked
 
 

@@ -155,8 +155,12 @@ def test_all_topics_that_can_be_drawn_are_there_with_what_is_on_them(viewer: Rem
 
 
 def test_its_parameters_have_ranges_and_are_set(viewer: RemoteRuntime):
-    seen = wait_for(lambda: viewer.parameters.get(NAME), "its parameters")
-    wait_for(lambda: getattr(seen.current, "turns", None) == 3, "its values")
+    def is_told() -> bool:
+        return NAME in viewer.parameters and hasattr(viewer.parameters[NAME].current, "turns")
+
+    wait_for(is_told, "its parameters")
+    seen = viewer.parameters[NAME]
+    wait_for(lambda: seen.current.turns == 3, "its values")
     turns = next(spec for spec in specs(seen.current) if spec.name == "turns")
     assert (turns.min, turns.max, turns.help) == (1, 9, "turns a minute")
     seen.update({"turns": 5})

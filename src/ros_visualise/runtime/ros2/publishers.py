@@ -17,7 +17,7 @@ from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.buffers import Buffer
 from ros_visualise.runtime.ros2 import rcl
-from ros_visualise.runtime.ros2.quality import clash, profile
+from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
 from ros_visualise.runtime.ros2.types import message_class
 from ros_visualise.sinks.encoding import Buffer as Part
@@ -27,6 +27,8 @@ log = logging.getLogger(__name__)
 
 _ENCODER = Encoder("cdr")
 _WAITING = 256
+_LOOK_S = 0.05
+_NAMED_S = 1.0
 _LARGE_DEPTH = 3
 """Images that are kept until reliable subscribers have all of their pieces."""
 
@@ -99,7 +101,8 @@ class Publisher:
             spelled(topic),
             profile(replace(type.qos, depth=depth)),
             event_callbacks=PublisherEventCallbacks(
-                incompatible_qos=self._say_why, use_default_callbacks=False
+                incompatible_qos=lambda _: session.start(self._say_why, f"{self.name} QoS"),
+                use_default_callbacks=False,
             ),
         )
         self._said: set[str] = set()
@@ -180,16 +183,24 @@ class Publisher:
             begin = end
         return self._buffer[:size]
 
-    def _say_why(self, _: Any) -> None:
+    def _say_why(self) -> None:
         """Say, once for each, which subscribers get nothing."""
-        [own] = [
-            one
-            for one in self._node.get_publishers_info_by_topic(self.name)
-            if (one.node_name, one.node_namespace)
-            == (self._node.get_name(), self._node.get_namespace())
-        ][:1] or [None]
-        for one in self._node.get_subscriptions_info_by_topic(self.name) if own else ():
+        publishers, subscribers = self._named_ends()
+        node = self._node.get_fully_qualified_name()
+        own = next((one for one in publishers if full_name(one) == node), None)
+        for one in subscribers if own else ():
             why = clash(own, one)
             if why is not None and why not in self._said:
                 self._said.add(why)
                 log.warning("%s: no messages to one subscriber: %s", self.name, why)
+
+    def _named_ends(self) -> tuple[list[Any], list[Any]]:
+        """The topic's publishers and subscribers, whose nodes tell their names a little later."""
+        end_s = time.monotonic() + _NAMED_S
+        while True:
+            publishers = self._node.get_publishers_info_by_topic(self.name)
+            subscribers = self._node.get_subscriptions_info_by_topic(self.name)
+            is_late = time.monotonic() > end_s or self._closed
+            if is_late or all(map(is_named, (*publishers, *subscribers))):
+                return publishers, subscribers
+            time.sleep(_LOOK_S)

@@ -19,6 +19,9 @@ from ros_visualise.messages.qos import QoS
 _RELIABLE = {True: ReliabilityPolicy.RELIABLE, False: ReliabilityPolicy.BEST_EFFORT}
 _LOCAL = {True: DurabilityPolicy.TRANSIENT_LOCAL, False: DurabilityPolicy.VOLATILE}
 
+_UNKNOWN = ("_NODE_NAME_UNKNOWN_", "_CREATED_BY_BARE_DDS_APP_")
+"""What RMWs call nodes that have not told their names yet, or are none."""
+
 
 def profile(qos: QoS) -> QoSProfile:
     """The same policies in rclpy's terms."""
@@ -65,7 +68,14 @@ def clash(publisher: Any, subscriber: Any) -> str | None:
 
 def full_name(end: Any) -> str:
     """The full name of the node that a publisher or subscriber belongs to."""
+    if not is_named(end):
+        return "somebody without a name"
     return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
+
+
+def is_named(end: Any) -> bool:
+    """Whether it is known which node a publisher or subscriber belongs to."""
+    return end.node_name not in _UNKNOWN
 
 
 def _is_less(offered: Any, asked: Any) -> bool:
