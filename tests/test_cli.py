@@ -243,8 +243,8 @@ class TestRefusals:
     def test_settings(self, video):
         says = {
             "fps_control.fps=999": "from 0 to 240",
-            "fps_control.speed=1": "there is fps, enabled",
-            "nothing.fps=1": "there is streamer, fps_control, filters, edge_detector",
+            "fps_control.speed=1": "choose from fps, enabled",
+            "nothing.fps=1": "choose from streamer, fps_control, filters, edge_detector",
             "fps=1": "NODE.PARAM=VALUE",
             "fps_control.enabled=maybe": "true or false",
         }

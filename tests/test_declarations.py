@@ -57,7 +57,7 @@ def test_robots_share_the_actions_that_all_of_them_have():
 
 def test_a_robot_follows_no_other_velocities_than_a_twist_has():
     with pytest.raises(
-        UsageError, match=r"source boat: no velocity axis 'surge'; there is linear\.x"
+        UsageError, match=r"source boat: no velocity axis 'surge'; choose from linear\.x"
     ):
         source(
             "boat",

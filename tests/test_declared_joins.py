@@ -42,12 +42,12 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda params, image=None, boxes=None: None,
             {"join": Latest("picture")},
-            "node locator: no input 'picture'; there is image, boxes",
+            "node locator: no input 'picture'; choose from image, boxes",
         ),
         (
             lambda image, params: None,
             {"inputs": {"image": Image}, "join": Approx(0.1)},
-            r"node locator: Approx\(slop_s=0.1\) joins several inputs; there is image",
+            r"node locator: Approx\(slop_s=0.1\) joins several inputs, and this node has image",
         ),
         (
             lambda image, boxes, params: None,
@@ -57,7 +57,7 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             lambda image, params: None,
             {"inputs": {"image": 3}},
-            "node locator: 3 is no message; there is CameraInfo",
+            "node locator: 3 is no message; choose from CameraInfo",
         ),
         (
             lambda params, **_: None,

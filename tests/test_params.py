@@ -71,9 +71,9 @@ def test_values_come_as_themselves_or_as_text(name, value, expected):
         ("least", "0", "at least 1"),
         ("on", "perhaps", "true or false"),
         ("mode", "slow", "one of off, fast"),
-        ("count", None, "count: has no value"),
+        ("count", None, "count: needs a value"),
         ("count", True, "a whole number from 0 to 10"),
-        ("nothing", "1", "no parameter 'nothing'; there is count, gain, on, name, mode"),
+        ("nothing", "1", "no parameter 'nothing'; choose from count, gain, on, name, mode"),
     ],
 )
 def test_refusals_name_what_is_allowed(name, value, says):

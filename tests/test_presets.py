@@ -66,7 +66,7 @@ def test_what_has_no_images_has_no_presets():
 def test_what_was_meant_is_guessed():
     assert near("filter", ["filters", "path"]) == "; did you mean filters?"
     assert near("FILTERS", ["filters", "path"]) == "; did you mean filters?"
-    assert near("xyz", ["filters", "path"]) == "; there is filters, path"
+    assert near("xyz", ["filters", "path"]) == "; choose from filters, path"
     assert near("xyz", []) == "; there is none"
 
 

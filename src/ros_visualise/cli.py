@@ -146,23 +146,26 @@ def _add_playing(commands: Any) -> None:
 
 def _add_explain(commands: Any, playing: argparse.ArgumentParser) -> None:
     explain = commands.add_parser(
-        "explain", parents=[playing], help="show how it works, step by step, on your own picture"
+        "explain",
+        parents=[playing],
+        help="lessons: how it works, step by step, on your own picture or recording",
     )
     explain.set_defaults(module="explain")
     explain.add_argument(
-        "topic", metavar="TOPIC", nargs="?", help="what to explain (default: list what there is)"
+        "topic", metavar="TOPIC", nargs="?", help="the lesson; without it, all lessons are listed"
     )
     explain.add_argument(
         "input",
         metavar="FILE",
         nargs="?",
-        help="a picture, a film, a recording or a robot (default: what fits the topic)",
+        help="a picture, a film, a recording, husky or quadrotor (default: a sample that fits "
+        "the lesson)",
     )
     explain.add_argument(
         "--export",
         type=Path,
         metavar="DIR",
-        help="write it to this folder as one HTML page, with its figures as PNG and SVG",
+        help="write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
     )
 
 
@@ -174,9 +177,11 @@ def _add_robots(commands: Any, playing: argparse.ArgumentParser) -> tuple[Any, A
         "scene",
         nargs="?",
         choices=("quadrotor", "husky", "landscape"),
-        help="which robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
+        help="a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
     )
-    sim = commands.add_parser("sim", parents=[playing], help="play a simulated robot")
+    sim = commands.add_parser(
+        "sim", parents=[playing], help="run a simulated robot: husky or quadrotor"
+    )
     sim.add_argument("robot", metavar="ROBOT", help="husky or quadrotor")
     add_world_options(sim)
     sim.add_argument(
@@ -221,11 +226,11 @@ def _add_recordings(commands: Any, playing: argparse.ArgumentParser) -> None:
 
 
 def _add_asking(commands: Any) -> None:
-    info = commands.add_parser("info", help="tell what a file holds")
+    info = commands.add_parser("info", help="tell what is in a recording or a video")
     info.set_defaults(module="info")
     info.add_argument("input", metavar="FILE", help="a recording or a video")
     info.add_argument(
-        "--check", action="store_true", help="read the whole file, and tell what cannot be read"
+        "--check", action="store_true", help="read the whole file, and report what is damaged"
     )
     info.add_argument("--json", action="store_true", help="print it as one JSON object")
     add_memory_option(info)
@@ -246,11 +251,15 @@ def _add_asking(commands: Any) -> None:
 
 
 def _add_convert(commands: Any) -> None:
-    convert = commands.add_parser("convert", help="write a recording, or a part, in another format")
+    convert = commands.add_parser(
+        "convert", help="write a recording, or a part of it, in another format"
+    )
     convert.set_defaults(module="convert")
     convert.add_argument("input", metavar="SRC", help="the recording, of any kind")
     convert.add_argument(
-        "output", metavar="DST", help="the new file, .bag or .mcap; without either: a ROS 2 folder"
+        "output",
+        metavar="DST",
+        help="the new file, a .bag or .mcap; a name without either ending makes a ROS 2 folder",
     )
     convert.add_argument(
         "--topics",
@@ -261,14 +270,14 @@ def _add_convert(commands: Any) -> None:
         help="only these topics",
     )
     convert.add_argument(
-        "--start", type=not_negative, metavar="S", help="begin so many seconds after the start"
+        "--start", type=not_negative, metavar="S", help="leave out the first S seconds"
     )
-    convert.add_argument("--duration", type=positive, metavar="S", help="take only so many seconds")
+    convert.add_argument("--duration", type=positive, metavar="S", help="take only S seconds")
     convert.add_argument(
         "--compression",
         choices=("auto", "none", "lz4", "bz2", "zstd"),
-        help="of a .bag: none (default), lz4, bz2; of .mcap and ROS 2: auto (default: zstd for"
-        " small messages, lz4 for images), none, lz4, zstd",
+        help="for a .bag: none (default), lz4 or bz2; for .mcap and ROS 2: auto (default; zstd"
+        " for small messages, lz4 for images), none, lz4 or zstd",
     )
     convert.add_argument(
         "--profile",

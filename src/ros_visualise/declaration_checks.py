@@ -33,7 +33,7 @@ def check_kinds(name: str, ports: Mapping[str, Any]) -> None:
         if kind not in MESSAGES:
             there = ", ".join(message.__name__ for message in MESSAGES)
             given = getattr(kind, "__name__", repr(kind))
-            raise UsageError(f"node {name}: {given} is no message; there is {there}")
+            raise UsageError(f"node {name}: {given} is no message; choose from {there}")
 
 
 def check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
@@ -47,9 +47,9 @@ def check_join(name: str, join: Join, inputs: Mapping[str, type]) -> None:
         raise UsageError(f"node {name}: join={join}: give {ways} of ros_visualise.joining")
     if join != EACH and len(inputs) < 2:
         there = ", ".join(inputs) or "none"
-        raise UsageError(f"node {name}: {join} joins several inputs; there is {there}")
+        raise UsageError(f"node {name}: {join} joins several inputs, and this node has {there}")
     if isinstance(join, Latest) and join.trigger not in inputs:
-        raise UsageError(f"node {name}: no input {join.trigger!r}; there is {', '.join(inputs)}")
+        raise UsageError(f"node {name}: no input {join.trigger!r}; choose from {', '.join(inputs)}")
 
 
 def check_calibrated(name: str, calibrated: bool, inputs: Mapping[str, type]) -> None:

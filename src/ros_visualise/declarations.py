@@ -187,7 +187,7 @@ def node(
     check_name(f"node {name}", name)
     for port in (*on_demand, *latched):
         if port not in outputs:
-            raise UsageError(f"node {name}: no output {port!r}; there is {', '.join(outputs)}")
+            raise UsageError(f"node {name}: no output {port!r}; choose from {', '.join(outputs)}")
     check_kinds(name, inputs)
     check_kinds(name, outputs)
     check_join(name, join, inputs)
@@ -245,7 +245,7 @@ def source(
     for axis in velocity_axes:
         if axis not in VELOCITY_AXES:
             there = ", ".join(VELOCITY_AXES)
-            raise UsageError(f"source {name}: no velocity axis {axis!r}; there is {there}")
+            raise UsageError(f"source {name}: no velocity axis {axis!r}; choose from {there}")
 
     def declare(target: T) -> T:
         target.declared = SourceType(  # type: ignore[attr-defined]

@@ -259,10 +259,10 @@ class Graph:
             if port in added.stepped and port not in found and len(named) == 1:
                 found[port] = named[0]
             if (port in added.stepped or port in found) and found.get(port) not in fitting:
-                there = ", ".join(fitting) or "none"
+                hint = f"add ,{port}=TOPIC to its name, with TOPIC one of {', '.join(fitting)}"
                 raise UsageError(
-                    f"{added.name}: needs a topic of {kind.__name__} as {port}; there is {there}:"
-                    f" choose by ,{port}=TOPIC behind its name"
+                    f"{added.name}: needs a topic of {kind.__name__} as {port};"
+                    f" {hint if fitting else 'there is none here'}"
                 )
         return found
 

@@ -69,7 +69,9 @@ def with_landmarks(
         landing = _fed(LANDING, graph, detectors_there)
         found = [_without_moving(node, landing.params.target) for node in (*found, landing)]
     for made in (made for node in found for made in node.topics if made in graph.topics):
-        raise UsageError(f"{made} is recorded already: name others by --topics, or no --landmarks")
+        raise UsageError(
+            f"the recording has {made} already: leave it out by --topics, or leave out --landmarks"
+        )
     whole = replace(graph, nodes=(*graph.nodes, *found)).with_frames()
     names = [node.name for node in found]
     return whole.configured({name: settings[name] for name in names if name in settings})

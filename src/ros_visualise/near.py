@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 
 def near(name: str, there: Iterable[str], listed: bool = True) -> str:
-    """``; did you mean filters?`` where one of those that there are is close, else all of them.
+    """``; did you mean filters?`` if a known name is close, else a list of all.
 
     Args:
         name: what was given.
@@ -21,4 +21,4 @@ def near(name: str, there: Iterable[str], listed: bool = True) -> str:
         return f"; did you mean {folded[found[0]]}?"
     if not listed:
         return ""
-    return f"; there is {', '.join(known) or 'none'}"
+    return f"; choose from {', '.join(known)}" if known else "; there is none"

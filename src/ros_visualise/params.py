@@ -98,7 +98,7 @@ class Spec:
             ParameterError: not of this type or out of range; the message names what is allowed.
         """
         if value is None:
-            raise ParameterError(f"{self.name}: has no value")
+            raise ParameterError(f"{self.name}: needs a value")
         if issubclass(self.type, Enum):
             return self._choose(value)
         if self.type is bool:

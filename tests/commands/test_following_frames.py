@@ -77,7 +77,7 @@ REFUSALS = [
     (["--odom", "/tf:map"], "write a pair of frames as /tf:PARENT.CHILD"),
     (["--odom", "/tf:map.mars"], "there is no frame 'mars'; known are base, camera, map, odom"),
     (["--odom", "/tf:base.camera"], "camera does not move in base"),
-    (["--odom", "/odom:map.base"], "no poses on /odom; there is /tf"),
+    (["--odom", "/odom:map.base"], "no poses on /odom; choose from /tf"),
     (["--odom", "/tf:map.base", "--topics", "/odom"], "/tf is not played; add it to --topics"),
     (["--odom", "none", "--set", "path.tf_parent=map"], PAIR),
     (["--topics", "/tf", "--set", "path.tf_parent=map"], PAIR),
@@ -103,7 +103,7 @@ def test_a_file_of_parameters_is_answered_alike(run, bag, tmp_path):
 def test_where_nothing_is_recorded_the_nodes_that_there_are_are_listed(run):
     status, said = run("demo", "landscape", *QUICK, "--set", "path.tf_parent=map")
     assert status == 2
-    assert "no node 'path' here; there is landscape, fps_control" in said
+    assert "no node 'path' here; choose from landscape, fps_control" in said
 
 
 def test_transforms_without_frames_leave_nothing_to_choose(run, tmp_path):

@@ -347,16 +347,18 @@ class TestRefusals:
         bag, texts = recordings / "bags", recordings / "trajectory" / "evo"
         source, _, truth = compared["kitti"]
         assert "--truth" in refused(source, "--align=se3")
-        assert "holds one trajectory" in refused(source, tmp_path / "out.tum", "--with", truth)
+        assert "can hold only one trajectory" in refused(
+            source, tmp_path / "out.tum", "--with", truth
+        )
         assert "no times" in refused(source, tmp_path / "out.tum")
         tum = texts / "freiburg1_xyz-rgbdslam.txt"
-        assert "nobody knows which belong together" in refused(tum, "--truth", truth)
+        assert "poses cannot be matched" in refused(tum, "--truth", truth)
         times = texts / "KITTI_00_gt_times.txt"
         assert "neither TUM's 8 numbers" in refused(times)
         assert "neither TUM's 8 numbers" in refused(source, "--truth", times)
         robot = [bag / "evo_tf_example.bag", "--topic=/tf:odom.base_link"]
         assert "--max-difference" in refused(*robot, "--truth", tum)
-        assert "there is /tf" in refused(*robot, "--truth", "/nothing")
+        assert "choose from /tf" in refused(*robot, "--truth", "/nothing")
         assert "has no topics" in refused(source, "--truth", "/nothing")
         assert "has no topics" in refused(source, "--topic", "/odom")
         drive = recordings / "oxts" / "2011_09_26_drive_0005_sync"

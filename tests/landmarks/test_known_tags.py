@@ -43,7 +43,7 @@ def test_a_file_without_tags_is_one(tmp_path):
     ("text", "said"),
     [
         ("- 1", "the file: give keys and values, standalone_tags, tag_bundles"),
-        ("tags: []", "the file: no key 'tags'; there is standalone_tags, tag_bundles"),
+        ("tags: []", "the file: no key 'tags'; choose from standalone_tags, tag_bundles"),
         ("standalone_tags: 3", "standalone_tags: give a list"),
         ("standalone_tags: [3]", "standalone_tags, entry 1: give keys and values, id, size, name"),
         ("standalone_tags: [{id: 3}]", "entry 1: has no size"),
@@ -54,7 +54,7 @@ def test_a_file_without_tags_is_one(tmp_path):
         ("standalone_tags: [{id: 3, size: 1000}]", "size is 1000; give the side of its square"),
         ("standalone_tags: [{id: -1, size: 1}]", "id is -1; give a whole number from 0 on"),
         ("standalone_tags: [{id: 3, size: 1, name: ''}]", "name is ''; give a word"),
-        ("standalone_tags: [{id: 3, siez: 1}]", "no key 'siez'; there is id, size, name"),
+        ("standalone_tags: [{id: 3, siez: 1}]", "no key 'siez'; choose from id, size, name"),
         ("standalone_tags: [{id: 3, size: 1}, {id: 3, size: 1}]", "entry 2: tag 3 is there twice"),
         ("tag_bundles: [{name: a, layout: []}]", "tag_bundles, entry 1: its layout has no tags"),
         (

@@ -113,7 +113,7 @@ def test_families_are_named_in_several_ways():
     assert found == ["tag36h11", "tag25h9", "tagStandard41h12", "5x5_1000", "tag16h5"]
 
 
-@pytest.mark.parametrize(("text", "said"), [("36h12", "'36h12'; there is tag36h11"), ("", "''")])
+@pytest.mark.parametrize(("text", "said"), [("36h12", "'36h12'; choose from tag36h11"), ("", "''")])
 def test_a_family_that_is_not_there_is_refused(text, said):
     with pytest.raises(ParameterError, match=f"no family of tags {said}"):
         parse_families(text)

@@ -85,7 +85,7 @@ def test_the_picture_may_be_ones_own(picture, tmp_path):
     gray = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2GRAY)
     edges = cv2.Canny(gray, 70, 140, L2gradient=True)
     text = texts_of(folder / "index.html")
-    assert f"The edges: {np.count_nonzero(edges)} pixels" in text
+    assert f"So {np.count_nonzero(edges)} pixels are edges" in text
     assert f"differs in 0 of {edges.size} pixels" in text
     drawn = cv2.imread(str(folder / "hysteresis.png"))
     is_edge = (drawn == 255).all(axis=2) | (drawn[..., 1] == 220)
@@ -97,7 +97,7 @@ def test_the_gradient_is_told_along_the_row_of_the_pixel_that_is_chosen(picture,
     folder = tmp_path / "out"
     assert main(["explain", "gradient", str(picture), "--export", str(folder), *chosen]) == 0
     row = cv2.cvtColor(cv2.imread(str(picture)), cv2.COLOR_BGR2GRAY)[20].astype(int)
-    words = f"At x = 50, orange: ({row[51]} − {row[49]}) / 2 = {(row[51] - row[49]) / 2:+.1f}"
+    words = f"At x = 50 (orange): ({row[51]} − {row[49]}) / 2 = {(row[51] - row[49]) / 2:+.1f}"
     text = texts_of(folder / "index.html")
     assert "Along row 20" in text
     assert words in text

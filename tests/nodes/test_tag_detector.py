@@ -187,7 +187,7 @@ def test_parameters_may_change_while_it_runs():
 
 
 def test_what_cannot_be_is_refused_when_it_begins(tmp_path):
-    with pytest.raises(ParameterError, match="no family of tags 'x'; there is tag36h11"):
+    with pytest.raises(ParameterError, match="no family of tags 'x'; choose from tag36h11"):
         TagDetector(TagParams(families="x"))
     with pytest.raises(OpenError, match="no such file"):
         TagDetector(TagParams(tags=str(tmp_path / "none.yaml")))

@@ -40,7 +40,7 @@ def test_a_file_gives_way_points(tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("shape: circle", "there is square, figure_of_eight, lawn_mower"),
+        ("shape: circle", "choose from square, figure_of_eight, lawn_mower"),
         ("shape: [1]", "give one of square, figure_of_eight, lawn_mower"),
         ("speed: 1", "give a shape (square, figure_of_eight, lawn_mower) or waypoints"),
         ("waypoints: []", "give a shape"),

@@ -166,7 +166,7 @@ def test_the_best_type_is_chosen():
     ("topic", "says"),
     [
         (None, "choose --topic of /a, /b"),
-        ("/c", "no poses on /c; there is /a, /b"),
+        ("/c", "no poses on /c; choose from /a, /b"),
         ("/tf", "no poses on /tf"),
         ("/tf:map", "/tf:PARENT.CHILD"),
         ("/tf:map.odom", "no poses on /tf"),

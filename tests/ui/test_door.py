@@ -82,7 +82,7 @@ def test_beyond_this_machine_a_token_is_needed(host, token):
         assert door.refusal(f"/{token}", called, f"http://{called}") == ""
         assert door.refusal(f"/{token}/index.html?a", called, None) == ""
         for path in ("/", "/index.html", f"/{token}x", f"/{token[:-1]}", f"/?{token}", "", "/%00"):
-            assert "the whole address" in door.refusal(path, called, None)
+            assert "the whole address, with its token" in door.refusal(path, called, None)
     assert door.refusal(f"/{token}", "evil.example:8080", None)
     assert door.refusal(f"/{token}", "192.0.2.7:8080", "http://evil.example")
     assert door.inside(f"/{token}") == ""

@@ -91,7 +91,7 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, shelf, 
         ("old.mp4", 4, "exists"),
         ("empty.mp4", 0, "give a file of 1 byte to 8 GiB"),
         ("large.mp4", (8 << 30) + 1, "give a file of 1 byte to 8 GiB"),
-        ("short.mp4", 2, "it is not what was announced"),
+        ("short.mp4", 2, "it is not the file that was announced"),
     ],
 )
 def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):

@@ -56,7 +56,7 @@ def warnings_of(found: Calibration, better: Lens | None) -> list[str]:
     if count < _FEW_VIEWS:
         texts.append(f"only {counted(count, 'view')}: take 15 or more that differ")
     if found.halves is None:
-        texts.append("too few views to calibrate halves of them apart: nobody knows how true it is")
+        texts.append("too few views to check the result by halves of them: its error is unknown")
     elif found.halves.difference > APART:
         texts.append(
             f"halves of the views differ by {found.halves.difference:.2%} in focal length: do not"
@@ -181,7 +181,7 @@ def _about_halves(found: Calibration) -> str:
 
 def _about_uncertainty(found: Calibration) -> str:
     centre, corners = found.uncertainty.centre, found.uncertainty.corners
-    at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "nobody knows how much"
+    at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "an unknown amount"
     return f"{centre:.2f} px in the image's centre, {at_corners} in its corners (one sigma)"
 
 

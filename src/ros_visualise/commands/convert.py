@@ -41,7 +41,9 @@ def run(args: Namespace) -> int:
     check_targets([target], args.input)
     encoding = encoding_of(target, args.profile)
     if kind_of(target) == "mp4":
-        raise UsageError(f"{target}: a video is made by ros-visualise bag SRC --record {target}")
+        raise UsageError(
+            f"{target}: convert writes no videos; use ros-visualise bag SRC --record {target}"
+        )
     recording = interruptible(lambda: open_source(args.input))
     with closing(recording):
         part = _choose_part(recording, args)

@@ -140,7 +140,8 @@ def _sim(args: Namespace) -> Graph:
     mission = args.mission or _NONE
     if mission == _NONE and args.view == "none" and args.duration is None and args.frames is None:
         raise UsageError(
-            "the robot would stand for ever: add --mission lawn_mower or --duration 60"
+            "the robot has nothing to do and would stand still for ever: add --mission "
+            "lawn_mower or --duration 60"
         )
     scenario = {"world": args.world, "mission": mission, "seed": args.seed}
     landmarks, navigate = args.landmarks is not False, args.navigate is not None

@@ -108,7 +108,7 @@ def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
     if topic not in (*images, *found):
         there = ", ".join([*images, *found]) or "none"
         what = f"--topic {args.topic}: no such topic" if args.topic else f"{args.input}: no topic"
-        raise UsageError(f"{what} of images or of detections in images; there is {there}")
+        raise UsageError(f"{what} with images or detections; its topics with these: {there}")
     wanted = _MAPPED if args.map is None else (*_MAPPED, Imu)
     beside = [
         name
@@ -126,7 +126,10 @@ def _detectors(args: Namespace, is_image: bool) -> Sequence[str]:
         return (TAGS, OBJECTS) if _has_network(args.model) else (TAGS,)
     for option, given in {"--families": args.families, "--model": args.model}.items():
         if given:
-            raise UsageError(f"{option}: there are no images, tags were found before; leave it out")
+            raise UsageError(
+                f"{option}: this recording has no images, only tags that were "
+                "found before; leave it out"
+            )
     return (RECORDED_TAGS,)
 
 

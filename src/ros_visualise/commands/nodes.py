@@ -28,7 +28,7 @@ def _lines(described: dict[str, Any]) -> Iterator[str]:
             if node[side]:
                 yield f"  {side}: " + ", ".join(f"{n} ({what})" for n, what in node[side].items())
         for param, about in node["params"].items():
-            yield f"  {param:<20} {about['default']!s:<12} {_allowed(about):<28} {about['help']}"
+            yield f"  {param:<20} {about['default']!s:<16} {_allowed(about):<28} {about['help']}"
         yield ""
 
 

@@ -49,11 +49,13 @@ def run(args: Namespace) -> int:
 def _check(args: Namespace) -> None:
     """Refuse what cannot be done, before anything is read."""
     if args.align != "none" and args.truth is None:
-        raise UsageError(f"--align {args.align}: to what? Name it by --truth TOPIC|FILE")
+        raise UsageError(f"--align {args.align}: needs the true trajectory: add --truth TOPIC|FILE")
     beside = (parse_target(name)[1] for name in args.beside)
     count = max(1, len(args.topic)) + sum(max(1, len(topics)) for topics in beside)
     if args.output is not None and count > 1:
-        raise UsageError(f"{args.output}: holds one trajectory; ask for one, or leave OUT away")
+        raise UsageError(
+            f"{args.output}: can hold only one trajectory; ask for one, or leave OUT away"
+        )
     targets = [one for one in (args.output, args.plot) if one is not None]
     for read in files_read(args):
         check_targets(targets, read)

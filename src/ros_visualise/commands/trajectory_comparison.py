@@ -93,8 +93,9 @@ def _pairs(found: Trajectory, truth: Trajectory, most_ns: int) -> tuple[Indices,
     if count != other:
         without = truth if found.stamped else found
         raise UsageError(
-            f"{without.topic} has no times, and {found.topic} {count} poses where {truth.topic} has"
-            f" {other}: nobody knows which belong together; give both with times (TUM)"
+            f"{without.topic} has no times, and {found.topic} {count} poses where "
+            f"{truth.topic} has {other}: so poses cannot be matched; give both with times "
+            "(TUM)"
         )
     return np.arange(count), np.arange(count)
 

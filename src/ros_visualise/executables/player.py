@@ -60,7 +60,7 @@ def _chosen_image(recording: Recording, declared: SourceType, wanted: str) -> st
     if wanted in ("none", "first"):
         return first_image(recording, images) if wanted == "first" else None
     there = ", ".join(images) or "none in it"
-    raise UsageError(f"image={wanted}: no such topic of images; there is {there}")
+    raise UsageError(f"image={wanted}: no such topic of images; choose from {there}")
 
 
 @contextmanager

@@ -17,17 +17,19 @@ class MapParams:
     )
     class_prefix: str = param(
         "landmark_",
-        "what to put before classes of tags that are numbers, as on ROS 1, such as tag36h11_",
+        "what is put before a tag's class that is only a number, as on ROS 1, such as tag36h11_",
         group="map",
     )
     object_prefix: str = param(
-        "object_", "what to put before classes of other things that are numbers", group="map"
+        "object_",
+        "what is put before the class of another object that is only a number",
+        group="map",
     )
     moving: str = param(
-        "", "classes that are no landmarks, as they move, as in: pad, person", group="map"
+        "", "classes that move, so that they are no landmarks, such as pad, person", group="map"
     )
     ground: bool = param(
-        True, "place what is seen without a range, as a post, on the ground", group="ground"
+        True, "place objects of unknown distance, such as posts, on the ground", group="ground"
     )
     ground_height: float = param(
         0.0,

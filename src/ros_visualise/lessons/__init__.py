@@ -28,6 +28,6 @@ def find_lesson(name: str) -> Lesson:
     if name not in TOPICS:
         close = get_close_matches(name, TOPICS, 1)
         meant = f"did you mean {close[0]}? " if close else ""
-        raise UsageError(f"no lesson {name!r}: {meant}there is {', '.join(TOPICS)}")
+        raise UsageError(f"no lesson {name!r}: {meant}choose from {', '.join(TOPICS)}")
     lesson: Lesson = import_module(f"{__name__}.topics.{name}").LESSON
     return lesson

@@ -48,7 +48,7 @@ def handout_of(lesson: Lesson, steps: Mapping[str, str], folder: Path, at_end: b
             """Keep the newest of everything."""
             self._news |= news
 
-        @action("write the lesson as it is now: a page with its figures")
+        @action("write the lesson as it is now: a web page with its figures")
         def export(self) -> Text:
             """Write it to a new folder."""
             return Text(f"Written: {write_page(lesson, steps, self._news, _unused(folder))}")

@@ -119,6 +119,6 @@ def work_of(image: Image, kind: type[W]) -> W:
     work = getattr(image, "work", None)
     if not isinstance(work, kind):
         raise UnsupportedImage(
-            "the image is not of the step before: put no other node between them"
+            "the image is not from the step before: put no other node between the steps of a lesson"
         )
     return work

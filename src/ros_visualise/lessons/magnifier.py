@@ -22,9 +22,10 @@ _GAP = 8
 class PixelParams:
     """At which pixel one looks."""
 
-    x: int = param(-1, "column of the pixel, as a click on the picture chooses it; -1: any",
+    x: int = param(-1, "column of the pixel; a click on the picture chooses it; -1: chosen "
+        "for you",
                    min=-1, max=4096, slider=(-1, 640))  # fmt: skip
-    y: int = param(-1, "its row", min=-1, max=4096, slider=(-1, 480))
+    y: int = param(-1, "row of the pixel", min=-1, max=4096, slider=(-1, 480))
 
     def pixel(self, shape: tuple[int, ...], otherwise: tuple[int, int]) -> tuple[int, int]:
         """(x, y) of the pixel that was chosen, or another one if none was.

@@ -22,9 +22,12 @@ class PictureParams:
     """How large the picture is."""
 
     longest: int = param(
-        640, "pixels of the longer side; a smaller picture keeps its own", min=16, max=4096,
+        640,
+        "length of the longer side, pixels; a smaller picture stays as it is",
+        min=16,
+        max=4096,
         slider=(64, 1280),
-    )  # fmt: skip
+    )
 
 
 def picture_of(lesson: Lesson) -> Any:

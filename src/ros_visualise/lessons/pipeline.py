@@ -58,7 +58,9 @@ def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
     if not nodes:
         needed = [next(iter(step.declared.stepped.values())).__name__ for step in lesson.steps]
         kinds = " or ".join(dict.fromkeys(needed))
-        raise UsageError(f"{lesson.name}: no topic of {kinds} here; give another file, or none")
+        raise UsageError(
+            f"{lesson.name}: there is no topic of type {kinds} in it; give another file, or none"
+        )
     return nodes
 
 

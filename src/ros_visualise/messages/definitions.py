@@ -167,7 +167,7 @@ class Definitions:
 
     def _why(self, type_name: str, size: int) -> str:
         if not self.knows(type_name):
-            return f"{type_name}: nobody knows this type, and the recording does not define it"
+            return f"{type_name}: an unknown type, and the recording does not define it"
         return f"{size} bytes are no {type_name}"
 
 

@@ -168,8 +168,8 @@ def load(path: str, name: str) -> NodeType | SourceType:
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:
-        there = sorted(declared) or ["none: decorate a function with @node"]
-        raise UsageError(f"{path} declares no node {name!r}{near(name, there)}")
+        there = near(name, sorted(declared)) if declared else "; decorate a function with @node"
+        raise UsageError(f"{path} declares no node {name!r}{there}")
     return declared[name]
 
 

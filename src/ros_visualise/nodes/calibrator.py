@@ -31,19 +31,21 @@ class CalibratorParams:
 
     pattern: Kind = param(Kind.CHESSBOARD, "what the board shows")
     board: str = param(
-        "9x6", "inner corners of a chessboard, squares of ChArUco, tags: COLUMNSxROWS"
+        "9x6",
+        "COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco board, tags of"
+        " an AprilGrid",
     )
     share: float = param(
         0.0,
-        "ChArUco: a marker's side, as a share of a square's; AprilGrid: space between tags, as a"
-        " share of a tag's; 0: as usual",
+        "ChArUco: a marker's side as a fraction of a square's; AprilGrid: the gap between"
+        " tags as a fraction of a tag's side; 0: the usual value",
         min=0,
         max=0.95,
     )
-    dictionary: str = param("", "OpenCV's name of the markers; empty: as usual")
+    dictionary: str = param("", "OpenCV's name of the set of markers; empty: the usual one")
     model: Lens = param(Lens.PINHOLE, "model of the lens")
     file: str = param(
-        "camera.yaml", "YAML file to save to, that of the camera's camera_info_url", saved=False
+        "camera.yaml", "YAML file to save to; give it to the camera as camera_info_url", saved=False
     )
 
 
@@ -55,7 +57,7 @@ class CalibratorParams:
     on_demand=("coverage",),
 )
 class Calibrator:
-    """Keeps views of a board that differ, and calibrates by them when asked."""
+    """Collects views of a board, and calibrates the camera from them when asked."""
 
     def __init__(self, params: CalibratorParams) -> None:
         self._params = params

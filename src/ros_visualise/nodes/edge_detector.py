@@ -35,7 +35,8 @@ class EdgeParams:
     )
     low: int = param(
         100,
-        "lower threshold of the hysteresis; of 16-bit images at 8 bits; swapped if above high",
+        "lower threshold of the hysteresis; swapped with high if larger; 16-bit images "
+        "count as 8 bits",
         min=0,
         max=800,
         used=unless("auto", True),

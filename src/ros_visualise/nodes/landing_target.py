@@ -37,18 +37,18 @@ class LandingTargetParams:
 
     target: str = param(
         "pad",
-        "what to land on: classes of detections whose origin is in its middle, a bundle's name or a"
-        " tag's, as in: pad, helipad",
+        "what to land on, such as pad, helipad: the name of a tag, of a bundle, or of a "
+        "class of objects with the origin in the middle",
     )
-    rate: float = param(
-        20.0, "how often to tell of it between images, by the odometry, per second", min=0, max=200
-    )
+    rate: float = param(20.0, "messages per second between images, by the odometry", min=0, max=200)
     timeout: float = param(
         1.0, "seconds after which a target that is not seen is lost", min=0.05, max=60
     )
-    axes: Axes = param(Axes.FLU, "axes of the body: REP 103's, or those of MAVLink and PX4")
+    axes: Axes = param(
+        Axes.FLU, "axes of the body: FLU as in REP 103, or FRD as in MAVLink and PX4"
+    )
     frame: str = param("base_link", "frame of the body; with FRD, _frd is added to its name")
-    fixed_frame: str = param("odom", "frame in which the target stands or moves evenly")
+    fixed_frame: str = param("odom", "frame in which the target stands still or moves steadily")
     speed: float = param(
         1.0,
         "speed that the target may have (standard deviation), m/s; 0: it stands still",
@@ -75,7 +75,7 @@ class LandingTargetParams:
     )
     ground_height: float = param(
         0.0,
-        "height of the target in the fixed frame, for a first sight without a range, metres",
+        "height of the target in the fixed frame, until its distance is known, metres",
         min=-1e4,
         max=1e4,
         slider=(-10, 10),

@@ -32,39 +32,39 @@ class LandmarkParams:
 
     model: str = param(
         "",
-        "ONNX file of a network that finds things; empty: the own one, for helipads, tags, posts "
-        "and vehicles seen from the air",
+        "ONNX file of a network that finds objects; empty: our own, for helipads, tags, "
+        "posts and vehicles seen from the air",
         restart=True,
     )
     names: str = param(
         "",
-        "text file with one name of a class a line; empty: the names in the network's own file",
+        "text file with one class name per line; empty: the names in the network's own file",
         restart=True,
     )
     classes: str = param(
         "", "names or numbers of the classes to find, such as helipad, 7; empty: all"
     )
-    min_score: float = param(0.4, "least score, from 0 to 1, of what counts as found", min=0, max=1)
+    min_score: float = param(0.4, "lowest score, from 0 to 1, that counts as found", min=0, max=1)
     max_overlap: float = param(
         0.5,
-        "two boxes of a class that overlap by more than this share are one thing; of networks "
-        "that tell a thing several times",
+        "two boxes of a class that overlap by more than this fraction count as one; for "
+        "networks that report an object several times",
         min=0,
         max=1,
         group="choice",
     )
     max_detections: int = param(
-        100, "most things in one image, the best ones", min=1, max=1_000, slider=(1, 300)
+        100, "most detections in one image; the best are kept", min=1, max=1_000, slider=(1, 300)
     )
     stands_on: Place = param(
         Place.BOTTOM,
-        "where a box stands on the ground, for networks that tell no point: the middle of its "
-        "lower side, or its centre, which fits a view from above",
+        "which point of a box is on the ground, for networks that tell none: the middle "
+        "of its lower side, or its centre, which fits a view from above",
         group="direction",
     )
     box_sigma: float = param(
         0.1,
-        "standard deviation of where a box stands, as a share of its width and height",
+        "standard deviation of that point, as a fraction of the box's width and height",
         min=0.001,
         max=1,
         slider=(0.01, 0.5),
@@ -72,18 +72,18 @@ class LandmarkParams:
     )
     input_size: int = param(
         0,
-        "longer side of what the network is given, pixels, where its file leaves that open; "
-        "0: as the file says, else 640",
+        "longer side of the network's input, pixels, if its file leaves that open; 0: "
+        "what the file says, or else 640",
         min=0,
         max=4096,
         restart=True,
     )
     provider: Provider = param(
-        Provider.CPU, "what the network is run on; cuda needs onnxruntime-gpu", restart=True
+        Provider.CPU, "what the network runs on; cuda needs onnxruntime-gpu", restart=True
     )
     threads: int = param(
         1,
-        "threads that work on one image; 1 leaves a core of two to the page",
+        "threads that work on one image; more are faster, and leave less for other nodes",
         min=1,
         max=64,
         restart=True,
@@ -106,7 +106,7 @@ class LandmarkParams:
     calibrated=True,
 )
 class LandmarkDetector:
-    """Finds things by a network in an ONNX file, and their directions if calibrated."""
+    """Finds objects by a neural network (ONNX), and their directions if calibrated."""
 
     def __init__(self, params: LandmarkParams) -> None:
         self._remarks = Remarks("landmark_detector")

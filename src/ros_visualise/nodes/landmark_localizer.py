@@ -42,17 +42,22 @@ _STALE_S = 1.0  # an odometry that is further from an image tells nothing of it
 class LocalizerParams(MapParams):
     """Parameters of `LandmarkLocalizer`."""
 
-    fixed_frame: str = param(_MAP, "frame of the landmarks; where there is no map, odom serves")
+    fixed_frame: str = param(
+        _MAP, "frame of the landmarks; if there is no frame map, odom is taken"
+    )
     min_sightings: int = param(
-        3, "sightings after which something is a landmark", min=1, max=1000, slider=(1, 20)
+        3,
+        "how often something has to be seen to become a landmark",
+        min=1,
+        max=1000,
+        slider=(1, 20),
     )
     ground_frame: str = param(
         "", "frame whose x-y plane is the ground; empty: the fixed frame", group="ground"
     )
     attitude_sigma: float = param(
         1.0,
-        "standard deviation of the robot's attitude, degrees; an odometry with covariance on odom "
-        "takes its place",
+        "standard deviation of the robot's attitude, degrees, where odom tells no covariance",
         min=0,
         max=45,
         slider=(0, 5),
@@ -60,7 +65,7 @@ class LocalizerParams(MapParams):
     )
     attitude_time: float = param(
         60.0,
-        "seconds in which an error of the attitude is forgotten",
+        "time constant of the attitude's error, seconds: how long errors last",
         min=0.01,
         max=1e9,
         slider=(1, 600),
@@ -68,7 +73,7 @@ class LocalizerParams(MapParams):
     )
     position_sigma: float = param(
         0.05,
-        "standard deviation of the robot's position, metres; as attitude_sigma",
+        "standard deviation of the robot's position, metres, where odom tells no covariance",
         min=0,
         max=1e3,
         slider=(0, 1),
@@ -76,7 +81,7 @@ class LocalizerParams(MapParams):
     )
     position_time: float = param(
         60.0,
-        "seconds in which an error of the position is forgotten",
+        "time constant of the position's error, seconds",
         min=0.01,
         max=1e9,
         slider=(1, 600),
@@ -93,7 +98,7 @@ class LocalizerParams(MapParams):
     frames=True,
 )
 class LandmarkLocalizer:
-    """Tells where landmarks are in a fixed frame, from detections with poses and from the frames.
+    """Maps landmarks in a fixed frame, from detections with poses and the tree of frames.
 
     A landmark does not move, so its frame is one of ``tf_static``.
     """
@@ -105,7 +110,8 @@ class LandmarkLocalizer:
             frame_id, self._known = map_file.load(Path(params.map))
             if frame_id != params.fixed_frame:
                 raise OpenError(
-                    f"{params.map}: is in the frame {frame_id}: set fixed_frame={frame_id}"
+                    f"{params.map}: its landmarks are in the frame {frame_id}:"
+                    f" set fixed_frame={frame_id}"
                 )
         self._odom: Odometry | None = None
         self._frame = ""
@@ -187,7 +193,7 @@ class LandmarkLocalizer:
         T_fixed_camera = frames.lookup(fixed, header.frame_id, header.stamp_ns)
         if fixed != self._frame:
             if fixed != self._params.fixed_frame:
-                log.warning("there is no frame %s: landmarks are in %s", _MAP, fixed)
+                log.warning("there is no frame %s; landmarks are told in %s", _MAP, fixed)
             self._frame = fixed
             self._localizer = Localizer(copy.deepcopy(self._known))
             self._shown, self._anew = Shown(), True

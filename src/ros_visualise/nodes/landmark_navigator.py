@@ -69,7 +69,7 @@ _SHOWN_NS = 200_000_000  # between what people look at
     frames=True,
 )
 class LandmarkNavigator:
-    """Corrects an odometry by landmarks: tells map -> odom, and the robot's pose in the map.
+    """Corrects the odometry by landmarks: tells map -> odom, and the robot's pose in the map.
 
     An IMU carries the robot on between odometries, and GPS corrects it too, where they are there.
     """

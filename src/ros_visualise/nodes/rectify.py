@@ -24,7 +24,7 @@ class RectifyParams:
         max=1,
     )
     interpolation: Interpolation = param(
-        Interpolation.LINEAR, "what pixels between pixels are made of; of depth: nearest"
+        Interpolation.LINEAR, "how values between pixels are computed; for depth always nearest"
     )
 
 
@@ -37,7 +37,7 @@ class RectifyParams:
     calibrated=True,
 )
 def rectify(image: Image, params: RectifyParams) -> Image | None:
-    """Images as a camera without distortion takes them, with the calibration of that camera."""
+    """Undoes the lens's distortion: images, with a calibration, as of a camera without it."""
     if color.is_bayer(image.encoding):
         raise UnsupportedImage(f"{image.encoding}: set filters.demosaic=true, and rectify after it")
     info = image.camera_info

@@ -31,7 +31,8 @@ class TagParams(PoseParams):
     )
     quad_decimate: float = param(
         1.0,
-        "look for squares in an image so many times smaller: faster, blind to small tags",
+        "look for squares in an image that is smaller by this factor: faster, but misses "
+        "small tags",
         min=1,
         max=8,
         slider=(1, 4),
@@ -39,8 +40,8 @@ class TagParams(PoseParams):
     )
     quad_sigma: float = param(
         0.0,
-        "blur before squares are looked for, pixels; -0.8 sharpens: finds smaller tags, takes half "
-        "as long again",
+        "blur before squares are looked for, pixels; below 0 it sharpens: -0.8 finds "
+        "smaller tags, and takes 1.5 times as long",
         min=-3,
         max=3,
         slider=(-2, 2),
@@ -48,8 +49,8 @@ class TagParams(PoseParams):
     )
     search_every: int = param(
         1,
-        "look over the whole image every so many images, and in others only around the last tags; "
-        "1: always, 5: faster for video",
+        "search one image in so many as a whole, the others only around the last tags; 1:"
+        " every image; 5: faster, for video",
         min=1,
         max=100,
         slider=(1, 30),
@@ -60,8 +61,8 @@ class TagParams(PoseParams):
     )
     min_margin: float = param(
         0.0,
-        "gray levels that cells differ at least from the middle between black and white; "
-        "a family may ask for more",
+        "least contrast of a cell: gray levels from the middle between black and white; a"
+        " family may ask for more",
         min=0,
         max=127,
         group="search",

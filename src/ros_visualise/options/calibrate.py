@@ -30,7 +30,7 @@ def add_calibrate(commands: Any) -> None:
     )
     calibrate.add_argument("--topic", help="images of a recording (default: the first)")
     calibrate.add_argument(
-        "--duration", type=positive, metavar="S", help="look at a camera for so many seconds"
+        "--duration", type=positive, metavar="S", help="watch a camera for S seconds"
     )
     calibrate.add_argument(
         "--output", type=Path, metavar="FILE", help="write the calibration as YAML, for ROS"
@@ -51,7 +51,7 @@ def _add_board(group: Any) -> None:
         "--pattern",
         choices=("chessboard", "charuco", "aprilgrid"),
         default="chessboard",
-        help="what is on it (default: %(default)s)",
+        help="what is on the board (default: %(default)s)",
     )
     group.add_argument(
         "--size",
@@ -64,14 +64,14 @@ def _add_board(group: Any) -> None:
         "--square",
         type=positive,
         metavar="M",
-        help="side of a square or tag in metres, for --board (default: as fits the page)",
+        help="side of a square or tag in metres, for --board (default: what fits the page)",
     )
     group.add_argument(
         "--share",
         type=positive,
         metavar="S",
-        help="side of a ChArUco marker, as a share of a square's (default: 0.75); space between an"
-        " AprilGrid's tags, as a share of a tag's (default: 0.3)",
+        help="side of a ChArUco marker, as a fraction of a square's (default: 0.75); gap "
+        "between the tags of an AprilGrid, as a fraction of a tag's side (default: 0.3)",
     )
     group.add_argument(
         "--dictionary",

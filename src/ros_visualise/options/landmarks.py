@@ -36,10 +36,12 @@ def add_landmarks(commands: Any) -> None:
         "--survey",
         default="",
         metavar="FILE.yaml",
-        help="places of tags, or distances between them, that were measured: for --map",
+        help="measured places of tags, or distances between them, to be used for --map",
     )
     landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
-    landmarks.add_argument("--json", action="store_true", help="print it as one JSON object")
+    landmarks.add_argument(
+        "--json", action="store_true", help="print the result as one JSON object"
+    )
     add_memory_option(landmarks)
 
 
@@ -56,26 +58,27 @@ def _add_what_is_asked(parser: ArgumentParser) -> None:
         "--tags",
         default="",
         metavar="SIZES.yaml",
-        help="sizes of tags, and bundles of several, as apriltag_ros has them",
+        help="file with the sizes of tags and with bundles of tags, in apriltag_ros's format",
     )
     group.add_argument(
         "--size",
         type=tag_size,
         metavar="METRES",
-        help="side of the black square of all other tags; without it there are no poses",
+        help="side of the black square of all tags that are not in --tags; without a size "
+        "there are no poses",
     )
     group.add_argument(
         "--model",
         default="",
         metavar="FILE.onnx|none",
-        help="the network that finds objects (default: the own one, for helipads, posts and"
-        " vehicles, where the extra detect is installed; none: tags alone)",
+        help="the network that finds objects (default: our own, for helipads, posts and "
+        "vehicles, if the extra detect is installed); none: find only tags",
     )
     group.add_argument(
         "--calibration",
         default="",
         metavar="FILE.yaml",
-        help="the camera's calibration, as ROS writes it; without one there are no poses",
+        help="the camera's calibration, in ROS's format; without one there are no poses",
     )
     source = parser.add_argument_group("source")
     source.add_argument(

@@ -105,7 +105,10 @@ def _add_viewing(parser: ArgumentParser) -> None:
         help="open the page in a browser (default: from a terminal on a desktop)",
     )
     group.add_argument(
-        "--layout", type=Path, metavar="FILE.yaml", help="arrange the page as in this file"
+        "--layout",
+        type=Path,
+        metavar="FILE.yaml",
+        help="arrange the page as this file says; 'save layout' on the page writes one",
     )
     group.add_argument(
         "--allow-origin",
@@ -130,10 +133,10 @@ def _add_pace(parser: ArgumentParser) -> None:
 def add_part(group: Any) -> None:
     """Which part of the source."""
     group.add_argument(
-        "--start", type=not_negative, metavar="S", help="begin so many seconds after the start"
+        "--start", type=not_negative, metavar="S", help="leave out the first S seconds"
     )
-    group.add_argument("--duration", type=positive, metavar="S", help="stop after so many seconds")
-    group.add_argument("--frames", type=_count, metavar="N", help="stop after so many frames")
+    group.add_argument("--duration", type=positive, metavar="S", help="stop after S seconds")
+    group.add_argument("--frames", type=_count, metavar="N", help="stop after N images")
 
 
 def add_settings(group: Any) -> None:
@@ -143,10 +146,13 @@ def add_settings(group: Any) -> None:
         action="append",
         default=[],
         metavar="NODE.PARAM=VALUE",
-        help="value of a parameter; `ros-visualise nodes` lists them; repeatable",
+        help="set a parameter of a node; `ros-visualise nodes` lists them; repeatable",
     )
     group.add_argument(
-        "--params", type=Path, metavar="FILE.yaml", help="values of parameters from a file"
+        "--params",
+        type=Path,
+        metavar="FILE.yaml",
+        help="set parameters from a file; 'save parameters' on the page writes one",
     )
 
 
@@ -155,15 +161,15 @@ def _add_nodes(parser: ArgumentParser) -> None:
     group.add_argument(
         "--landmarks",
         action=BooleanOptionalAction,
-        help="find tags in the images, and map them where the camera's place is known (default: of"
-        " simulated robots)",
+        help="find tags in the images, and map them where the camera's pose is known (default:"
+        " on for simulated robots only)",
     )
     preset = group.add_argument(
         "--preset",
         default="",
         metavar="NAME",
-        help="parameters of the image nodes: default, seed, soft, strong, automatic, gradient or"
-        " 'black and white'",
+        help="set the image nodes together: default, seed, soft, strong, automatic, gradient "
+        "or 'black and white'",
     )
     preset.completer = _presets  # type: ignore[attr-defined]  # of argcomplete
     group.add_argument(
@@ -171,7 +177,8 @@ def _add_nodes(parser: ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="MAP.yaml",
-        help="tell by tags where the robot is, in a map as it was saved, or in a new one",
+        help="find out where the robot is by the tags that it sees, with a saved map, or "
+        "building a new one",
     )
     add_settings(group)
     group.add_argument(
@@ -179,8 +186,8 @@ def _add_nodes(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NODE[@AFTER][,INPUT=TOPIC]",
-        help="insert a node, a built-in one or your own as FILE.py:NAME, by default after filters,"
-        " or after the source where there are none; repeatable",
+        help="add a node: a built-in one, or your own as FILE.py:NAME; AFTER names the node "
+        "whose output it takes (default: filters, or else the source); repeatable",
     )
 
 
@@ -197,8 +204,8 @@ def _add_output(parser: ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="OUT[@TOPIC,...]",
-        help="record to an .mcap, .bag or ROS 2 folder, or one topic of images to an .mp4"
-        " (default: /edges); repeatable",
+        help="record to an .mcap, a .bag or a ROS 2 folder, or one topic of images to an .mp4 "
+        "(default: /edges); repeatable",
     )
     group.add_argument(
         "--record-dir",

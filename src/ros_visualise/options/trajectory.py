@@ -17,14 +17,17 @@ def add_trajectory(commands: Any) -> None:
     )
     trajectory.set_defaults(module="trajectory")
     trajectory.add_argument(
-        "input", metavar="SRC", help="a recording of any kind, or a text file, TUM's or KITTI's"
+        "input",
+        metavar="SRC",
+        help="a recording of any kind, or a text file in the format of TUM or KITTI",
     )
     trajectory.add_argument(
         "output",
         metavar="OUT",
         nargs="?",
         type=Path,
-        help="write it to this text file, aligned if so asked; without it, it is drawn here",
+        help="text file to write the trajectory to (as --align moved it); without OUT it is "
+        "drawn in the terminal",
     )
     trajectory.add_argument(
         "--topic",
@@ -50,29 +53,29 @@ def _add_comparing(group: Any) -> None:
     group.add_argument(
         "--truth",
         metavar="TOPIC|FILE[@TOPIC]",
-        help="where it truly was: tell ATE and RPE, as evo does",
+        help="the true trajectory: print the errors ATE and RPE, as evo does",
     )
     group.add_argument(
         "--align",
         choices=("none", "origin", "se3", "sim3"),
         default="none",
-        help="lay it over the truth: by the first poses (origin), by all positions (se3), with a"
-        " scale (sim3) (default: %(default)s)",
+        help="move the trajectory onto the truth first: by the first poses (origin), by all "
+        "positions (se3), also with a scale (sim3) (default: %(default)s)",
     )
     group.add_argument(
         "--max-difference",
         type=not_negative,
         default=0.01,
         metavar="S",
-        help="how far apart the stamps of poses may be that are compared (default: %(default)s)",
+        help="compare poses whose stamps differ by at most S seconds (default: %(default)s)",
     )
     group.add_argument(
         "--delta",
         type=_delta,
         default="1f",
         metavar="N",
-        help="how far apart the poses of a pair are, for RPE: 1f (poses), 10m, 5deg, 1s"
-        " (default: %(default)s)",
+        help="how far apart the two poses are that RPE compares: 1f (from one pose to the "
+        "next), 10m, 5deg, 1s (default: %(default)s)",
     )
 
 
@@ -83,12 +86,15 @@ def _add_output(group: Any) -> None:
         default="tum",
         help="format of OUT (default: %(default)s)",
     )
-    group.add_argument("--plot", type=Path, metavar="FILE", help="draw it: a .png or .svg")
+    group.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw the trajectories to this .png or .svg"
+    )
     group.add_argument(
         "--plane",
         choices=("auto", "xy", "xz", "yz", "all"),
         default="auto",
-        help="what is drawn (default: the plane in which it moves, or all where it moves in none)",
+        help="the plane to draw (default: the one in which the robot moves, or all three if "
+        "there is none)",
     )
     group.add_argument("--overwrite", action="store_true", help="replace existing files")
     group.add_argument("--json", action="store_true", help="print a report as one JSON object")

@@ -45,7 +45,8 @@ class RobotParams:
 
     map_to_odom: bool = setting(
         True,
-        "tell where odom is in map; false where a navigator tells it: it begins at odom_start",
+        "publish the transform from map to odom; switch it off where a navigator does "
+        "that: odom_start then stands where odom would be",
     )
     command_timeout: float = setting(
         0.5, "seconds after which a velocity command ends, if no other follows", min=0.05, max=60
@@ -66,7 +67,7 @@ class RobotParams:
         0.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
     )
     camera_noise: float = _camera(
-        2.0, "noise of each pixel (standard deviation), of 255", min=0, max=50
+        2.0, "noise of each pixel (standard deviation), levels of 255", min=0, max=50
     )
 
     imu_rate: float = _imu(100.0, "measurements per second", min=1, max=200)
@@ -199,15 +200,13 @@ class QuadrotorParams(RobotParams):
     )
     gusts: float = _wind(1.0, "how strong its gusts are; 1: as usual for such a wind", min=0, max=5)
 
-    pad: bool = _pad(
-        False, "a landing pad with tags; it is there too where the mission lands on it"
-    )
+    pad: bool = _pad(False, "a landing pad with tags; a mission that lands on one brings it anyway")
     pad_tags: bool = _pad(
         True, "tags on the pad; without them it is a helipad, found by landmark_detector alone"
     )
     pad_motion: PadMotion = param(
         PadMotion.STILL,
-        "how the pad moves; along a line it goes forth and back",
+        "how the pad moves; along a line it goes back and forth",
         restart=True,
         group="pad",
     )
@@ -216,13 +215,16 @@ class QuadrotorParams(RobotParams):
         4.0, "length of the pad's line, or diameter of its circle, m", min=0.1, max=1000
     )
     pad_x: float = _pad(
-        -3.5, "where the pad is at first: east of the robot's start, m", min=-1000, max=1000
+        -3.5, "where the pad begins: east of the robot's start, m", min=-1000, max=1000
     )
     pad_y: float = _pad(
-        1.5, "where the pad is at first: north of the robot's start, m", min=-1000, max=1000
+        1.5, "where the pad begins: north of the robot's start, m", min=-1000, max=1000
     )
     pad_heading: float = _pad(
-        0.0, "where the pad points, and moves to at first, from east, degrees", min=-360, max=360
+        0.0,
+        "direction in which the pad points, and first moves, from east, degrees",
+        min=-360,
+        max=360,
     )
 
 

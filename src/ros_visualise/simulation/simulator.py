@@ -285,4 +285,4 @@ def _pad_of(settings: RobotParams) -> tuple[tuple[float, float, float] | None, b
 
 def _check_finite(what: str, *arrays: Floats) -> None:
     if not all(np.isfinite(array).all() for array in arrays):
-        raise UsageError(f"{what} has to be of finite numbers")
+        raise UsageError(f"{what} has to be made of finite numbers")

@@ -108,7 +108,7 @@ def _delete(folder: Path, names: Iterable[str]) -> None:
     try:
         folder.rmdir()
     except OSError:
-        log.warning("%s stays, for somebody put a file into it", folder)
+        log.warning("%s is kept: somebody put a file into it", folder)
 
 
 def _files_of_bag(folder: Path) -> set[str] | None:

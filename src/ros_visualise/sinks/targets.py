@@ -165,7 +165,7 @@ class Target(ABC):
             try:
                 return self._create(path)
             except FileExistsError:
-                log.warning("%s is left of an earlier run; delete it if you need it no more", path)
+                log.warning("%s is left of an earlier run; delete it if you do not need it", path)
         raise AssertionError
 
     def _require_old(self) -> None:

@@ -54,8 +54,8 @@ def find_topic(recording: Recording, wanted: str, kinds: Collection[type]) -> st
     there = topics_of(recording, kinds)
     found = [name for name in there if name.lstrip("/") == wanted.lstrip("/")]
     if not found:
-        listed = ", ".join(there) or "none that a way can be read from"
-        raise UsageError(f"{recording.path}: no poses on {wanted}; there is {listed}")
+        listed = f"choose from {', '.join(there)}" if there else "it has no topic with poses"
+        raise UsageError(f"{recording.path}: no poses on {wanted}; {listed}")
     return found[0]
 
 

@@ -27,5 +27,5 @@ def read_arrangement(path: Path) -> Arrangement:
         raise OpenError(f"{path}: not YAML: {error}") from None
     is_one = isinstance(found, dict) and all(isinstance(name, str) for name in found)
     if not is_one or not all(isinstance(value, Value) for value in found.values()):
-        raise OpenError(f"{path}: must hold PLACE: VALUE, such as windows/path: false")
+        raise OpenError(f"{path}: must hold lines PLACE: VALUE, such as windows/path: false")
     return dict(found)

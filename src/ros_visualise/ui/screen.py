@@ -38,12 +38,13 @@ def check_windows() -> None:
     )
     if trial.returncode == _NO_WINDOWS:
         raise OpenError(
-            "this OpenCV has no windows: pip uninstall opencv-python-headless,"
-            " then pip install '.[desktop]'; or take the page, view web"
+            "this OpenCV has no windows: pip uninstall opencv-python-headless, then pip "
+            "install '.[desktop]'; or take the page (view web)"
         )
     if trial.returncode:
         raise OpenError(
-            f"{_what_is_wrong(trial.stderr)}; take the page, view web, or ssh -X from afar"
+            f"{_what_is_wrong(trial.stderr)}; take the page (view web), or ssh -X from "
+            "another machine"
         )
 
 

@@ -62,9 +62,9 @@ def test_classes_are_named_or_numbered():
     assert numbers_of("", names) is None
     assert numbers_of(" , ", names) is None
     assert numbers_of("tag board, 7", names) == {3, 7}
-    with pytest.raises(ParameterError, match="no class 'cat'; there is helipad, tag board"):
+    with pytest.raises(ParameterError, match="no class 'cat'; choose from helipad, tag board"):
         numbers_of("helipad, cat", names)
-    with pytest.raises(ParameterError, match="none with a name: give numbers"):
+    with pytest.raises(ParameterError, match="choose from their numbers, as none has a name"):
         numbers_of("cat", {})
     many = {number: f"n{number}" for number in range(50)}
     with pytest.raises(ParameterError, match=r"n19, \.\.\.$"):

@@ -31,7 +31,7 @@ class OdometryParams:
     )
     odom_turn_scale: float = param(
         0.0,
-        "lasting error of all turns (standard deviation), as a fraction; wheels have 0.02",
+        "lasting error of all turns (standard deviation), as a fraction; about 0.02 for wheels",
         min=0,
         max=1,
         slider=(0, 0.1),
@@ -63,7 +63,8 @@ class OdometryParams:
     )
     odom_still_noise: float = param(
         0.001,
-        "error of the position that grows while it stands (standard deviation), m/sqrt(s)",
+        "error of the position that grows while the robot stands still (standard "
+        "deviation), m/sqrt(s)",
         min=0,
         max=10,
         slider=(0, 0.1),
@@ -71,8 +72,8 @@ class OdometryParams:
     )
     level_sigma: float = param(
         0.5,
-        "how level the odometry's frame is, and a map that is given (standard deviation), degrees;"
-        " 90: nobody knows",
+        "tilt of the odometry's frame, and of a given map (standard deviation), degrees; "
+        "90: unknown",
         min=0.01,
         max=90,
         slider=(0.1, 10),
@@ -80,7 +81,7 @@ class OdometryParams:
     )
     max_speed: float = param(
         30.0,
-        "m/s; an odometry that is faster has jumped",
+        "an odometry that moves faster than this has jumped, m/s",
         min=0.1,
         max=1000,
         slider=(1, 50),
@@ -94,7 +95,7 @@ class ImuParams:
 
     imu: bool = param(
         True,
-        "use the IMU, where there is one; switch it off if the odometry is made of it already",
+        "use the IMU, if there is one; switch it off if the odometry is computed from it already",
         group="imu",
     )
     gyro_density: float = param(
@@ -129,16 +130,16 @@ class ImuParams:
 class GpsParams:
     """What GPS does wrong."""
 
-    gps: bool = param(True, "use GPS, where there is one", group="gps")
+    gps: bool = param(True, "use GPS, if there is one", group="gps")
     gps_origin: str = param(
         "",
-        "latitude, longitude, altitude of the map's origin, whose x axis points east, as in: 49.0,"
-        " 8.4, 116; empty: it finds out where fixes lie in the map",
+        "latitude, longitude, altitude of the origin of a map whose x axis points east, "
+        "such as 49.0, 8.4, 116; empty: found out from the fixes",
         group="gps",
     )
     gps_sigma: float = param(
         2.0,
-        "standard deviation east and north of a receiver that does not tell it, m",
+        "standard deviation east and north, if the receiver does not tell it, m",
         min=1e-3,
         max=1000,
         slider=(0.01, 10),
@@ -146,14 +147,14 @@ class GpsParams:
     )
     gps_slow: float = param(
         0.97,
-        "part of a fix's variance that changes slowly; what is left is noise of each fix",
+        "fraction of a fix's variance that changes slowly; the rest is noise of each fix",
         min=0,
         max=0.999,
         group="gps",
     )
     gps_time: float = param(
         60.0,
-        "seconds in which the slow part is forgotten",
+        "time constant of the slow part, seconds",
         min=0.1,
         max=1e5,
         slider=(1, 600),
@@ -190,7 +191,8 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
 
     mode: Mode = param(
         Mode.BUILD,
-        "the map: build a new one, extend the given one, or frozen: leave it as it is",
+        "what happens to the map: build a new one, extend the given one, or leave it as "
+        "it is (frozen)",
     )
     min_sightings: int = param(
         5,
@@ -202,7 +204,7 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
     )
     min_parallax: float = param(
         0.1,
-        "how far apart these are at least, as a part of the landmark's range",
+        "smallest distance between those sightings, as a fraction of the landmark's distance",
         min=0,
         max=10,
         slider=(0, 1),
@@ -210,7 +212,7 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
     )
     corner_floor: float = param(
         0.1,
-        "pixels that corners deviate at least (standard deviation); real cameras may need 0.3",
+        "smallest error of corners (standard deviation), pixels; real cameras may need 0.3",
         min=0,
         max=10,
         slider=(0, 2),
@@ -218,7 +220,7 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
     )
     delay: float = param(
         0.5,
-        "seconds that an image may be on its way, with all that is made of it",
+        "how late an image, and what is found in it, may come, seconds",
         min=0.01,
         max=60,
         slider=(0.1, 2),

@@ -64,9 +64,9 @@ def numbers_of(text: str, names: Mapping[int, str]) -> frozenset[int] | None:
     by_name = {name: number for number, name in names.items()}
     for word in wanted:
         if word not in by_name and not word.isdecimal():
-            there = ", ".join(list(by_name)[:_MOST_LISTED]) or "none with a name: give numbers"
+            there = ", ".join(list(by_name)[:_MOST_LISTED]) or "their numbers, as none has a name"
             more = ", ..." if len(by_name) > _MOST_LISTED else ""
-            raise ParameterError(f"classes: no class {word!r}; there is {there}{more}")
+            raise ParameterError(f"classes: no class {word!r}; choose from {there}{more}")
     return frozenset(by_name[word] if word in by_name else int(word) for word in wanted) or None
 
 

@@ -79,7 +79,7 @@ def family(name: str) -> Family:
     found = known.get(bits, known.get(short))
     if found is None:
         there = ", ".join(dict.fromkeys(one.name for one in known.values()))
-        raise ParameterError(f"no family of tags {name!r}; there is {there}")
+        raise ParameterError(f"no family of tags {name!r}; choose from {there}")
     return found
 
 

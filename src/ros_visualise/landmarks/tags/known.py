@@ -142,7 +142,7 @@ def _fields(
         raise _Wrong(f"{where}: give keys and values, {', '.join(every)}")
     for key in values:
         if key not in every:
-            raise _Wrong(f"{where}: no key {key!r}; there is {', '.join(every)}")
+            raise _Wrong(f"{where}: no key {key!r}; choose from {', '.join(every)}")
     for key in needed:
         if key not in values:
             raise _Wrong(f"{where}: has no {key}")

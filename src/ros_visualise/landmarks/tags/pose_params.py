@@ -15,19 +15,19 @@ class PoseParams:
 
     size: float = param(
         0.0,
-        "side of the black square in metres, of tags that the file does not know; 0: unknown, "
-        "without a pose",
+        "side of the black square in metres, for tags that are not in the file; 0: "
+        "unknown, so no poses",
         min=0,
         max=MAX_TAG_M,
         slider=(0, 1),
     )
     tags: str = param(
-        "", "YAML file with the sizes of tags and with bundles, as apriltag_ros has it"
+        "", "YAML file with the sizes of tags and with bundles, in apriltag_ros's format"
     )
     corner_floor: float = param(
         0.0,
-        "pixels that corners deviate at least, for the covariance; pictures and how poses fit tell "
-        "the rest",
+        "smallest error of corners (standard deviation), pixels; what the image and the "
+        "fit show comes on top",
         min=0,
         max=10,
         slider=(0, 2),
@@ -35,7 +35,8 @@ class PoseParams:
     )
     focal_sigma: float = param(
         0.0,
-        "standard deviation of the calibration's focal lengths, percent; calibrate tells it",
+        "standard deviation of the calibration's focal lengths, percent; ros-visualise "
+        "calibrate tells it",
         min=0,
         max=50,
         slider=(0, 2),
@@ -43,7 +44,8 @@ class PoseParams:
     )
     center_sigma: float = param(
         0.0,
-        "standard deviation of the calibration's principal point, pixels; calibrate tells it",
+        "standard deviation of the calibration's principal point, pixels; ros-visualise "
+        "calibrate tells it",
         min=0,
         max=1000,
         slider=(0, 10),

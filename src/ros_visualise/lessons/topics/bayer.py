@@ -43,14 +43,15 @@ def mosaic(image: Image, params: PixelParams) -> dict[str, Message]:
     place = params.pixel(truth.shape, (int(x) + 4, int(y) + 4))
     work = _Measured(truth, measured, place)
     text = """
-        Before each pixel of the sensor is a filter, red, green or blue. In the pattern of Bayer
-        (1976), here {pattern}, half of them are green, which the eye sees best:
+        In front of each pixel of the sensor is a colour filter: red, green or blue. In Bayer's
+        pattern (1976), here {pattern}, half of the filters are green, the colour that the eye sees
+        best:
 
             R G R G
             G B G B
 
-        So {numbers} numbers are measured of the {wanted} that a picture in colours has. The other
-        two of each pixel have to be guessed from its neighbours: that is demosaicing.
+        So the sensor measures {numbers} of the {wanted} numbers of a colour picture. The two that
+        each pixel lacks are guessed from its neighbours: that is called demosaicing.
         """
     return show(
         image,
@@ -86,18 +87,20 @@ def _by(method: str, name: str, text: str) -> Any:
 
 
 _FIGURES = """
-        Above are the picture, its error {gain} times as bright, and a part of it. Against the
-        truth: PSNR {psnr:.2f} dB, the largest error is {largest} levels, and {false:.2f} % of the
-        pixels have a false colour, by more than 20 levels.
+        Above are the picture, its error ({gain} times as bright, to be seen), and a part of the
+        picture, enlarged. Compared with the truth: PSNR {psnr:.2f} dB; the largest error is
+        {largest} levels; {false:.2f} % of the pixels have a colour that is wrong by more than 20
+        levels.
         """
 
 LESSON = Lesson(
     "bayer",
-    "how a sensor of one colour for each pixel gives colours: three methods, and false colours",
+    "how a sensor that measures one colour per pixel gives colour pictures: three "
+    "methods, and false colours",
     """
-    Nearly every camera measures one colour at each pixel, and computes the others. Here your
-    picture of {width} x {height} pixels is the truth: it is measured as a sensor would, and put
-    together again by three methods.
+    Nearly every camera measures only one colour at each pixel, and computes the other two. Here
+    your picture of {width} x {height} pixels is the truth: we take from it what a sensor would
+    measure, and compute the colours again by three methods.
     """,
     [
         Step(mosaic),
@@ -106,12 +109,12 @@ LESSON = Lesson(
                 "bilinear",
                 "bilinear",
                 """
-        The colours that lack are means of the nearest neighbours that measured them:
+        A missing colour is the mean of the nearest neighbours that measured it:
 
             green at a red pixel = (N + E + S + W) / 4
 
-        Fast and soft. Across an edge it mixes both sides, for each colour at other places, so that
-        thin lines get false colours.
+        This is fast, and makes the picture soft. At an edge it mixes both sides, and each colour at
+        slightly different places: so thin lines get false colours.
         """,
             ),
             "mosaic",
@@ -121,8 +124,8 @@ LESSON = Lesson(
                 "VNG",
                 "vng",
                 """
-        Variable number of gradients (Chang, Cheung, Pang, 1999): in eight directions it measures
-        how much changes, and takes means only over those that change little.
+        Variable number of gradients (Chang, Cheung, Pang, 1999): it measures how much the picture
+        changes in eight directions, and takes means only along those with little change.
         """,
             ),
             "mosaic",
@@ -132,8 +135,9 @@ LESSON = Lesson(
                 "edge-aware",
                 "edge_aware",
                 """
-        Green is interpolated along the edge: left and right or above and below, whichever differ
-        less. Red and blue stay means of their neighbours, as above.
+        Green is computed along the edge, not across it: from the left and right neighbours, or from
+        those above and below, whichever differ less. Red and blue are means of their neighbours, as
+        in the bilinear method.
         """,
             ),
             "mosaic",

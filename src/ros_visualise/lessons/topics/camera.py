@@ -25,12 +25,14 @@ _GRID = 12  # of lines that show how the lens bends them
 class PinholeParams:
     """The camera, and a cube before it."""
 
-    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+    focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
-    distance: float = param(5.0, "from the camera to the middle of the cube, metres", min=1.5,
+    distance: float = param(5.0, "distance from the camera to the cube's middle, metres", min=1.5,
                             max=100, slider=(1.5, 20))  # fmt: skip
-    aside: float = param(0.0, "of the cube to the right, metres", min=-20, max=20, slider=(-3, 3))
-    turn: float = param(25.0, "of the cube, degrees", min=-180, max=180)
+    aside: float = param(
+        0.0, "how far the cube is to the right, metres", min=-20, max=20, slider=(-3, 3)
+    )
+    turn: float = param(25.0, "how far the cube is turned, degrees", min=-180, max=180)
 
 
 @node("pinhole", params=PinholeParams, inputs=TAKES, outputs=GIVES)
@@ -46,16 +48,16 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
     pixels = project(points, K)
     nearest = int(points[:, 2].argmin())
     text = """
-        All light passes one point. A thing at (X, Y, Z), metres to the right, down and ahead, is
-        seen at
+        In a pinhole camera all light passes through one point. A point at (X, Y, Z), in metres to
+        the right, down and ahead, is seen at the pixel
 
             u = fx X / Z + cx
             v = fy Y / Z + cy
 
-        with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The corner of the cube
-        (1 m) at ({x:.2f}, {y:.2f}, {z:.2f}) m is at ({u:.1f}, {v:.1f}). At {distance:g} m one metre
-        is {scale:.1f} pixels wide, at twice the distance half of that. The camera sees an angle of
-        {angle:.0f}°.
+        with fx = fy = {focal:.1f} pixels, cx = {cx:.1f} and cy = {cy:.1f}. The cube has sides of 1
+        m. Its corner at ({x:.2f}, {y:.2f}, {z:.2f}) m, red, is seen at ({u:.1f}, {v:.1f}). At a
+        distance of {distance:g} m one metre is {scale:.1f} pixels wide, at twice the distance half
+        of that. The camera's field of view is {angle:.0f}°.
         """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), bgr)
@@ -85,7 +87,7 @@ def pinhole(image: Image, params: PinholeParams) -> dict[str, Message]:
 class LensParams:
     """The lens: how far it is from a pinhole."""
 
-    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+    focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
     k1: float = param(-0.3, "radial: below 0 a barrel, above 0 a cushion", min=-1, max=1,
                       slider=(-0.5, 0.5))  # fmt: skip
@@ -115,15 +117,15 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
     corner = np.array([[0.0, 0.0]])
     moved = _to_pixels(distort(_to_rays(corner, K), D), K)[0]
     text = """
-        A lens moves what it sees, the more the farther it is from the middle. With x = X/Z,
-        y = Y/Z and r² = x² + y²:
+        A lens shifts each point in the picture, the more the farther the point is from the middle.
+        With x = X/Z, y = Y/Z and r² = x² + y²:
 
             R  = 1 + k₁ r² + k₂ r⁴ + k₃ r⁶
             x' = x R + 2 p₁ x y + p₂ (r² + 2 x²)
             y' = y R + p₁ (r² + 2 y²) + 2 p₂ x y
 
-        The grid, yellow, is straight in the world. The corner of the picture, (0, 0) without a
-        lens, is at ({u:.1f}, {v:.1f}) with it: {length:.1f} pixels away.
+        The lines of the yellow grid are straight in the world. The corner of the picture, at (0, 0)
+        without the lens, is shifted to ({u:.1f}, {v:.1f}): {length:.1f} pixels away.
         """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), bent)
@@ -136,16 +138,17 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
 
 @node("undistorted", inputs=TAKES, outputs=GIVES)
 def undistorted(image: Image, params: object) -> dict[str, Message]:
-    """Undistorted: who knows the lens can undo it."""
+    """Undistorted: if the lens is known, its effect can be undone."""
     seen = work_of(image, _Seen)
     back = cv2.undistort(seen.bent, seen.K, seen.D)
     valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
     difference = cv2.absdiff(back, seen.straight).mean(axis=2)
     text = """
-        For each pixel of the straight picture one computes where the lens has put it, and takes
-        the colour from there: cv2.undistort does it, and so does the node rectify. {share:.1f} %
-        of the picture come back; the black rest the lens has not seen. What comes back differs from
-        the truth by {difference:.2f} levels on average, as it was interpolated twice.
+        For each pixel of the straight picture we compute where the lens has put it, and take the
+        colour from there. cv2.undistort does this, and so does the node rectify. {share:.1f} % of
+        the picture comes back; the black rest was outside of what the lens saw. What comes back
+        differs from the truth by {difference:.2f} levels on average, because it was interpolated
+        twice.
         """
     return show(image, back, text, share=100 * valid.mean(),
                 difference=difference[valid].mean() if valid.any() else 0.0)  # fmt: skip
@@ -155,10 +158,10 @@ def undistorted(image: Image, params: object) -> dict[str, Message]:
 class CalibrationParams:
     """The pictures by which one calibrates."""
 
-    views: int = param(12, "pictures of the board", min=3, max=60, slider=(3, 30))
+    views: int = param(12, "number of pictures of the board", min=3, max=60, slider=(3, 30))
     noise: float = param(0.2, "standard deviation of a corner's place, pixels", min=0, max=5,
                          slider=(0, 1))  # fmt: skip
-    seed: int = param(0, "of where the board is held", min=0, max=1000, slider=(0, 20))
+    seed: int = param(0, "seed of the random places of the board", min=0, max=1000, slider=(0, 20))
 
 
 @node("calibration", params=CalibrationParams, inputs=TAKES, outputs=GIVES)
@@ -173,15 +176,17 @@ def calibration(image: Image, params: CalibrationParams) -> dict[str, Message]:
     table = "\n".join(f"    {name}  {true:9.4f}  {value:9.4f} ± {spread:.4f}"
                       for name, true, value, spread in rows)  # fmt: skip
     text = f"""
-A calibration holds a board of known size before the camera, in many places, and looks for the
-camera and the places that explain best where its {BOARD[0] * BOARD[1]} corners were seen (Zhang,
-2000). Here this camera takes {params.views} such pictures, each corner off by {params.noise:g}
-pixels. The truth, and what was found, with its standard deviation:
+To calibrate a camera, one holds a board of known size in front of it, in many places. The
+calibration (Zhang, 2000) searches for the camera parameters, and the places of the board, that
+explain best where its {BOARD[0] * BOARD[1]} corners were seen. Here the simulated camera takes
+{params.views} pictures, with noise of {params.noise:g} pixels on each corner. The table shows the
+truth, what was found, and its standard deviation:
 
 {table}
 
-The corners are {found.rms_px:.3f} pixels from where the result would have them. More pictures,
-more tilted ones and ones up to the corners make it better. With your own: ros-visualise calibrate.
+On average (RMS) the corners are {found.rms_px:.3f} pixels from where the result predicts them. More
+pictures, more tilted boards, and boards near the picture's corners make it better. To calibrate
+your own camera: ros-visualise calibrate.
 """
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), seen.bent // 3)
@@ -198,8 +203,8 @@ LESSON = Lesson(
     "camera",
     "how a camera sees: the pinhole, what a lens does, how to undo it, what calibration finds",
     """
-    Who wants to measure by pictures has to know where in a picture a thing of the world appears.
-    Here a camera is computed that looks at your picture of {width} x {height} pixels as at a
+    To measure with pictures, one has to know where in a picture a thing of the world appears. Here
+    a camera is simulated that looks at your picture of {width} x {height} pixels, as if it were a
     poster.
     """,
     [Step(pinhole), Step(lens, "picture"), Step(undistorted, "lens"), Step(calibration, "lens")],

@@ -45,14 +45,14 @@ def smoothing(image: Image, params: SmoothingParams) -> dict[str, Message]:
     smoothed = smooth(gray, params.sigma)
     change = float(np.abs(gray.astype(int) - smoothed).mean())
     text = """
-        A derivative makes noise larger, so the picture is smoothed first: each pixel becomes a
-        mean of its neighbours, weighted by a Gaussian.
+        Derivatives amplify noise, so the picture is smoothed first: each pixel becomes the mean of
+        its neighbours, weighted by a Gaussian.
 
             G(x, y) = exp(-r² / 2σ²) / 2πσ²
             r² = x² + y²,   σ = {sigma:g}
 
-        That changes a pixel of this picture by {change:.2f} gray levels on average. OpenCV's
-        Canny leaves this step to whoever calls it; with σ = 0 it is off.
+        That changes a pixel of this picture by {change:.2f} gray levels on average. cv2.Canny does
+        not smooth; whoever calls it has to do that before. With σ = 0 this step is off.
         """
     return show(image, smoothed, text, smoothed, sigma=params.sigma, change=change)
 
@@ -62,7 +62,7 @@ class GradientParams:
     """How the gradient is measured."""
 
     aperture: Aperture = param(Aperture.THREE, "width of Sobel's kernel, pixels")
-    l2: bool = param(False, "the Euclidean norm, which is more exact, not |Gx| + |Gy|")
+    l2: bool = param(False, "take √(Gx² + Gy²), which is more exact, instead of |Gx| + |Gy|")
 
 
 @node("gradient", params=GradientParams, inputs=TAKES, outputs=GIVES)
@@ -80,8 +80,8 @@ def gradient(image: Image, params: GradientParams) -> dict[str, Message]:
 
             |G| = {norm},   θ = atan2(Gy, Gx)
 
-        The colour is the direction θ, the brightness √|G|. The largest here is {largest:.0f}, at
-        ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
+        The colour is the direction θ, the brightness √|G|. The largest |G| here is {largest:.0f},
+        at ({x}, {y}): Gx = {dx}, Gy = {dy}, θ = {angle:.0f}°.
         """
     return show(
         image,
@@ -118,13 +118,13 @@ def suppression(image: Image, params: PixelParams) -> dict[str, Message]:
     towards = NEIGHBOURS[kind]
     neighbours = [_at(size, x + s * towards[0], y + s * towards[1]) for s in (-1, 1)]
     text = """
-        A pixel stays only if |G| there is no smaller than at its two neighbours along the
-        gradient; of the four directions (0°, 45°, 90°, 135°) the nearest one is taken.
+        A pixel stays only if its |G| is no smaller than that of its two neighbours in the direction
+        of the gradient; θ is rounded to 0°, 45°, 90° or 135°.
 
-        At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, taken as {taken}°. The neighbours,
-        orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
+        At ({x}, {y}), blue: |G| = {here:.0f}, θ = {angle:.0f}°, rounded to {taken}°. Its two
+        neighbours, orange, have {before:.0f} and {after:.0f}: the pixel {fate}.
 
-        Of {all} pixels with a gradient {kept} stay, {share:.1f} %. Click at another pixel.
+        Of {all} pixels with a gradient, {kept} stay ({share:.1f} %). Click another pixel.
         """
     return show(
         image,
@@ -164,7 +164,7 @@ class _Sorted:
 
 @node("thresholds", params=HysteresisParams, inputs=TAKES, outputs=GIVES)
 def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
-    """Step 4: strong edges, weak ones, and what is none."""
+    """Step 4: strong edges, weak edges, and the rest."""
     thin = work_of(image, _Thin)
     edges = canny.hysteresis(thin.gradient, thin.keeps, params.low, params.high)
     weak = edges.rescued | edges.lost
@@ -174,7 +174,8 @@ def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
             strong:  |G| > {high}
             weak:    {low} < |G| ≤ {high}
 
-        Here {strong} pixels are strong, white, and {weak} weak, orange. {none} are below both.
+        Here {strong} pixels are strong (white) and {weak} are weak (orange). The other {none} are
+        no edges.
         """
     low, high = sorted((params.low, params.high))
     return show(
@@ -192,17 +193,17 @@ def thresholds(image: Image, params: HysteresisParams) -> dict[str, Message]:
 
 @node("hysteresis", inputs=TAKES, outputs=GIVES)
 def hysteresis(image: Image, params: object) -> dict[str, Message]:
-    """Step 5: weak edges stay where they hang on strong ones."""
+    """Step 5: weak edges stay if they are connected to strong ones."""
     found = work_of(image, _Sorted)
     edges = found.edges
     theirs = canny.opencv_edges(found.gradient, found.params.low, found.params.high)
     differ = int((theirs != edges.pixels).sum())
     text = """
-        A weak pixel is rescued if a chain of neighbours leads from it to a strong one; the
-        others are noise. {rescued} are rescued, green; {lost} are not, red.
+        A weak pixel is kept if a chain of weak neighbours connects it to a strong one; the others
+        count as noise. {rescued} are kept (green), {lost} are not (red).
 
-        The edges: {edges} pixels. cv2.Canny, given the smoothed picture, differs in
-        {differ} of {all} pixels.
+        So {edges} pixels are edges. cv2.Canny, given the same smoothed picture, differs in {differ}
+        of {all} pixels.
         """
     masks = [(edges.strong, (255, 255, 255)), (edges.rescued, (90, 220, 90)), (edges.lost, RED)]
     return show(
@@ -219,14 +220,15 @@ def hysteresis(image: Image, params: object) -> dict[str, Message]:
 
 LESSON = Lesson(
     "canny",
-    "how Canny finds edges of one pixel's width: its five steps, and one pixel looked into",
+    "how Canny's method finds edges one pixel wide: its five steps, and one pixel in detail",
     """
-    An edge is where the gray changes quickly. Canny wanted three things of a detector: it misses no
-    edge and invents none, it finds edges where they are, and it finds each one once. His method
-    (1986) has five steps: smooth, differentiate, thin, apply two thresholds, and follow the edges.
+    An edge is where the gray changes quickly. Canny wanted three things from an edge detector: it
+    misses no edge and invents none, it finds edges exactly where they are, and it finds each edge
+    only once. His method (1986) has five steps: smooth, differentiate, thin, apply two thresholds,
+    and follow the edges.
 
-    Each window shows one step on this picture of {width} x {height} pixels; move its sliders, and
-    the steps after it follow.
+    Each window shows one step on this picture of {width} x {height} pixels. Move its sliders, and
+    all later steps change too.
     """,
     [Step(smoothing), Step(gradient), Step(suppression), Step(thresholds), Step(hysteresis)],
 )

@@ -43,7 +43,7 @@ _CORNERS = {"black": (0, 0, 0), "red": (1, 0, 0), "green": (0, 1, 0), "blue": (0
 class CubeParams:
     """How many pixels are drawn."""
 
-    points: int = param(20_000, "so many pixels are drawn at most", min=100, max=200_000,
+    points: int = param(20_000, "most pixels that are drawn", min=100, max=200_000,
                         slider=(1000, 50_000))  # fmt: skip
 
 
@@ -60,9 +60,9 @@ def cube(image: Image, params: CubeParams) -> dict[str, Message]:
         black is at one corner, white at the opposite one, gray on the line between them. Turn it in
         the 3D view.
 
-        This picture has {kinds} of the 16777216 colours. Along the direction in which they differ
-        most lies {share:.0f} % of their variance: the nearer to 100 %, the nearer they are to a
-        line, and the more a gray picture tells of them.
+        This picture has {kinds} of the 16777216 possible colours. {share:.0f} % of their variance
+        lies along one direction, the one in which they differ most. At 100 % all points would lie
+        on a line, and one number per pixel, as in a gray picture, would be enough.
         """
     return show(image, _draw_cube(chosen), text, kinds=kinds, share=100 * axes[-1] / axes.sum()) | {
         "markers": _markers(chosen, image.header)
@@ -87,9 +87,10 @@ def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
                 60 + 30 (B − R) / C      if V = G
                 120 + 30 (R − G) / C     if V = B
 
-        OpenCV's hue goes from 0 to 179, half the degrees, to fit 8 bits; red is at both ends. At
-        ({x}, {y}): R {red}, G {green}, B {blue} is H {h} ({degrees}°), S {s}, V {v}. cv2.cvtColor
-        differs in {differ} of {all} numbers. Click at another pixel.
+        Hue is an angle: red at 0°, green at 120°, blue at 240°. OpenCV halves it, 0 to 179, so that
+        it fits into 8 bits; red is at both ends. At ({x}, {y}), R {red}, G {green}, B {blue}
+        becomes H {h} ({degrees}°), S {s}, V {v}. cv2.cvtColor differs from these formulas in
+        {differ} of {all} numbers. Click another pixel.
         """
     blue, green, red = (int(one) for one in bgr[y, x])
     h, s, v = (int(one) for one in found[y, x])
@@ -113,8 +114,12 @@ def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
 class RangeParams:
     """Which colours stay."""
 
-    hue_low: int = param(35, "lowest hue; above the highest one, the range leads through red",
-                         min=0, max=179)  # fmt: skip
+    hue_low: int = param(
+        35,
+        "lowest hue; if it is above the highest one, the range passes through red",
+        min=0,
+        max=179,
+    )
     hue_high: int = param(85, "highest hue", min=0, max=179)
     saturation: int = param(60, "least saturation", min=0, max=255)
     value: int = param(40, "least value", min=0, max=255)
@@ -128,10 +133,10 @@ def hue_range(image: Image, params: RangeParams) -> dict[str, Message]:
     mask = hsv_mask(bgr, "BGR", low, (params.hue_high, 255, 255))
     dim = cv2.cvtColor(cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY) // 3, cv2.COLOR_GRAY2BGR)
     text = """
-        Light and shadow change R, G and B together, and the hue hardly: so a thing is chosen by
-        its hue, from {low} to {high} here, that is {low_degrees}° to {high_degrees}°. Grays have no
-        hue, so the saturation has to be {saturation} at least. {share:.1f} % of the pixels are in
-        this range, and keep their colours; the others are dark and gray.
+        Light and shadow change R, G and B together, but hardly the hue. So one selects things by
+        their hue: here from {low} to {high}, that is {low_degrees}° to {high_degrees}°. Gray has no
+        hue, so the saturation must be at least {saturation}. {share:.1f} % of the pixels are in
+        this range and keep their colours; the others are shown dark and gray.
         """
     return show(
         image,
@@ -154,13 +159,14 @@ def gray(image: Image, params: object) -> dict[str, Message]:
     mean = np.rint(bgr.mean(axis=2)).astype(np.uint8)
     theirs = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
     text = """
-        The eye sees green best and blue worst, and gray is to look as bright as the colour:
+        The eye sees green best and blue worst. A gray picture should look as bright as the colours,
+        so they get different weights:
 
             Y = {r} R + {g} G + {b} B
 
-        The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average here,
-        at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of {all}
-        pixels.
+        The plain mean (R + G + B) / 3 differs from it by {difference:.1f} levels on average in this
+        picture, at most by {largest}. cv2.cvtColor differs from the weighted sum in {differ} of
+        {all} pixels.
         """
     apart = cv2.absdiff(weighted, mean)
     blue, _, red = cv2.split(bgr)
@@ -184,7 +190,7 @@ LESSON = Lesson(
     "colours as numbers: your picture in the RGB cube in 3D, HSV with hues to 180, gray",
     """
     A colour is three numbers, but which three? Red, green and blue are what cameras measure and
-    screens emit; hue, saturation and value are nearer to how one speaks of colours. This picture
+    screens emit; hue, saturation and value are closer to how people describe colours. This picture
     has {width} x {height} pixels.
     """,
     [Step(cube), Step(hsv, "picture"), Step(hue_range, "picture"), Step(gray, "picture")],

@@ -28,8 +28,8 @@ _MOST = 100_000  # poses that are kept
 class TreeParams:
     """What is asked of tf."""
 
-    target: str = param("", "the frame that one asks in; empty: the root")
-    source: str = param("", "the frame that one asks of; empty: the deepest in the tree")
+    target: str = param("", "the frame to answer in; empty: the root")
+    source: str = param("", "the frame whose place is asked for; empty: the deepest in the tree")
 
 
 @node("tree", params=TreeParams, inputs={"tf": Transforms}, outputs=GIVES, frames=True)
@@ -58,18 +58,17 @@ class Tree:
         target = params.target or chains.get(source, [source])[0]
         text = """
             Where is the camera, seen from the map? Each part of a robot has a frame: an origin and
-            three axes. Each frame is placed in one
-            other, its parent, so that all make a tree: {count} frames here. tf answers where a
-            frame is in any other, at any time of the last seconds, by multiplying the transforms on
-            the way:
+            three axes. Each frame has a place in one other frame, its parent, so all frames form a
+            tree; here there are {count}. tf tells where any frame is in any other, now or some
+            seconds ago, by multiplying the transforms along the way:
 
             {product}
 
             {answer}
 
-            REP 105 has it so: map is the world, without drift, but it may jump; in odom the robot
-            never jumps, but drifts; base_link is the robot. What goes from map to odom takes the
-            drift away again.
+            By the convention REP 105, base_link is the robot. In odom the robot moves smoothly, but
+            its place drifts. In map it does not drift, but may jump when it is corrected. The
+            transform from map to odom is this correction.
             """
         try:
             answer = _answer(frames.lookup(target, source), target, source)
@@ -137,8 +136,9 @@ class Drift:
         if len(self._truth.rows) < 2:
             places, _ = self._odom.at(stamps)
             text = """
-                The way by odometry: {length:.2f} m so far. Nobody tells the truth here, so how
-                wrong it is cannot be said; a simulated robot does: leave the file.
+                The way by odometry: {length:.2f} m so far. This recording does not hold the true
+                way, so the error cannot be told. A simulated robot knows it: run this lesson
+                without a file.
                 """
             return show_at(odom.header, _draw_way([(places, BLUE)]), text, length=_length(places))
         return self._compare(odom, stamps[stamps <= self._truth.rows[-1][0]])
@@ -154,13 +154,13 @@ class Drift:
         by_heading = error_by_heading(true_places, turned)
         length = _length(true_places)
         text = """
-            Odometry adds up small steps, as wheels or a camera measure them. Each step is a little
-            wrong, and nothing ever tells by how much: the error grows, though for a while one error
-            may hide another. Blue is where odometry has the robot, green where it is.
+            Odometry adds up small steps, measured by wheels or a camera. Each step is a little
+            wrong, and nothing corrects it, so the error grows (for a while errors may cancel). Blue
+            is where odometry believes the robot to be, green is where it is.
 
-            After {length:.2f} m it is {error:.3f} m from the truth, {share:.2f} % of the way; its
-            heading is off by {heading:+.2f}°. A heading that is wrong by ε moves all that comes
-            after it by 2 sin(ε/2) of its length. That alone makes
+            After {length:.2f} m the error is {error:.3f} m, {share:.2f} % of the way, and the
+            heading is off by {heading:+.2f}°. A heading that is wrong by ε turns every later step
+            Δp by ε. The wrong headings alone cause an error of
 
                 | Σ (R(ε) − I) Δp | = {by_heading:.3f} m
             """

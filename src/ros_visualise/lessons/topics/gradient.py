@@ -41,15 +41,15 @@ def profile(image: Image, params: PixelParams) -> dict[str, Message]:
     steepest = int(np.abs(slope).argmax())
     x = steepest if params.x < 0 else min(params.x, width - 1)
     text = """
-        Along row {row}, yellow, the gray is a curve f, blue. Its derivative, red, says how fast it
-        changes. Between two pixels there is nothing, so half the difference of both neighbours is
-        taken:
+        Along row {row} (yellow) the gray levels are a curve f (blue). Its derivative (red) tells
+        how fast it changes. A picture has no values between two pixels, so the derivative is half
+        the difference of the two neighbours:
 
             f'(x) ≈ (f(x + 1) − f(x − 1)) / 2
 
-        At x = {x}, orange: ({after} − {before}) / 2 = {slope:+.1f} levels a pixel. In this row it
-        is farthest from zero at x = {steepest}, {most:+.1f}: there is an edge. Click at another
-        pixel.
+        At x = {x} (orange): ({after} − {before}) / 2 = {slope:+.1f} levels per pixel. In this row
+        it is farthest from zero at x = {steepest}, with {most:+.1f}: there is an edge. Click
+        another pixel.
         """
     return show(
         image,
@@ -87,8 +87,8 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
     dx, dy = sobel(work_of(image, np.ndarray), params.aperture.value)
     top = float(max(np.abs(dx).max(), np.abs(dy).max(), 1))
     text = """
-        A picture changes in two directions. Sobel's kernels differentiate along one and smooth
-        along the other, so that noise does less harm:
+        A picture can change in two directions. Each of Sobel's kernels differentiates along one
+        direction, and smooths along the other, so that noise does less harm:
 
                  −1  0  1
             Gx:  −2  0  2
@@ -98,9 +98,9 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
             Gy:   0  0  0
                   1  2  1
 
-        Gray is no change, white brighter to the right (down), black darker. The kernel of
-        {aperture} x {aperture} gives Gx from {least_x} to {most_x} here, Gy from {least_y} to
-        {most_y}.
+        Gray means no change; white means that it gets brighter to the right (Gy: downwards), black
+        that it gets darker. Here the {aperture} x {aperture} kernels give Gx from {least_x} to
+        {most_x}, Gy from {least_y} to {most_y}.
         """
     shown = [(name, _signed(one, top)) for name, one in (("Gx", dx), ("Gy", dy))]
     return show(
@@ -123,11 +123,11 @@ def size(image: Image, params: object) -> dict[str, Message]:
     length = magnitude(found.dx, found.dy)
     y, x = np.unravel_index(length.argmax(), length.shape)
     text = """
-        The two are the sides of an arrow, whose length is
+        Gx and Gy are the two components of an arrow, the gradient. Its length is
 
             |G| = √(Gx² + Gy²)
 
-        Its largest value is {largest:.1f}, at ({x}, {y}): √(({dx})² + ({dy})²). The mean is
+        The largest length is √(({dx})² + ({dy})²) = {largest:.1f}, at ({x}, {y}). The mean is
         {mean:.1f}.
         """
     return show(
@@ -150,13 +150,13 @@ def towards(image: Image, params: object) -> dict[str, Message]:
     angle, length = direction(found.dx, found.dy), magnitude(found.dx, found.dy)
     weights = np.bincount((angle / 45 + 0.5).astype(int).ravel() % 8, length.ravel(), 8)
     text = """
-        The arrow points to where it gets brighter, across the edge:
+        The gradient points to where the picture gets brighter, across the edge:
 
             θ = atan2(Gy, Gx)
 
         The colour is θ: red 0° (right), yellow-green 90° (down), cyan 180° (left), violet 270°
-        (up); the brightness is √|G|. Weighted by |G|, most of this picture's gradient points to
-        about {most}°, {share:.0f} % of it.
+        (up); the brightness is √|G|. Of this picture's gradient, weighted by |G|, {share:.0f} %
+        points to about {most}°, more than to any other of eight directions.
         """
     return show(
         image,
@@ -181,10 +181,10 @@ def edges(image: Image, params: EdgesParams) -> dict[str, Message]:
     found = work_of(image, _Gradient)
     is_edge = magnitude(found.dx, found.dy) > params.threshold
     text = """
-        The simplest detector of edges: white where |G| > {threshold}. That is {share:.1f} % of
-        the pixels. A low threshold keeps noise, a high one breaks edges, and where the gray
-        changes slowly the edges are thick: Canny's method mends all three
-        (ros-visualise explain canny).
+        The simplest edge detector: a pixel is white where |G| > {threshold}. That is {share:.1f} %
+        of the pixels. A low threshold keeps noise, a high one breaks edges, and where the gray
+        changes slowly edges are thick. Canny's method solves all three problems (ros-visualise
+        explain canny).
         """
     seen = np.where(is_edge, np.uint8(255), np.uint8(0))
     return show(image, seen, text, threshold=params.threshold, share=100 * is_edge.mean())
@@ -194,9 +194,9 @@ LESSON = Lesson(
     "gradient",
     "what a gradient is: the gray along a line and its derivative, Gx and Gy, length and direction",
     """
-    To a program a picture is a function: at each of {width} x {height} places a gray level. Where
-    this function is steep there is an edge. These windows differentiate it: first along one line,
-    then in both directions.
+    For a program a picture is a function: it has a gray level at each of {width} x {height} places.
+    Where this function is steep, there is an edge. These windows differentiate it: first along one
+    line, then in both directions.
     """,
     [
         Step(profile),

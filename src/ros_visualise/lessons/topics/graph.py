@@ -22,11 +22,11 @@ _WIDE, _TALL, _ROW = 120, 36, 92  # of the boxes of nodes, and from one row to t
 
 @node("message", inputs=TAKES, outputs=GIVES)
 def message(image: Image, params: object) -> dict[str, Message]:
-    """A message: data of a known type, with a stamp and a frame."""
+    """A message: data of a known type, with a time stamp and a frame."""
     pixels = work_of(image, np.ndarray)
     height, width = pixels.shape[:2]
     text = """
-        What goes from node to node is a message of a known type. This one is a sensor_msgs/Image:
+        Nodes send each other messages, each of a known type. This one is a sensor_msgs/Image:
 
             header.stamp     {seconds}.{nanoseconds:09d}
             header.frame_id  {frame_id}
@@ -35,8 +35,9 @@ def message(image: Image, params: object) -> dict[str, Message]:
             step             {step}   bytes of a row
             data             {size} bytes
 
-        The stamp is the time at which the camera looked, not that at which anybody got it; every
-        node that makes something of an image keeps it, so that what belongs together is found.
+        The stamp is the time at which the camera took the image, not the time at which it arrived.
+        Nodes that process the image keep its stamp, so that one can find results that belong
+        together.
         """
     return show(
         image,
@@ -80,16 +81,16 @@ class Rate:
             np.diff(np.array(one)) / 1e6 for one in (self._stamps, self._arrivals)
         )
         text = """
-            {number} messages have come on the topic. Of the last {count}:
+            {number} messages have come on this topic. The rate of the last {count}:
 
                 by their stamps
                 {stamped}
                 by our clock
                 {arrived}
 
-            A topic has a name and a type. Whoever publishes on it knows nobody who listens, and who
-            listens does not know who publishes: so nodes can be exchanged. Red are the intervals
-            between arrivals, blue those between stamps.
+            A topic has a name and a type. A publisher does not know who subscribes to it, and a
+            subscriber does not know who publishes: so any node can be replaced by another. The
+            figure shows the intervals between arrivals (red) and between stamps (blue).
             """
         return show(
             image,
@@ -107,7 +108,7 @@ class Rate:
 class SlowParams:
     """How slow."""
 
-    busy_ms: int = param(200, "so long it works on each message, milliseconds", min=0, max=2000,
+    busy_ms: int = param(200, "time that it works on each message, milliseconds", min=0, max=2000,
                          slider=(0, 500))  # fmt: skip
 
 
@@ -126,14 +127,15 @@ class Slow:
         sleep(params.busy_ms / 1000)
         came = number - self._first + 1
         text = """
-            This node works {busy} ms on each message, so it can do {most} a second. While it
-            works, newer ones replace the one that waits: it gets the latest, not an old one. Of
-            {came} it took {taken}; {dropped} were dropped, {share:.0f} %.
+            This node works {busy} ms on each message, so it can process {most}. While it
+            works, each new message replaces the one that waits: so it always gets the latest one.
+            Of {came} messages it took {taken}; {dropped} ({share:.0f} %) were dropped.
 
-            That is right for who looks on or steers. A recording must not lose anything: there the
-            source waits for the slowest. Drops are counted in the table of topics.
+            That is right for watching and steering, where only the newest message counts. A
+            recording must not lose any: there the source waits for the slowest node. Drops are
+            counted in the table of topics.
             """
-        most = f"{1000 / params.busy_ms:.1f}" if params.busy_ms else "as many as come"
+        most = f"{1000 / params.busy_ms:.1f} per second" if params.busy_ms else "all that come"
         return show(
             image,
             _draw_share(self._taken, came),
@@ -151,11 +153,11 @@ class Slow:
 def nodes(image: Image, params: object) -> dict[str, Message]:
     """The graph: nodes, and the topics between them."""
     text = """
-        Each box is a node, which does one thing; each arrow a topic, with its name. Here all nodes
-        are threads of one process, and messages pass by reference; on a ROS graph the same nodes
-        may be processes on several machines: there rosrun ros_visualise viewer shows them in this
-        page. The graph that is running, with all its topics, is in the main panel under graph; the
-        rates and drops are in its table of topics.
+        Each box is a node, which does one thing; each arrow is a topic, with its name. Here all
+        nodes are threads of one process, and messages are not copied. On a ROS graph the same nodes
+        can be processes on several machines; rosrun ros_visualise viewer shows them in this page.
+        The main panel shows the whole graph that is running (graph), and the rates and drops of its
+        topics (table of topics).
         """
     return show(image, _draw_graph(), text)
 
@@ -164,9 +166,9 @@ LESSON = Lesson(
     "graph",
     "nodes, topics and messages, publish and subscribe, rates and drops, on the running graph",
     """
-    A robot's program is many small ones, nodes, that send each other messages. These windows are
-    nodes themselves, and tell of the messages that they get: pictures of {width} x {height} pixels.
-    Play, pause and change the rate.
+    A robot's software is made of many small programs, called nodes, that send each other messages.
+    These windows are nodes themselves, and tell about the messages that they get: pictures of
+    {width} x {height} pixels. Play, pause, change the rate, and watch them.
     """,
     [
         Step(message),

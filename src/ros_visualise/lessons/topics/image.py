@@ -40,10 +40,11 @@ def pixels(image: Image, params: PixelParams) -> dict[str, Message]:
     zoom.draw(bgr, gray)
     zoom.mark(x, y, YELLOW)
     text = """
-        A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row
-        0 are at the top left. Each pixel of this one has three numbers of 8 bits, how much blue,
-        green and red there is. At ({x}, {y}): blue {blue}, green {green}, red {red}; in gray
-        {gray}, which is written into the pixels. Click at another one.
+        A picture is a grid of {width} columns and {height} rows: {count} pixels. Column 0 and row 0
+        are at the top left. Each pixel of this one has three numbers of 8 bits: how much blue,
+        green and red there is. At ({x}, {y}) these are blue {blue}, green {green}, red {red}. In
+        gray they become one number, {gray}; such numbers are written into the pixels. Click another
+        pixel.
 
             {width} × {height} pixels
             × 3 channels × 1 byte = {size} bytes
@@ -74,8 +75,8 @@ def channels(image: Image, params: object) -> dict[str, Message]:
     table = "\n".join(f"    {name:6} mean {one.mean():6.1f}   from {one.min():3} to {one.max():3}"
                       for name, one in named)  # fmt: skip
     text = f"""
-A colour picture is three gray ones, its channels: how much of each colour there is. OpenCV keeps
-them in the order blue, green, red; most other programs begin with red.
+A colour picture is made of three gray ones, its channels. Each tells how much of one colour there
+is. OpenCV keeps them in the order blue, green, red; most other programs begin with red.
 
 {table}
 """
@@ -86,7 +87,7 @@ them in the order blue, green, red; most other programs begin with red.
 class LevelsParams:
     """How many levels."""
 
-    bits: int = param(3, "k bits for a gray level", min=1, max=8)
+    bits: int = param(3, "number of bits k of a gray level", min=1, max=8)
 
 
 @node("gray_levels", params=LevelsParams, inputs=TAKES, outputs=GIVES)
@@ -100,9 +101,9 @@ def gray_levels(image: Image, params: LevelsParams) -> dict[str, Message]:
             2^{bits} = {count} levels
             {width} × {height} × {bits} / 8 = {size:.0f} bytes
 
-        Fewer levels save room and make steps where the gray changes slowly. Against 8 bits this
-        picture has a PSNR of {psnr:.1f} dB; each bit more gives about 6 dB. {used} of the {count}
-        levels are used.
+        Fewer levels need less memory, but where the gray changes slowly one sees steps. Compared
+        with 8 bits, this picture has a PSNR (how near it is to the original) of {psnr:.1f} dB; each
+        bit more adds about 6 dB. {used} of the {count} levels are used.
         """
     quality = psnr(fewer, gray)
     return show(
@@ -133,9 +134,10 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
         axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)
     text = """
-        Of the gray levels, above, the mean {mean:.1f} is the brightness, the standard deviation
-        {spread:.1f} the contrast. Below are those of the channels. If all levels were as frequent,
-        each pixel would tell 8 bits; here it is the entropy
+        The histogram counts how many pixels have each level: of the gray picture above, of its
+        three channels below. The mean, {mean:.1f}, is the brightness; the standard deviation,
+        {spread:.1f}, is the contrast. If all levels were equally frequent, each pixel would carry 8
+        bits of information. Here it carries less, the entropy
 
             H = −Σ p(v) log₂ p(v) = {entropy:.2f} bits
         """
@@ -146,7 +148,9 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
 class ResolutionParams:
     """How coarse."""
 
-    factor: int = param(8, "so many pixels to a side become one", min=1, max=64, slider=(1, 32))
+    factor: int = param(
+        8, "this many pixels along each side become one", min=1, max=64, slider=(1, 32)
+    )
 
 
 @node("resolution", params=ResolutionParams, inputs=TAKES, outputs=GIVES)
@@ -158,9 +162,10 @@ def resolution(image: Image, params: ResolutionParams) -> dict[str, Message]:
     small = cv2.resize(bgr, size, interpolation=cv2.INTER_AREA)
     large = cv2.resize(small, (width, height), interpolation=cv2.INTER_NEAREST)
     text = """
-        Where {factor} × {factor} pixels become one, their mean, {small_width} × {small_height} are
-        left of {width} × {height}: {share:.2f} % of the bytes. What is smaller than two pixels
-        cannot be told any more; enlarging brings nothing back.
+        Each block of {factor} × {factor} pixels is replaced by one pixel, their mean. Of {width} ×
+        {height} pixels {small_width} × {small_height} are left: {share:.2f} % of the bytes. Details
+        smaller than two of the new pixels are lost, and enlarging the picture does not bring them
+        back.
         """
     return show(
         image,
@@ -187,13 +192,14 @@ def encodings(image: Image, params: object) -> dict[str, Message]:
         rows.append(f"    {name:12} {depth} × {8 * size:2} bits {count * depth * size:12} bytes")
     table = "\n".join(rows)
     text = f"""
-A message sensor_msgs/Image is its bytes and the name of their encoding. Read by a wrong name, the
-same bytes are another picture: above, red and blue have changed places.
+A message sensor_msgs/Image holds bytes, and the name of their encoding, which says how to read
+them. Read by a wrong name, the same bytes give another picture: above, red and blue have changed
+places.
 
 {table}
 
-This picture comes as bgr8. Depth is 32FC1 in metres or 16UC1 in millimetres; mono16 has the same
-bytes as 16UC1 and is gray.
+This picture is bgr8. Depth images are 32FC1, in metres, or 16UC1, in millimetres; mono16 has the
+same kind of bytes as 16UC1, but means gray levels.
 """
     return show(image, cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), text)
 
@@ -202,8 +208,8 @@ LESSON = Lesson(
     "image",
     "what a picture is to a program: pixels, channels, bits and levels, encodings, resolution",
     """
-    A camera measures light at many places and writes numbers. All that follows, edges, tags, maps,
-    is computed from these numbers. This picture has {width} x {height} pixels.
+    A camera measures light at many places and writes numbers. Everything else, such as edges, tags
+    and maps, is computed from these numbers. This picture has {width} x {height} pixels.
     """,
     [
         Step(pixels),

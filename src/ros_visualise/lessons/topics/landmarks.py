@@ -29,15 +29,15 @@ _TRIALS = 300
 class TagParams:
     """The camera and the tag; where none is in the picture, one is drawn."""
 
-    focal: float = param(0.9, "focal length as a share of the image's width", min=0.2, max=5,
+    focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
                          slider=(0.3, 2))  # fmt: skip
     size: float = param(
         0.16, "side of the black square, metres", min=0.01, max=10, slider=(0.02, 1)
     )
-    distance: float = param(1.5, "to the tag that is drawn, metres", min=0.1, max=100,
+    distance: float = param(1.5, "distance to the tag that is drawn, metres", min=0.1, max=100,
                             slider=(0.3, 4))  # fmt: skip
-    tilt: float = param(15.0, "of the tag that is drawn, backwards, degrees", min=-80, max=80)
-    turn: float = param(10.0, "of the tag that is drawn, to the side, degrees", min=-80, max=80)
+    tilt: float = param(15.0, "how far the drawn tag leans back, degrees", min=-80, max=80)
+    turn: float = param(10.0, "how far the drawn tag is turned aside, degrees", min=-80, max=80)
 
 
 @node("tag", params=TagParams, inputs=TAKES, outputs=GIVES)
@@ -53,17 +53,17 @@ def tag(image: Image, params: TagParams) -> dict[str, Message]:
         seen = find_tag(draw_tag(bgr, info, params.size, params.distance, turned))
     if seen is None:
         text = """
-            There is no tag in your picture, and the one that was drawn is too small, too slanted or
-            outside: move the sliders.
+            There is no tag in your picture, and the drawn one is too small, too slanted, or outside
+            of it: move the sliders.
             """
         return show(image, bgr, text, TagSeen(bgr, info, params.size, None))
     figure = Figure(width, height)
     figure.picture((0, 0, width, height), seen.picture)
     figure.line(seen.corners[[0, 1, 2, 3, 0]], GREEN, 2)
     text = """
-        A tag is a black square, which is easy to find, with white cells in it that say which one it
-        is. Here is {name}, {origin}. The code of its family differs from that of any other tag in
-        11 cells at least, so that five wrong ones do no harm.
+        A tag is a black square, which is easy to find, with black and white cells in it that tell
+        its number. Here is {name}, {origin}. The tags of this family differ from one another in at
+        least 11 cells, so even with five wrong cells the number is still clear.
         """
     origin = (
         "found in your picture" if seen.truth is None else "drawn into the picture, as it has none"
@@ -88,8 +88,8 @@ def corners(image: Image, params: object) -> dict[str, Message]:
     rows = "\n".join(f"    {name}  ({u:8.3f}, {v:8.3f})"
                      for name, (u, v) in zip(_CORNERS, seen.corners, strict=True))  # fmt: skip
     text = f"""
-A line is fitted to the edge along each side, through many pixels; where two lines meet is a corner.
-So it is known far better than to a pixel:
+A line is fitted to many edge pixels along each side. The corners are where two lines meet, so they
+are known much more exactly than to one pixel:
 
 {rows}
 
@@ -111,14 +111,15 @@ def plane(image: Image, params: object) -> dict[str, Message]:
     rows = "\n".join("    " + " ".join(f"{one:9.4f}" for one in row) for row in H)
     middle = apply(H, np.zeros((1, 2)))[0]
     text = f"""
-A plane and its picture are bound by nine numbers, of which the scale is free: u ~ H x, with x in
-sides of the tag. Each corner gives two equations, so four corners give all eight unknowns:
+A point x of a plane and its place u in the picture are linked by a matrix of nine numbers, the
+homography: u ~ H x (equal up to scale; x in sides of the tag). As the scale is free there are eight
+unknowns. Each corner gives two equations, so four corners are enough:
 
 {rows}
 
-With it the tag is rolled out as if one stood before it, and its cells are read. The middle of the
-tag is at ({middle[0]:.2f}, {middle[1]:.2f}): not the mean of its corners, which perspective moves,
-({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
+With H the tag is drawn as if seen straight from the front, and its cells are read. The middle of
+the tag is at ({middle[0]:.2f}, {middle[1]:.2f}): not the mean of its corners, which perspective
+moves, ({seen.corners[:, 0].mean():.2f}, {seen.corners[:, 1].mean():.2f}).
 """
     return show(image, flat, text)
 
@@ -141,18 +142,19 @@ def poses(image: Image, params: CornerParams) -> dict[str, Message]:
     best = found[0]
     rows = "\n".join(map(_described, found))
     text = f"""
-With the size of the tag ({seen.size_m:g} m) and the camera's focal length ({seen.info.K[0, 0]:.0f}
-pixels; a guess, if your camera is not calibrated) the homography gives the pose: how far the tag
-is, and how it is turned. It is {np.linalg.norm(best.position_xyz):.3f} m away.
+From the homography, the size of the tag ({seen.size_m:g} m) and the focal length of the camera
+({seen.info.K[0, 0]:.0f} pixels; a guess, if your camera is not calibrated) follows the pose: how
+far away the tag is, and how it is turned. It is {np.linalg.norm(best.position_xyz):.3f} m away.
 
-Seen from afar, a square that is tilted to the left looks as one that is tilted to the right. With
-corners that are off by {params.sigma:g} pixels: how likely each reading is, where it has the tag,
-and how far off the corners are:
+From far away a square that is tilted to the left looks like one that is tilted to the right, so
+there can be two readings. With corners that are off by {params.sigma:g} pixels, the table tells for
+each reading how likely it is, where the tag would be, and how far the corners are from where they
+should be:
 
 {rows}
 
-The tag is the floor of a box for each reading, half as high as wide: green the likelier one, orange
-the other. {_other(found)}
+For each reading a box is drawn that stands on the tag, half as high as wide: green for the likelier
+one, orange for the other. {_other(found)}
 """
     return show(image, _draw_poses(seen, found), text)
 
@@ -169,15 +171,16 @@ def uncertainty(image: Image, params: CornerParams) -> dict[str, Message]:
     spread = best.covariance[[0, 2]][:, [0, 2]]
     deviations = np.sqrt(np.diag(best.covariance))
     text = """
-        Corners that are off by {sigma:g} pixels put the tag in the wrong place. To first order
-        the covariance of the pose is
+        If corners are off by {sigma:g} pixels, the tag's computed place is off too. The covariance
+        of the pose tells by how much (to first order):
 
             Σ = (Jᵀ J)⁻¹ σ²
             J: how the corners move with the pose
 
-        Seen from above: dots are {trials} poses of corners with noise, the ellipses hold 39 % and
-        86 %. Sideways the deviation is {x:.2f} mm, along the line of sight {z:.2f} mm: how far it
-        is, is known worst. Of the dots {inside:.0f} % are in the outer ellipse.
+        The figure shows the place from above: each of the {trials} dots was computed from corners
+        with random noise. By theory the inner ellipse holds 39 % of them, the outer one 86 %; here
+        the outer one holds {inside:.0f} %. The standard deviation is {x:.2f} mm sideways, and
+        {z:.2f} mm along the line of sight: the distance is known worst.
         """
     away = (tried - best.position_xyz)[:, [0, 2]]
     inside = np.einsum("ni,ij,nj->n", away, np.linalg.inv(spread), away) < 4
@@ -197,8 +200,8 @@ LESSON = Lesson(
     "landmarks",
     "how a tag tells where it is: corners, homography, its two poses, covariance as an ellipse",
     """
-    A robot that sees a thing of known size and shape knows where it is. The windows go this way
-    with a tag: one in your picture of {width} x {height} pixels, or one that is drawn.
+    A robot that sees a thing of known size and shape knows where it is. The windows show how, with
+    a tag: one in your picture of {width} x {height} pixels, or one that is drawn into it.
     """,
     [
         Step(tag),
@@ -220,7 +223,7 @@ def _tag_of(image: Image) -> TagSeen | None:
 
 def _corner_error(seen: TagSeen) -> str:
     if seen.truth is None:
-        return "Where they are in truth nobody knows: it is your picture."
+        return "How far they are from the truth is not known: it is your picture."
     error = np.linalg.norm(seen.corners - seen.truth, axis=1)
     far = f"{error.mean():.3f} pixels from there on average, {error.max():.3f} at most"
     return f"In truth they are {far}."
@@ -233,7 +236,7 @@ def _described(pose: PoseEstimate) -> str:
 
 def _other(found: tuple[PoseEstimate, ...]) -> str:
     if len(found) < 2:
-        return "Here perspective excludes the other reading: the tag is near, or much tilted."
+        return "Here the perspective rules out the other reading: the tag is near, or tilted a lot."
     one, other = (rotations.to_matrix(pose.quat_xyzw)[:, 2] for pose in found[:2])
     angle = np.degrees(np.arccos(np.clip(one @ other, -1, 1)))
     return f"The two are {angle:.0f}° apart."

@@ -32,10 +32,18 @@ class Noise(Enum):
 class NoiseParams:
     """What is added to the picture."""
 
-    model: Noise = param(Noise.GAUSSIAN, "gaussian: of electronics; salt_and_pepper: of broken"
-                         " pixels; poisson: of light itself")  # fmt: skip
-    strength: float = param(20.0, "standard deviation in levels; of salt_and_pepper: per cent of"
-                            " pixels; of poisson: of white", min=0, max=100)  # fmt: skip
+    model: Noise = param(
+        Noise.GAUSSIAN,
+        "gaussian: from the electronics; salt_and_pepper: from broken pixels; poisson: from light"
+        " itself",
+    )
+    strength: float = param(
+        20.0,
+        "standard deviation in levels (of white, for poisson); salt_and_pepper: per cent of the"
+        " pixels",
+        min=0,
+        max=100,
+    )
     seed: int = param(0, "of the random numbers", min=0, max=1000, slider=(0, 20))
 
 
@@ -55,14 +63,14 @@ def noisy(image: Image, params: NoiseParams) -> dict[str, Message]:
     text = """
         {model}
 
-        How far a picture is from the truth says the peak signal to noise ratio:
+        How far a picture is from the truth is measured by the peak signal-to-noise ratio:
 
             PSNR = 10 log₁₀(255² / MSE)
 
-        MSE is the mean square of the differences.
+        MSE is the mean of the squared differences.
 
-        Here it is {square:.1f}, its root {root:.1f} levels, the PSNR {psnr:.2f} dB.
-        30 dB are good, below 20 dB one sees little else than the noise.
+        Here the MSE is {square:.1f}, its square root {root:.1f} levels, and the PSNR {psnr:.2f} dB.
+        30 dB is good; below 20 dB one sees little but noise.
         """
     work = _Noisy(clean, added)
     error = mean_square(added, clean)
@@ -92,13 +100,13 @@ def gauss(image: Image, params: GaussParams) -> dict[str, Message]:
     work = work_of(image, _Noisy)
     smoothed = cv2.GaussianBlur(work.noisy, (0, 0), params.sigma)
     text = """
-        Noise that is as often too bright as too dark goes away in a mean. The neighbours are
-        weighted by a Gaussian:
+        Noise is as often too bright as too dark, so it averages out in a mean. Each pixel becomes
+        the mean of its neighbours, weighted by a Gaussian of their distance d:
 
             w(d) = exp(−d² / 2σ²),   σ = {sigma:g}
 
-        Of noise with a standard deviation of 1 that leaves about 1 / (2σ√π) = {left:.2f}. Edges
-        become as soft as the noise. {result}
+        About 1 / (2σ√π) = {left:.2f} of the noise's standard deviation is left. But edges are
+        averaged too, and become soft. {result}
         """
     left = 1 / (2 * params.sigma * math.sqrt(math.pi))
     return show(image, _beside(work, smoothed), text, sigma=params.sigma, left=left,
@@ -120,9 +128,9 @@ def by_median(image: Image, params: MedianParams) -> dict[str, Message]:
     size = params.size | 1
     smoothed = median(work.noisy, size)
     text = """
-        The {count} levels of each {size} × {size} window are put in order, and the middle one is
-        taken. One that is far off, as of a broken pixel, has no say at all, and a straight edge
-        stays where it is; corners and thin lines go. {result}
+        The {count} levels in the {size} × {size} window around a pixel are sorted, and the middle
+        one is taken. A level that is far off, as from a broken pixel, has no influence at all.
+        Straight edges stay where they are; corners are rounded, and thin lines vanish. {result}
         """
     return show(image, _beside(work, smoothed), text, count=size**2, size=size,
                 result=_result(work, smoothed))  # fmt: skip
@@ -134,22 +142,30 @@ class BilateralParams:
 
     size: int = param(7, "width of the window, pixels; even counts as the next odd", min=3, max=31,
                       slider=(3, 15))  # fmt: skip
-    sigma_color: float = param(50.0, "levels that still mix", min=1, max=255, slider=(1, 150))
+    sigma_color: float = param(
+        50.0,
+        "how different the levels may be that are still mixed",
+        min=1,
+        max=255,
+        slider=(1, 150),
+    )
 
 
 @node("bilateral", params=BilateralParams, inputs=TAKES, outputs=GIVES)
 def by_bilateral(image: Image, params: BilateralParams) -> dict[str, Message]:
-    """A bilateral filter: the mean of those that are alike."""
+    """A bilateral filter: the mean of the neighbours that are alike."""
     work = work_of(image, _Noisy)
     size = params.size | 1
     smoothed = bilateral(work.noisy, size, params.sigma_color, sigma_of(size))
     text = """
-        Neighbours count by how near they are, and by how alike (Tomasi and Manduchi, 1998):
+        A neighbour counts more the nearer it is, and the more alike its level (Tomasi and Manduchi,
+        1998):
 
             w = exp(−d² / 2σ²) · exp(−l² / 2σ_c²)
             l: difference of the levels,   σ_c = {sigma:g}
 
-        Beyond an edge nothing is alike, so edges stay; salt and pepper stay too. {result}
+        Pixels on the other side of an edge are not alike, so edges stay sharp. Salt and pepper
+        stays too: nothing near it is alike. {result}
         """
     return show(image, _beside(work, smoothed), text, sigma=params.sigma_color,
                 result=_result(work, smoothed))  # fmt: skip
@@ -159,8 +175,8 @@ LESSON = Lesson(
     "noise",
     "models of noise, and smoothing by Gauss, median and bilateral filters, compared by PSNR",
     """
-    Every measurement has noise. Your picture of {width} x {height} pixels is taken for the truth,
-    in gray; noise is added, so that one can say how much of it each filter takes away.
+    Every measurement has noise. Here your picture of {width} x {height} pixels, in gray, is the
+    truth. Noise is added to it, so that we can measure how much of the noise each filter removes.
     """,
     [Step(noisy), Step(gauss), Step(by_median, "noisy"), Step(by_bilateral, "noisy")],
 )
@@ -168,10 +184,11 @@ LESSON = Lesson(
 _MODELS = {
     Noise.GAUSSIAN: "To each pixel a random number is added, with a standard deviation of"
     " {strength:g} levels: the noise of the electronics.",
-    Noise.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white: broken, or lost on"
-    " the way.",
-    Noise.POISSON: "Light comes in photons, and how many come is random: as bright as the number"
-    " is, as large is its variance. White has a standard deviation of {strength:g} levels.",
+    Noise.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white, as if they were"
+    " broken, or lost in transmission.",
+    Noise.POISSON: "Light comes in photons, and how many arrive is random: the variance equals"
+    " the mean number. So bright pixels have more noise; white has a standard deviation of "
+    "{strength:g} levels.",
 }
 
 

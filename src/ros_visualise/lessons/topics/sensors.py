@@ -35,22 +35,23 @@ class Car:
             return None
         self._is_shown = True
         text = """
-            A robot knows of the world what its sensors tell. A passive sensor waits for what comes
-            by itself, an active one sends something out and measures what comes back. On KITTI's
-            car, with which many compare their methods:
+            A robot knows about the world only what its sensors tell it. A passive sensor receives
+            what comes by itself; an active one sends something out and measures what comes back.
+            These sensors are on the car of KITTI, a data set with which many methods are compared:
 
                 camera     passive  light, 10 Hz
-                Velodyne   active   a laser's time, 10 Hz
-                GPS (RTK)  passive  radio's time, 10 Hz
-                IMU        passive  turns, forces, 100 Hz
+                Velodyne   active   time of a laser's echo, 10 Hz
+                GPS (RTK)  passive  time of radio signals, 10 Hz
+                IMU        passive  turns and forces, 100 Hz
 
-            A camera has 1392 × 512 pixels and is blind at night. The Velodyne has about 100000
-            points a turn, to 120 m; GPS with corrections is right to 5 cm under open sky; the IMU
-            measures always, and drifts.
+            A camera has 1392 × 512 pixels, and sees nothing in the dark. The Velodyne measures
+            about 100000 points per turn, up to 120 m away. GPS with corrections (RTK) is accurate
+            to 5 cm under open sky. The IMU measures turning and acceleration everywhere, but what
+            is computed from it drifts.
 
-            None is enough alone: cameras have no scale, lasers no colours, GPS no signal in
-            tunnels, and an IMU no memory of where it began. In 3D the car stands around the IMU of
-            this run, if tf tells where that is; in a drive of KITTI it is where it was.
+            None of them is enough alone: a camera does not know the scale, a laser sees no colours,
+            GPS has no signal in tunnels, and the IMU drifts. The 3D view shows the car around the
+            IMU of this run, if tf knows where that is.
             """
         markers = car.markers(imu.header.frame_id)
         return {**show_at(imu.header, car.figure(), text), "markers": markers}
@@ -61,7 +62,7 @@ class MeasuredParams:
     """What is looked at."""
 
     seconds: float = param(
-        10.0, "so much of the last time is drawn", min=1, max=600, slider=(1, 60)
+        10.0, "seconds that are drawn, up to now", min=1, max=600, slider=(1, 60)
     )
 
 
@@ -119,9 +120,9 @@ class _Samples:
     def wait(self, imu: Imu) -> dict[str, Message]:
         """What is told while there is not enough."""
         text = """
-            {count} measurements so far; from {least} on there is something to tell. This window
-            waits for them. A recording that is shorter has too few: KITTI's drives have 10 a
-            second, so take one of 10 s or more, or any recording with an IMU of its own.
+            {count} measurements so far; this window needs at least {least}, and waits for them.
+            KITTI's drives have 10 per second, so choose one of 10 s or more, or any other recording
+            with an IMU.
             """
         figure = Figure(WIDTH, 120)
         told = f"{self._count} of {_LEAST} measurements that are needed"
@@ -149,7 +150,8 @@ class Measured:
         times, values = self._samples.times_s, self._samples.values
         recent = times >= times[-1] - params.seconds
         text = """
-            The IMU of this run gives {rate:.0f} measurements a second. In the last {seconds:.0f} s:
+            The IMU of this run gives {rate:.0f} measurements per second. In the last {seconds:.0f}
+            s:
 
                 turn rate, rad/s
                 mean {turn}
@@ -158,9 +160,10 @@ class Measured:
                 mean {force}
                 dev. {force_noise}
 
-            At rest the turn rates would be zero and the acceleration 9.81 m/s² upwards, for an
-            accelerometer feels what carries it. What the mean is beside that is the bias; the rest
-            is noise, and the robot's own motion.
+            For a sensor at rest the turn rates should be zero, and the acceleration 9.81 m/s²
+            upwards: an accelerometer feels the ground push against its weight. If the means differ
+            from that, the difference is the bias. The deviation is noise, and the robot's own
+            motion.
             """
         mean, spread = values[recent].mean(axis=0), values[recent].std(axis=0)
         return show_at(
@@ -198,14 +201,15 @@ class Allan:
             return None
         gyro, force = deviation[:, :3].mean(axis=1), deviation[:, 3:].mean(axis=1)
         text = """
-            How long should one average? The Allan deviation is that of means over a time τ from
-            the means right after them:
+            Averaging reduces noise, but for how long should one average? The Allan deviation
+            compares each mean over a time τ with the mean over the next τ:
 
                 σ²(τ) = ½ ⟨ (mean over the next τ
                              − mean over this τ)² ⟩
 
-            White noise falls as N / √τ; then comes a floor, the instability of the bias; then it
-            rises, as the bias walks away. Of {count} measurements, {seconds:.0f} s:
+            White noise falls as N / √τ. Then comes a floor, the instability of the bias: longer
+            means are no better. After that the curve rises, because the bias changes. From {count}
+            measurements in {seconds:.0f} s:
 
                 gyroscope
                     N = {gyro_walk:.2e} rad/s/√Hz
@@ -214,8 +218,8 @@ class Allan:
                     N = {force_walk:.2e} m/s²/√Hz
                 floor = {force_floor:.2e} m/s²
 
-            That holds of a sensor at rest: the motion of a robot looks like more noise. The longer
-            it runs, the farther to the right one sees.
+            This is right only for a sensor at rest: the motion of a robot looks like noise here.
+            The longer the recording, the farther the curve goes to the right.
             """
         return show_at(
             imu.header,

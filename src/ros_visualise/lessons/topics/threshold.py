@@ -22,16 +22,16 @@ _TALL = 130  # of the picture that is parted
 
 @node("histogram", inputs=TAKES, outputs=GIVES)
 def histogram(image: Image, params: object) -> dict[str, Message]:
-    """How often each gray level is there."""
+    """How often each gray level occurs."""
     gray = cv2.cvtColor(work_of(image, np.ndarray), cv2.COLOR_BGR2GRAY)
     counts = np.bincount(gray.ravel(), minlength=256)
     figure = Figure(WIDTH, 360)
     draw_histogram(figure, (70, 30, WIDTH - 90, 270), gray)
     text = """
-        A threshold compares gray levels, so one looks at how often each is there: the histogram.
-        This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the most
-        frequent is {mode}, of {count} pixels. Where there are two hills, a threshold in the valley
-        between them parts what is dark from what is bright.
+        A threshold compares gray levels, so first look at how often each level occurs: the
+        histogram. This picture's levels go from {least} to {most}, with a mean of {mean:.1f}; the
+        most frequent one is {mode}, with {count} pixels. If the histogram has two hills, a
+        threshold in the valley between them separates dark things from bright ones.
         """
     return show(
         image,
@@ -58,7 +58,7 @@ def types(image: Image, params: TypesParams) -> dict[str, Message]:
     """Five types of threshold, each with its tone curve."""
     gray = work_of(image, np.ndarray)
     text = """
-        What becomes of a level v, by OpenCV's five types, with T = {level}:
+        OpenCV has five types of threshold. This is what each makes of a level v, with T = {level}:
 
             binary             255 if v > T, else 0
             binary inverted    0 if v > T, else 255
@@ -66,7 +66,7 @@ def types(image: Image, params: TypesParams) -> dict[str, Message]:
             to zero            v if v > T, else 0
             to zero inverted   0 if v > T, else v
 
-        A level that equals T counts as below. {above:.1f} % of the pixels are above.
+        A level equal to T counts as below. {above:.1f} % of the pixels are above T.
         """
     seen = _draw_types(gray, params.level)
     return show(image, seen, text, level=params.level, above=100 * (gray > params.level).mean())
@@ -74,21 +74,22 @@ def types(image: Image, params: TypesParams) -> dict[str, Message]:
 
 @node("otsu", inputs=TAKES, outputs=GIVES)
 def by_otsu(image: Image, params: object) -> dict[str, Message]:
-    """Otsu's threshold: the one that parts the levels best."""
+    """Otsu's threshold: the one that separates the levels best."""
     gray = work_of(image, np.ndarray)
     counts = np.bincount(gray.ravel(), minlength=256)
     level = otsu(counts)
     theirs, _ = cv2.threshold(gray, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     is_above = gray > level
     text = """
-        Otsu (1979) takes the threshold for which the two classes differ most, by the variance
-        between them, green below the histogram:
+        A threshold t splits the pixels into two classes. Otsu (1979) takes the t for which the
+        variance between the classes is largest (green, below the histogram; ω: share of the pixels,
+        μ: mean level of a class):
 
             σ²(t) = ω₀ ω₁ (μ₀ − μ₁)²
 
-        Here t = {level} (cv2.threshold: {theirs:.0f}): {share:.1f} % of the pixels are below, with
-        a mean of {below:.1f}; those above have {above:.1f}; σ² = {variance:.0f}, of a variance of
-        {whole:.0f} in all.
+        Here t = {level} (cv2.threshold finds {theirs:.0f}). {share:.1f} % of the pixels are below,
+        with a mean of {below:.1f}; the mean of those above is {above:.1f}. σ² is {variance:.0f}, of
+        a variance of {whole:.0f} in all.
         """
     return show(
         image,
@@ -110,7 +111,7 @@ class AdaptiveParams:
 
     size: int = param(31, "width of the window, pixels; even counts as the next odd",
                       min=3, max=255, slider=(3, 101))  # fmt: skip
-    offset: int = param(5, "the threshold is the window's mean less this", min=-255, max=255,
+    offset: int = param(5, "the threshold is the window's mean minus this", min=-255, max=255,
                         slider=(-20, 40))  # fmt: skip
 
 
@@ -121,12 +122,12 @@ def by_window(image: Image, params: AdaptiveParams) -> dict[str, Message]:
     size = params.size | 1
     seen = adaptive(gray, False, size, params.offset)
     text = """
-        Where the light is uneven, no single threshold fits. Each pixel is compared with the mean
-        of the {size} x {size} pixels around it:
+        Where the light is uneven, no single threshold fits everywhere. So each pixel is compared
+        with the mean of the {size} x {size} pixels around it:
 
             255 if v > mean − {offset}, else 0
 
-        That leaves {share:.1f} % of the pixels white.
+        {share:.1f} % of the pixels become white.
         """
     share = 100 * (seen > 0).mean()
     return show(image, seen, text, size=size, offset=params.offset, share=share)
@@ -134,11 +135,10 @@ def by_window(image: Image, params: AdaptiveParams) -> dict[str, Message]:
 
 LESSON = Lesson(
     "threshold",
-    "what a threshold does to a picture: five types, Otsu's choice, and one for each window",
+    "what a threshold does to a picture: five types, Otsu's choice, and a threshold for each pixel",
     """
-    A threshold decides by the gray level alone: bright or dark, thing or background. That is the
-    oldest way to find things in a picture.
-    This picture has {width} x {height} pixels.
+    A threshold decides by the gray level alone: bright or dark, thing or background. It is the
+    oldest way to find things in a picture. This picture has {width} x {height} pixels.
     """,
     [Step(histogram), Step(types), Step(by_otsu, "histogram"), Step(by_window, "histogram")],
 )

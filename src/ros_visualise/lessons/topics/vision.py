@@ -58,18 +58,20 @@ class Kernels:
         kinds = likeness(kernels)
         counts = np.bincount(kinds.argmax(axis=1), minlength=len(KINDS))
         text = """
-            A filter is a kernel that somebody thought of: Sobel's Gx and Gy came in 1968. A network
-            has kernels that nobody thought of: they began as chance, and training moved them
-            wherever fewer landmarks were missed. These are all {count} of our network's first
-            layer, 3 x 3 numbers for each of red, green and blue; gray is 0.
+            A filter is a kernel that a person designed: Sobel's Gx and Gy are from 1968. The
+            kernels of a network are learned: they began as random numbers, and training changed
+            them step by step so that fewer landmarks were missed. These are all {count} kernels of
+            our network's first layer: 3 x 3 numbers for each of red, green and blue. Gray is 0.
 
-            How alike two kernels are is the cosine of their angle, 1 for the same:
+            How alike two kernels are is measured by the cosine of the angle between them, 1 if they
+            are the same:
 
                 cos(w, s) = Σ w s / (|w| |s|)
 
-            Edges: sums of Gx and Gy. Spots: a centre and its ring. Colour: what adds up to nothing
-            on gray. {edges} are edges above all, {spots} spots, {colors} colour. Nobody told the
-            network of Sobel, and still:
+            There are three kinds: edge (a mix of Gx and Gy), spot (a centre against its
+            surroundings) and colour (no answer on gray). {edges} kernels are mostly edge, {spots}
+            spot, {colors} colour. Nobody taught the network Sobel's kernels, and still it found
+            similar ones:
 
                 no    Gx    Gy edge spot colour
             {rows}
@@ -89,13 +91,14 @@ def activations(image: Image, params: object) -> dict[str, Message]:
     active = (maps > 0).mean(axis=(1, 2))
     kinds = likeness(seen.layer.kernels)
     text = """
-        Each kernel w slides over the picture x as Sobel's does, two pixels at a time. New is that a
-        bias b is added, and that what is below zero is cut off:
+        Each kernel w slides over the picture x, as Sobel's does, but two pixels at a time. Two
+        things are new: a bias b is added, and results below zero become zero:
 
             y = max(0, b + Σ w (x − ½))
 
-        White is the map's own maximum. Here kernel {most} answers at {share:.0f} % of the places,
-        more than any other, kernel {least} at {rare:.1f} %, and {silent} of {count} nowhere.
+        In each map white is its own maximum. Kernel {most} answers at {share:.0f} % of the places,
+        more than any other; kernel {least} at {rare:.1f} %, fewer than any other; {silent} of
+        {count} kernels answer nowhere.
         """
     shown = [
         (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
@@ -126,15 +129,16 @@ def filters(image: Image, params: object) -> dict[str, Message]:
                 f"    {sign}{name}   {number:3}   {cosines[number, axis]:+.2f}   {alike:+.2f}"
             )
     text = """
-        Sobel's derivative is signed: white is brighter to the right (below), black darker. A map of
-        the network has no sign, as what is below zero was cut off. So it takes two kernels, one for
-        each side of an edge, and it has learned both:
+        Sobel's derivative has a sign: white means brighter to the right (Gy: downwards), black
+        means darker. A map of the network has no negative values. So the network needs two kernels,
+        one for each sign, and it has learned both:
 
             like  kernel  cosine  correlation
         {rows}
 
-        The correlation is that of what the kernel answers, before the cut, with Sobel's derivative
-        over all places of this picture: 1 would be the same but for scale and bias.
+        The correlation compares the kernel's answers, before negative ones become zero, with
+        Sobel's derivative at all places of this picture. 1 would mean: the same, but for scale and
+        bias.
         """
     return show(image, titled(shown, 3), text, rows="\n".join(rows))
 
@@ -143,7 +147,7 @@ def filters(image: Image, params: object) -> dict[str, Message]:
 class ThingsParams:
     """What counts as found."""
 
-    min_score: float = param(0.4, "least score, from 0 to 1, of what counts as found",
+    min_score: float = param(0.4, "lowest score, from 0 to 1, that counts as found",
                              min=0.01, max=1)  # fmt: skip
     threshold: int = param(100, "an edge is where Sobel's |G| exceeds this",
                            min=0, max=2_000, slider=(0, 800))  # fmt: skip
@@ -157,16 +161,17 @@ def things(image: Image, params: ThingsParams) -> dict[str, Message]:
     is_edge = np.hypot(*sobel(gray, 3)) > params.threshold
     found = seen.network.detect(seen.bgr, "BGR", Choice(params.min_score))
     text = """
-        A filter says how the picture changes at a place: |G| > {threshold} at {share:.1f} % of the
-        pixels here, on a landmark as on the ground beside it. What is a landmark it cannot say.
+        A filter tells how the picture changes at each place: here |G| > {threshold} at {share:.1f}
+        % of the pixels, on landmarks as well as on the ground beside them. It cannot tell what a
+        landmark is.
 
-        The network's later layers are the same again: kernels, now over the maps of the layer
-        before, each looking at a wider piece of the picture. The last ones say what is there:
+        The network's later layers work in the same way: their kernels slide over the maps of the
+        layer before, and each sees a wider part of the picture. The last layers tell what is there:
 
         {found}
 
-        The score says how sure it is. It can be wrong; a filter cannot, for it claims nothing. All
-        that it knows: {names}.
+        The score tells how sure the network is. It can be wrong. The only things that it knows are:
+        {names}.
         """
     names = seen.network.names
     return show(image, _draw_things(seen.bgr, found, names), text, threshold=params.threshold,
@@ -178,9 +183,9 @@ LESSON = Lesson(
     "vision",
     "filter or vision: what our own network's first layer has learned, beside Sobel's kernels",
     """
-    Sobel's kernels were thought of, a network's were learned. Both see the same {width} x {height}
-    pixels: yours, or a drawn landscape. How alike are they, and what does it take from there to a
-    thing with a name?
+    Sobel's kernels were designed by a person; a network's kernels are learned. Both work on the
+    same {width} x {height} pixels: your picture, or a drawn landscape. How alike are they? And what
+    more is needed to find a thing and name it?
     """,
     [
         Step(Kernels),
@@ -234,7 +239,7 @@ def _draw_things(bgr: Pixels, found: Candidates, names: dict[int, str]) -> Figur
 
 def _listed(found: Candidates, names: dict[int, str]) -> str:
     if not len(found):
-        return "    nothing: lower the least score, or take another picture"
+        return "    nothing: lower min_score, or take another picture"
     boxes = zip(found.boxes_xyxy, found.scores, found.classes, strict=True)
     return "\n".join(
         f"    {names[int(number)]:8}  {score:.2f}  at ({(box[0] + box[2]) / 2:.0f},"

@@ -53,7 +53,7 @@ class Calibrator:
         assert source is not None
         url = self._runtime.parameters[source.name].current.camera_info_url
         if not url:
-            raise UsageError("there is no place for it: set camera_info_url to file:///PATH")
+            raise UsageError("there is no file to write it to: set camera_info_url to file:///PATH")
         save(info, path_of(url), self._name)
         log.info("%s: the calibration was written", url)
 
@@ -65,5 +65,5 @@ class Calibrator:
         finally:
             subscription.close()
         if image is None:
-            raise UsageError("no image has come yet, so nobody knows their size: try again")
+            raise UsageError("no image has come yet, so their size is not known: try again")
         return image.width, image.height

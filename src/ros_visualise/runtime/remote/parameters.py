@@ -169,4 +169,4 @@ class RemoteParameters(Parameters[Any]):
     def _say_refused(self, name: str, error: ParameterError) -> None:
         if name not in self._refused:
             self._refused.add(name)
-            log.warning("%s has a value that it declares impossible: %s", self._name, error)
+            log.warning("%s has a value outside of what it declares: %s", self._name, error)

@@ -258,7 +258,7 @@ def _fits() -> bool:
         *(hasattr(TCPROSTransport, name) for name in ("receive_once", "set_cleanup_callback")),
     ]
     if not all(there):
-        log.warning("this rospy is not known: large images pass as slowly as it passes them")
+        log.warning("this version of rospy is not known: large images are not made faster")
     return all(there)
 
 

@@ -35,8 +35,8 @@ def image_topic(recording: Recording, wanted: str | None) -> str:
     if wanted in topics:
         return str(wanted)
     if wanted is not None:
-        there = ", ".join(topics) or "none with images"
-        raise UsageError(f"{recording.path}: no topic {wanted} of images; there is {there}")
+        there = f"choose from {', '.join(topics)}" if topics else "it has no images"
+        raise UsageError(f"{recording.path}: no topic {wanted} of images; {there}")
     found = first_image(recording, topics)
     if found is None:
         raise UsageError(f"{recording.path}: holds no images")

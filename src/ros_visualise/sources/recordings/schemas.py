@@ -68,7 +68,7 @@ class Schemas:
             text = spaces[0][0].text(type_name)
         elif not text.strip():
             raise DamagedMessage(
-                f"{type_name}: nobody knows this type, and the recording does not define it"
+                f"{type_name}: an unknown type, and the recording does not define it"
             )
         elif is_idl:
             text = _idl_to_msg(type_name, text)
@@ -90,7 +90,7 @@ class Schemas:
         if any(name.endswith("/wstring") for name in unknown):
             raise DamagedMessage(f"{type_name}: wide strings (wstring) cannot be read")
         if unknown:
-            raise DamagedMessage(f"{type_name}: made of {unknown[0]}, which nobody knows")
+            raise DamagedMessage(f"{type_name}: made of {unknown[0]}, an unknown type")
         return definitions
 
 

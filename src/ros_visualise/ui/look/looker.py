@@ -10,6 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ros_visualise.errors import RosVisualiseError
+from ros_visualise.near import near
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.colors import PALETTE, css
 from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
@@ -91,7 +92,7 @@ class Looker:
         if headers.get(_HEADER) != "1":
             raise Refusal("only pages of this server may ask", 403)
         if asked not in self._answers:
-            raise Refusal("nobody knows what is asked for", 404)
+            raise Refusal(f"there is no such question{near(asked, self._answers)}", 404)
         return self._answers[asked](question)
 
     def _topics(self, _: Question) -> Answer:
@@ -124,7 +125,7 @@ class Looker:
     def _play(self, question: Question) -> Answer:
         playback = self._runtime.playback
         if playback is None:
-            raise Refusal("this cannot be paused or sought from here", 409)
+            raise Refusal("this source cannot be paused, and has no other time to go to", 409)
         if "seek" in question:
             playback.seek(question.seconds("seek"))
         elif "step" in question:
@@ -143,7 +144,7 @@ def link(page: str, **values: str) -> str:
 
 def _page(name: str) -> Answer:
     if name not in PAGES:
-        raise Refusal(f"there is no such page; there is {', '.join(PAGES)}", 404)
+        raise Refusal(f"there is no such page; choose from {', '.join(PAGES)}", 404)
     return Answer(_read(f"{name}.html"), "text/html; charset=utf-8")
 
 

@@ -146,7 +146,7 @@ class Desk:
             self._plots = Plots(gui, self._graph)
 
     def _add_size(self, gui: viser.GuiApi) -> viser.GuiSliderHandle[int]:
-        hint = "pixels of the longer side that are sent at most"
+        hint = "images are sent with at most so many pixels on their longer side"
         size = gui.add_slider("image size", 240, 1920, 40, SIZE, hint=hint)
         size.on_update(self._worker.listener("size", self._set_size))
         return size
@@ -283,7 +283,7 @@ class Desk:
 
 
 _LINKS = (
-    '<div class="rv-note rv-links">look closely: '
+    '<div class="rv-note rv-links">more pages: '
     + ", ".join(f'<a href="{link(page)}" target="_blank">{page}</a>' for page in PAGES[1:])
     + "</div>"
 )

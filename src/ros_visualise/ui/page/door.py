@@ -56,11 +56,11 @@ class Door:
         called = _split(f"//{host}").hostname
         if called not in self.proxies and not self._is_called(called):
             name = repr(host[:_SHOWN])
-            return f"{name} is no name of this server; --allow-origin http://NAME adds one"
+            return f"this server is not called {name}; --allow-origin http://NAME allows a name"
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
-            return f"a page of {origin[:_SHOWN]!r} asked to come in; --allow-origin lets one in"
+            return f"a page of {origin[:_SHOWN]!r} asked for access; --allow-origin SITE allows it"
         if self.token and not hmac.compare_digest(_first_part(path).encode(), self.token.encode()):
-            return "open the whole address that was printed when this page was started"
+            return "open the whole address, with its token, that was printed at the start"
         return ""
 
     def is_foreign(self, sites: Sequence[str]) -> bool:

@@ -45,17 +45,17 @@ def _check_number(element: Any, value: Value) -> str:
 
 
 def _check_switch(_: Any, value: Value) -> str:
-    return "" if isinstance(value, bool) else f"{_shown(value)} is neither on nor off"
+    return "" if isinstance(value, bool) else f"{_shown(value)} is not on or off"
 
 
 def _check_text(_: Any, value: Value) -> str:
     if not isinstance(value, str):
         return f"{_shown(value)} is not a text"
-    return "" if len(value) <= MAX_TEXT else f"it holds {MAX_TEXT} characters at most"
+    return "" if len(value) <= MAX_TEXT else f"it may have at most {MAX_TEXT} characters"
 
 
 def _check_choice(element: Any, value: Value) -> str:
-    return "" if value in element.options else f"there is no {_shown(value)} to choose"
+    return "" if value in element.options else f"{_shown(value)} is not among the choices"
 
 
 _CHECKS: dict[type, Callable[[Any, Value], str]] = {

@@ -89,7 +89,7 @@ class Gate:
         """Why a request is refused; empty if it is allowed."""
         hosts, origins = (request.headers.get_all(name) for name in ("Host", "Origin"))
         if len(hosts) != 1 or len(origins) > 1:
-            return "a request names one host, and one site that it comes from"
+            return "a request has to name one host, and at most one site that it comes from"
         reason = self.door.refusal(request.path, hosts[0], next(iter(origins), None))
         if reason and reason not in self._refused and len(self._refused) < _MOST_SAID:
             self._refused.add(reason)

@@ -128,7 +128,7 @@ class Kept:
         except ValueError:
             places = []
         if len(places) != 6 or not all(abs(xyz) < _FARTHEST_M for xyz in places):
-            raise UsageError("the page's address: a view is six numbers, of metres")
+            raise UsageError("the page's address: a view has to be six numbers, in metres")
         self._scene.look_from(client, np.array(places[:3]), np.array(places[3:]))
 
     def _set(self, element: Any, value: Value, place: str) -> None:

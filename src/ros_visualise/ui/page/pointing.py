@@ -32,7 +32,9 @@ class Pointing:
         self._places: list[Floats] = []
         self._fixed = ""
         self._choice = server.gui.add_dropdown(
-            "a click", (_LOOK,), hint="tells a place, measures, or sends the robot there"
+            "a click",
+            (_LOOK,),
+            hint="what a click in 3D does: turn the view, tell a place, measure, send the robot",
         )
         self._choice.on_update(worker.listener(("3D", "click"), lambda _: self._begin()))
         self._note = server.gui.add_html("", visible=False)
@@ -75,7 +77,7 @@ class Pointing:
     def _point(self, ray: Ray) -> None:
         place = self._scene.pick(ray)
         if place is None:
-            self._say("there is nothing to click but sky")
+            self._say("nothing is drawn there: click on something")
             return
         self._fixed = self._scene.frames.fixed
         keeps = self._choice.value == _DISTANCE and len(self._places) == 1

@@ -43,7 +43,7 @@ class Space:
         self._switches: dict[str, list[_Element]] = {}
         with folder:
             self._frame = gui.add_dropdown(
-                "fixed frame", (_AUTO,), hint="the frame that stays where it is"
+                "fixed frame", (_AUTO,), hint="the frame that everything is drawn in"
             )
             self._frame.on_update(self._listener("fixed", self._set_fixed))
             self._add_view()
@@ -101,17 +101,22 @@ class Space:
             "names": gui.add_checkbox(
                 "names of frames",
                 look.names,
-                hint="one label for those that are closer than their axes are long",
+                hint="frames that are very close share one label",
             ),
             "axes_size": gui.add_slider("axes size", 0.1, 5.0, 0.1, look.axes_size, hint=_SIZED),
             "point_size": gui.add_slider(
                 "point size", 0.01, 0.5, 0.01, look.point_size, hint=_SIZED
             ),
             "max_points": gui.add_slider(
-                "points at most", 5000, 500_000, 5000, look.max_points, hint="of one cloud"
+                "points at most",
+                5000,
+                500_000,
+                5000,
+                look.max_points,
+                hint="most points that are drawn of one cloud",
             ),
             "covariances": gui.add_checkbox(
-                "covariances", look.covariances, hint="two standard deviations of a position"
+                "covariances", look.covariances, hint="ellipsoids of two standard deviations"
             ),
         }
         for name, element in elements.items():
@@ -174,5 +179,5 @@ def note(
         f"no transforms: drawn in <b>{escape(fixed)}</b> is {escape(', '.join(there)) or 'nothing'}"
     )
     if apart:
-        line += f"; in frames of their own, not drawn: {escape(', '.join(apart))}"
+        line += f"; not drawn, as no transform leads to their frames: {escape(', '.join(apart))}"
     return [line, *(f"{escape(topic)}: {escape(why)}" for topic, why in wrong.items())]

@@ -10,8 +10,8 @@ from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport, Tra
 
 _HEAD = (
     '<tr><th>topic<th title="by the stamps of the messages">Hz<th title="requested rate">asked'
-    '<th title="lost; what a node leaves out as asked does not count">'
-    'drops<th title="median time since the source, until the node is done">ms</tr>'
+    '<th title="messages lost; what a node was asked to leave out does not count">'
+    'drops<th title="median time from the source until this node is done">ms</tr>'
 )
 
 

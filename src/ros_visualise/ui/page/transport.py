@@ -91,7 +91,7 @@ class Transport:
     def _add_step_topic(self, gui: viser.GuiApi) -> None:
         playback = self._playback
         options = (_ANY, *playback.step_topics)
-        hint = "what one step shows: the next message of this topic"
+        hint = "a step goes to the next message of this topic"
         chosen = gui.add_dropdown(
             "step by", options, initial_value=playback.step_topic or _ANY, hint=hint
         )
@@ -101,7 +101,7 @@ class Transport:
         playback = self._playback
         keys: list[tuple[str, Any, Callable[[], object]]] = [
             ("Play or pause", "space", playback.toggle),
-            ("One image on", "arrowright", playback.step),
+            ("One image forward", "arrowright", playback.step),
         ]
         if not self._live:
             keys.append(("One image back", "arrowleft", partial(playback.step, -1)))

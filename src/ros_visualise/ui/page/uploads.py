@@ -67,7 +67,7 @@ class Uploads:
         if not 0 < size <= MAX_GIB << 30:
             raise UsageError(f"{path.name}: give a file of 1 byte to {MAX_GIB} GiB")
         if self.state:
-            raise UsageError(f"{path.name}: wait until the present upload is there")
+            raise UsageError(f"{path.name}: wait until the present upload has ended")
         target = TargetFile(path, overwrite=False, live=True)
         try:
             target.require_room(size)
@@ -86,7 +86,7 @@ class Uploads:
             while written < size:
                 data = await receive()
                 if isinstance(data, str) or written + len(data) > size:
-                    raise OSError("it is not what was announced")
+                    raise OSError("it is not the file that was announced")
                 written += await asyncio.to_thread(target.write, data)
                 self.state = f"{target.path.name}: {100 * written // size} %"
             target.close()
@@ -99,4 +99,4 @@ class Uploads:
 
 class _Gone(Exception):
     def __str__(self) -> str:
-        return "the browser went before it was whole"
+        return "the browser was closed before the end"

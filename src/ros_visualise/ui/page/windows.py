@@ -151,7 +151,9 @@ class Window:
 
     def _add_overlay(self) -> None:
         over = self._gui.add_dropdown(
-            "overlay", (_NO_OVERLAY, *self._clouds), hint="points over the image, by distance"
+            "overlay",
+            (_NO_OVERLAY, *self._clouds),
+            hint="points drawn over the image, coloured by their distance",
         )
         over.on_update(self._worker.listener((self.name, "overlay"), self._lay_over))
 

@@ -1,7 +1,7 @@
 // Numbers of any topics over the time that is played; a click goes there.
 const $ = (id) => document.getElementById(id);
-const NOTHING = "no topic here has numbers to plot: films have none, but for their telemetry";
-const CHOOSE = "Choose a topic and some of its numbers: all of a recording is drawn at once. A click goes to that time.";
+const NOTHING = "There is no topic with numbers to plot. A film has some only if it brings telemetry.";
+const CHOOSE = "Choose a topic, and some of its numbers: they are drawn over the whole recording. A click on the plot goes to that time.";
 const MARGIN = { left: 62, right: 12, top: 10, bottom: 26 };
 const state = {
   chosen: new URLSearchParams(location.search).getAll("field"),
@@ -125,7 +125,7 @@ function drawLegend() {
     mark.style.background = color(name);
     const value = curve && valueAt(curve, time);
     const remove = element("button", "×");
-    remove.title = "take away";
+    remove.title = "remove";
     remove.onclick = () => choose(name, false);
     row.append(mark, element("span", name.replace(/[/_.:]/g, "$&\u200b")), element("b", value?.toPrecision(6) ?? "–", "number"), remove);
     return row;
@@ -154,7 +154,7 @@ async function fieldsOf(topic) {  // as soon as there is a message
 }
 async function offer() {
   const topic = $("topic").value;
-  $("fields").replaceChildren(element("div", "asking for its fields", "dim"));
+  $("fields").replaceChildren(element("div", "reading its fields", "dim"));
   const fields = await fieldsOf(topic);
   if (topic !== $("topic").value) return;
   const rows = fields.map((path) => {
