@@ -245,7 +245,7 @@ class TestRefusals:
             "fps_control.fps=999": "from 0 to 240",
             "fps_control.speed=1": "choose from fps, enabled",
             "nothing.fps=1": "choose from streamer, fps_control, filters, edge_detector",
-            "fps=1": "NODE.PARAM=VALUE",
+            "fps=1": "NODE.PARAM=VALUE; did you mean fps_control.fps?",
             "fps_control.enabled=maybe": "true or false",
         }
         for setting, expected in says.items():

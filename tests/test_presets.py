@@ -66,6 +66,7 @@ def test_what_has_no_images_has_no_presets():
 def test_what_was_meant_is_guessed():
     assert near("filter", ["filters", "path"]) == "; did you mean filters?"
     assert near("FILTERS", ["filters", "path"]) == "; did you mean filters?"
+    assert near("edge", ["filters", "edge_detector"]) == "; did you mean edge_detector?"
     assert near("xyz", ["filters", "path"]) == "; choose from filters, path"
     assert near("xyz", []) == "; there is none"
 

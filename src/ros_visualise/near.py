@@ -7,7 +7,7 @@ from difflib import get_close_matches
 
 
 def near(name: str, there: Iterable[str], listed: bool = True) -> str:
-    """``; did you mean filters?`` if a known name is close, else a list of all.
+    """``; did you mean filters?`` if a known name is close or begins so, else a list of all.
 
     Args:
         name: what was given.
@@ -16,7 +16,9 @@ def near(name: str, there: Iterable[str], listed: bool = True) -> str:
     """
     known = list(there)
     folded = {one.casefold(): one for one in reversed(known)}
-    found = get_close_matches(name.casefold(), folded, n=1)
+    given = name.casefold()
+    begun = [one for one in folded if given and one.startswith(given)]
+    found = get_close_matches(given, folded, n=1) or begun
     if found:
         return f"; did you mean {folded[found[0]]}?"
     if not listed:

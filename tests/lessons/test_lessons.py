@@ -115,6 +115,12 @@ def test_a_pixel_stands_in_the_cube_where_its_colour_says(landscape):
     assert (np.sign(named["green"]) == [-1, 1, -1]).all()
 
 
+def test_a_lesson_that_is_refused_leaves_no_folder(tmp_path):
+    wanted = tmp_path / "new" / "out"
+    assert main(["explain", "canny", str(tmp_path / "no.png"), "--export", str(wanted)]) == 2
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_was_written_before_stays_unless_told_otherwise(picture, tmp_path, capsys):
     arguments = ["explain", "canny", str(picture), "--export", str(tmp_path / "out")]
     assert main(arguments) == 0

@@ -24,6 +24,7 @@ from ros_visualise.data.diagnostics import Level
 from ros_visualise.data.logs import Log
 from ros_visualise.ui.look import Looker, link
 from ros_visualise.ui.look.taps import Taps
+from ros_visualise.ui.page import Page
 
 OURS = {"X-Ros-Visualise": "1"}
 DEPTH = np.array([[0.5, np.nan, 2.25], [0, 7, 1e-3]], np.float32)
@@ -238,3 +239,13 @@ def test_a_click_on_an_image_opens_it_with_its_values(browse, runtime):
     subscription.close()
     assert [int(v) for v in re.findall(r"[RGB] (\d+)", text)] == values
     assert whole.evaluate(DIFFERENCE) == [3, 0, 3]
+
+
+def test_who_asks_before_anything_is_shown_is_told_to_ask_again(port):
+    early = Page(port=port)
+    try:
+        for asked in ("/?ask=topics", "/?look=plots"):
+            status, _, body = get(port, asked, **OURS)
+            assert (status, "try again" in json.loads(body)["error"]) == (503, True)
+    finally:
+        early.close()

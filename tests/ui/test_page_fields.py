@@ -119,7 +119,7 @@ def test_without_transforms_it_is_said_what_is_drawn_and_what_is_not():
     first, second = note("laser", frames, problems, has_transforms=False)
     assert first == (
         "no transforms: drawn in <b>laser</b> is /scan, /fix;"
-        " in frames of their own, not drawn: /odom (&lt;odom&gt;)"
+        " not drawn, as no transform leads to their frames: /odom (&lt;odom&gt;)"
     )
     assert second == "/scan: of no size"
     assert note("laser", {"/scan": "laser"}, {}, False) == [

@@ -107,7 +107,7 @@ def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
     with connect(f"ws://127.0.0.1:{port}/?upload=a.mp4&size=9") as socket:
         socket.send(b"1234")
         wait_until((tmp_path / "there/a.mp4").exists)
-    client.read_until(lambda: any("the browser went" in html for html in client.html))
+    client.read_until(lambda: any("the browser was closed" in html for html in client.html))
     assert not list((tmp_path / "there").iterdir())
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
+from contextlib import suppress
 from pathlib import Path
 
 from ros_visualise.commands import play
@@ -24,21 +25,24 @@ def run(args: Namespace) -> int:
         args.paused = args.rate is None and not lesson.plays
         return play.run(args)
     page = args.export / PAGE
-    _prepare(page, args.overwrite)
+    made = _prepare(page, args.overwrite)
     args.view = "none"
     args.rate = 1.0 if lesson.in_time else 0.0
     if args.frames is None and args.duration is None:
         is_recorded = lesson.streams and args.input not in (None, *robots())
         args.duration = None if is_recorded else lesson.export_s or None
         args.frames = None if lesson.export_s else 1
-    status = play.run(args)
+    try:
+        status = play.run(args)
+    finally:
+        _remove_empty(made)
     if page.exists():
         say(f"{page}: written")
     return status
 
 
-def _prepare(page: Path, overwrite: bool) -> None:
-    """Make the folder of a page.
+def _prepare(page: Path, overwrite: bool) -> list[Path]:
+    """Make the folder of a page; those that were made for it, the innermost first.
 
     Raises:
         OpenError: that cannot be done, or the page is there already.
@@ -46,9 +50,18 @@ def _prepare(page: Path, overwrite: bool) -> None:
     if page.exists() and not overwrite:
         raise OpenError(f"{page}: is there already; give another folder or --overwrite")
     try:
+        missing = [one for one in page.parents if not one.exists()]
         page.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OpenError(f"{page.parent}: {error.strerror}; choose another folder") from None
+    return missing
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    """Remove folders, the innermost first, up to one that something was written into."""
+    with suppress(OSError):
+        for folder in folders:
+            folder.rmdir()
 
 
 def _list(as_json: bool) -> None:

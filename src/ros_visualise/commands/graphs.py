@@ -16,6 +16,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
+from ros_visualise.params import specs
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     demo_pipeline,
@@ -110,9 +111,17 @@ def with_settings(graph: Graph, args: Namespace) -> Graph:
         key, equals, value = text.partition("=")
         node, dot, param = key.partition(".")
         if not (equals and dot):
-            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE")
+            raise UsageError(f"--set {text}: give NODE.PARAM=VALUE{_with_node(graph, key)}")
         graph = _configured(graph, {node: {param: value}}, args)
     return graph
+
+
+def _with_node(graph: Graph, param: str) -> str:
+    """What was probably meant by a parameter without its node."""
+    for member in graph.members:
+        if param in {spec.name for spec in specs(member.type.params)}:
+            return f"; did you mean {member.name}.{param}?"
+    return ""
 
 
 def _where_nodes_go(graph: Graph) -> str:

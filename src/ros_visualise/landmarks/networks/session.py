@@ -19,7 +19,7 @@ from ros_visualise import limits
 from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
 from ros_visualise.landmarks.networks.stopping import stoppable
 
-_INSTALL = "pip install 'ros_visualise[detect]'"
+_INSTALL = "pip install 'ros_visualise[detect]', in a clone '.[detect]'"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too
 _NO_MEMORY = "is smaller than requested bytes"
 _LONGEST_WORD = 200

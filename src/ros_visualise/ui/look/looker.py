@@ -23,6 +23,9 @@ from ros_visualise.ui.look.trees import tree_of
 
 log = logging.getLogger(__name__)
 
+_ICON = """<link rel="icon" href="data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' \
+viewBox='0 0 16 16'%3E%3Ccircle cx='8' cy='8' r='7' fill='%23228be6'/%3E\
+%3Ccircle cx='8' cy='8' r='3' fill='white'/%3E%3C/svg%3E">"""
 _FOLDER = Path(__file__).parent / "pages"
 PAGES = ("image", "plots", "messages", "log", "diagnostics")
 _HEADER = "X-Ros-Visualise"
@@ -150,8 +153,8 @@ def _page(name: str) -> Answer:
 
 @cache
 def _read(name: str) -> bytes:
-    """A page with its style and scripts inside, so that it is one answer."""
-    page = (_FOLDER / name).read_text("utf-8")
+    """A page with its icon, style and scripts inside, so that it is one answer."""
+    page = (_FOLDER / name).read_text("utf-8").replace("<title>", f"{_ICON}\n<title>")
     for part in sorted(_FOLDER.glob("*.css")) + sorted(_FOLDER.glob("*.js")):
         page = page.replace(f"/* {part.name} */", part.read_text("utf-8"))
     colors = json.dumps([css(color) for color in PALETTE])

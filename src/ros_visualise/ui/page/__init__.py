@@ -112,7 +112,10 @@ class Page:
 
     def _answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
         try:
-            found = self._files.answer(Question(query), headers)
+            question = Question(query)
+            found = self._files.answer(question, headers)
+            if found is None and self._looker is None and ("ask" in question or "look" in question):
+                raise Refusal("nothing is shown yet; try again in a moment", 503)
         except Refusal as refusal:
             return as_json({"error": str(refusal)}, refusal.status)
         if found is not None or self._looker is None:
