@@ -13,6 +13,7 @@ import tempfile
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import onnx
@@ -27,6 +28,8 @@ OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 VERSION = "2"
 _SIDE = 640
 _OPSET = 16  # has GridSample
+_LIKELY = 0.05  # probability of a class from which on a box is looked at once more
+_WITHIN = 0.8  # of a box in another one: it shows a part of the same thing
 _LARGE = 1000  # numbers from which on weights are stored as halves
 
 
@@ -43,8 +46,21 @@ class First(nn.Module):
         return boxes[None], raw[:, :classes].amax(dim=1).sigmoid()[None, None]
 
 
+class Look(NamedTuple):
+    """What the second network says of N boxes, in pixels counted from the middle of the first."""
+
+    kinds: Tensor
+    """(N, classes + 1) probabilities; the last one: that it is nothing."""
+    boxes: Tensor
+    """(N, 4) x0 y0 x1 y1."""
+    points: Tensor
+    """(N, 2) what it stands on."""
+    variances: Tensor
+    """(N, 2) square pixels."""
+
+
 class Last(nn.Module):
-    """The second look at the chosen boxes.
+    """The second look at the chosen boxes, and once more at those in which it finds something.
 
     Args:
         widen: factor for the variances of the points, as `evaluate.py` measures it.
@@ -64,20 +80,44 @@ class Last(nn.Module):
             chosen: (M, 3); the last number is the cell's.
 
         Returns:
-            ``boxes`` (1, M, 4) x0 y0 x1 y1, ``scores`` (1, M), ``classes`` (1, M), ``points`` and
-            ``point_variances`` (1, M, 2), pixels counted from the edges of the first one.
+            ``boxes`` (1, N, 4) x0 y0 x1 y1, ``scores`` (1, N), ``classes`` (1, N), ``points`` and
+            ``point_variances`` (1, N, 2), pixels counted from the edges of the first one.
         """
         cells = chosen[:, 2]
-        middles, halves = parts_of(boxes[0, cells])
-        raw = self.second(cut(images, middles, halves), 2 * halves)
-        classes = self.second.classes
-        sure, kinds = raw[:, : classes + 1].softmax(dim=1)[:, :classes].max(dim=1)
-        found, points, spread = decode_parts(raw[:, classes + 1 :])
-        found = middles.repeat(1, 2) + found * halves.repeat(1, 2) + 0.5
-        variances = self.widen * (torch.exp(spread) * halves) ** 2
-        both = sure * scores[0, 0, cells].sqrt()
-        told = (found, both, kinds, middles + points * halves + 0.5, variances)
+        look = self._look(images, boxes[0, cells])
+        likely = torch.nonzero(look.kinds[:, :-1].amax(dim=1) > _LIKELY)[:, 0]
+        again = self._look(images, look.boxes[likely])
+        sure, kinds = ((look.kinds[likely] + again.kinds) / 2)[:, :-1].max(dim=1)
+        sure = sure * scores[0, 0, cells[likely]].sqrt()
+        sure = sure * ~_are_parts(again.boxes, sure, kinds)
+        told = (again.boxes + 0.5, sure, kinds, again.points + 0.5, self.widen * again.variances)
         return tuple(each[None] for each in told)
+
+    def _look(self, images: Tensor, boxes: Tensor) -> Look:
+        middles, halves = parts_of(boxes)
+        raw, classes = (
+            self.second(cut(images, middles, halves), 2 * halves),
+            self.second.classes + 1,
+        )
+        kinds, rest = raw[:, :classes], raw[:, classes:]
+        found, points, spread = decode_parts(rest)
+        return Look(
+            kinds.softmax(dim=1),
+            middles.repeat(1, 2) + found * halves.repeat(1, 2),
+            middles + points * halves,
+            (torch.exp(spread) * halves) ** 2,
+        )
+
+
+def _are_parts(boxes: Tensor, sure: Tensor, kinds: Tensor) -> Tensor:
+    """Which of N boxes lie within a surer one of their class."""
+    low = torch.maximum(boxes[:, None, :2], boxes[None, :, :2])
+    high = torch.minimum(boxes[:, None, 2:], boxes[None, :, 2:])
+    shared = (high - low).clamp(min=0).prod(dim=2)
+    areas = (boxes[:, 2:] - boxes[:, :2]).clamp(min=0).prod(dim=1)
+    within = shared > _WITHIN * areas[:, None]
+    within = within & (sure[None] > sure[:, None]) & (kinds[None] == kinds[:, None])
+    return within.any(dim=1)
 
 
 def _grid(images: Tensor) -> tuple[Tensor, Tensor]:
