@@ -56,13 +56,14 @@ def test_it_begins_where_a_frame_says_that_odom_started():
     assert np.allclose(odom.translation_xyz, [3, 4, 0])
 
 
-def written_map(path):
+def written_map(path, common=None):
+    sigma2 = np.eye(6) * 1e-6 + (np.zeros((6, 6)) if common is None else common)
     tracks = [
         Track(
             f"tag36h11_{id}",
             id,
             True,
-            (Branch(known(np.array([*at, 0.0]), np.eye(3), np.eye(6) * 1e-6), 0.0),),
+            (Branch(known(np.array([*at, 0.0]), np.eye(3), sigma2), 0.0),),
             0,
             size_xyz=np.array([SIDE, SIDE, 0]),
             sizes=9,
@@ -70,7 +71,7 @@ def written_map(path):
         )
         for id, at in PLACES.items()
     ]
-    path.write_text(map_file.to_text("map", tracks))
+    path.write_text(map_file.to_text("map", tracks, common))
     return str(path)
 
 
@@ -131,6 +132,17 @@ def test_map_to_odom_and_the_pose_are_stamped_as_the_odometry(params, corners):
     assert (sigma < 0.1).all()
 
 
+def test_what_a_whole_map_is_off_the_robot_is_off_too(tmp_path):
+    common = np.diag([0.3, 0.2, 0.1, 0, 0, 0]) ** 2
+    path = written_map(tmp_path / "map.yaml", common)
+    params = NavigatorParams(mode=Mode.FROZEN, map=path, level_sigma=0.1)
+    answers = run(LandmarkNavigator(params), params)
+    sigma = np.sqrt(np.diag([a for a in answers if "pose" in a][-1]["pose"].covariance)[:3])
+    np.testing.assert_allclose(sigma, [0.3, 0.2, 0.1], rtol=0.1)
+    landmark = [a for a in answers if "landmarks" in a][-1]["landmarks"].detections[0]
+    np.testing.assert_allclose(landmark.hypotheses[0].covariance, common, atol=1e-5)
+
+
 def test_it_says_what_it_uses_and_refuses(params):
     node = LandmarkNavigator(params)
     told = [answer for answer in run(node, params) if "diagnostics" in answer]
@@ -170,8 +182,10 @@ def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
     assert "nothing is written" in caplog.text
     run(node, params, count=40)
     node.save_map()
-    frame_id, tracks = map_file.load(path)
+    frame_id, tracks, common = map_file.load(path)
     assert frame_id == "map"
+    # of what both are off together, most is how level the map lies
+    assert np.sqrt(common[[3, 4], [3, 4]]) == pytest.approx(np.radians(0.1), rel=0.3)
     assert sorted(track.name for track in tracks) == ["tag36h11_3", "tag36h11_4"]
     # the map begins where the odometry does
     np.testing.assert_allclose(tracks[0].best.position_xyz, [1, 1, -5], atol=0.1)

@@ -66,7 +66,7 @@ def test_landmarks_have_names_frames_markers_and_a_map(ros_master, start, hear, 
     texts = {marker.text for message in markers.messages for marker in message.markers}
     assert "tag36h11_3" in texts
     assert rospy.ServiceProxy("landmark_localizer/save_map", Trigger)().success
-    frame_id, (landmark,) = map_file.load(tmp_path / "saved.yaml")
+    frame_id, (landmark,), _ = map_file.load(tmp_path / "saved.yaml")
     assert (frame_id, landmark.name) == ("map", "tag36h11_3")
 
 

@@ -97,7 +97,7 @@ def _save_map(
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
         found.map = Shown().detections(mapped.landmarks, header)
-        write_map(args.map, header.frame_id, mapped.landmarks)
+        write_map(args.map, header.frame_id, mapped.landmarks, mapped.map.common)
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:

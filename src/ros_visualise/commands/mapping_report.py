@@ -22,8 +22,9 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
     """For a person."""
     found = made.smoothed
     refused = int((~found.inliers).sum())
+    seen = len({one.view for one in found.problem.sightings})
     lines = [
-        f"smoothed: {counted(len(found.views.t), 'view')} of {counted(len(found.tags.t), 'tag')},"
+        f"smoothed: {counted(seen, 'view')} of {counted(len(found.tags.t), 'tag')},"
         f" {counted(len(found.inliers), 'sighting')}, {refused} of them refused"
     ]
     larger, sigma = found.shared[LARGER], np.sqrt(found.shared_covariance[LARGER, LARGER])

@@ -107,7 +107,7 @@ class LandmarkLocalizer:
         self._params = params
         self._known: list[Track] = []
         if params.map:
-            frame_id, self._known = map_file.load(Path(params.map))
+            frame_id, self._known, _ = map_file.load(Path(params.map))
             if frame_id != params.fixed_frame:
                 raise OpenError(
                     f"{params.map}: its landmarks are in the frame {frame_id}:"
@@ -223,10 +223,16 @@ class LandmarkLocalizer:
         return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
 
 
-def write_map(path: Path, frame_id: str, landmarks: Iterable[Track]) -> None:
-    """Write a map; it takes the place of what is there when all of it is written."""
+def write_map(
+    path: Path, frame_id: str, landmarks: Iterable[Track], common: Floats | None = None
+) -> None:
+    """Write a map; it takes the place of what is there when all of it is written.
+
+    Args:
+        common: (6, 6) covariance of what all landmarks are off together.
+    """
     check_map_name(path)
-    data = map_file.to_text(frame_id, landmarks).encode()
+    data = map_file.to_text(frame_id, landmarks, common).encode()
     target = TargetFile(path, overwrite=True)
     try:
         target.require_room(len(data))

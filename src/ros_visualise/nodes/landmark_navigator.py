@@ -15,6 +15,7 @@ from ros_visualise.data import (
     Detections,
     Detections3D,
     DiagnosticArray,
+    Floats,
     Header,
     Imu,
     MarkerArray,
@@ -35,6 +36,7 @@ from ros_visualise.landmarks.navigation.inertial import Mounting
 from ros_visualise.landmarks.navigation.landmark import Known
 from ros_visualise.landmarks.navigation.navigator import Navigator, Now
 from ros_visualise.landmarks.navigation.params import NavigatorParams
+from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import view_of
 from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import write_map
@@ -82,13 +84,14 @@ class LandmarkNavigator:
     def _open(self, params: NavigatorParams) -> None:
         self._params, self._settings = params, params.settings()
         self._given: dict[str, Track] = {}
-        self._frame = _MAP
+        self._frame, self._common = _MAP, np.zeros((6, 6))
         if params.mode is Mode.BUILD:
             return
         if not params.map:
             raise OpenError(f"mode {params.mode.value} needs a map: give its file as map")
-        self._frame, several = map_file.load(Path(params.map))
+        self._frame, several, self._common = map_file.load(Path(params.map))
         self._given = _named(several)
+        self._settings = _on(self._settings, self._common)
 
     def reset(self) -> None:
         """Begin anew: time jumped."""
@@ -102,12 +105,14 @@ class LandmarkNavigator:
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
         """Write the map; what was there is replaced when all of it is written."""
-        tracks = told.tracks_of(self._navigator, self._given) if self._navigator else []
+        tracks, common = (
+            told.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
+        )
         if not tracks:
             log.warning("there is no landmark yet: nothing is written")
             return
         path = Path(self._params.save_to)
-        write_map(path, self._frame, tracks)
+        write_map(path, self._frame, tracks, common)
         log.info("%d landmarks are in %s", len(tracks), path.absolute())
 
     def step(
@@ -180,7 +185,7 @@ class LandmarkNavigator:
             self._open(params)
             self.reset()
             return
-        self._settings = params.settings()
+        self._settings = _on(params.settings(), self._common)
         if self._navigator is not None:
             self._navigator.configure(self._settings)
 
@@ -196,7 +201,8 @@ class LandmarkNavigator:
         if self._navigator is None:
             self._odom_frame, self._base_frame = header.frame_id, odometry.child_frame_id
             start = self._start(frames, header)
-            self._navigator = Navigator(self._settings, _known(self._given), start)
+            given = _known(self._given, self._common)
+            self._navigator = Navigator(self._settings, given, start, self._common)
         pose = rigid.pose(odometry.position_xyz, odometry.quat_xyzw)
         now = self._navigator.odometry(header.stamp_ns, pose)
         if now is None:
@@ -252,13 +258,19 @@ def _named(tracks: Iterable[Track]) -> dict[str, Track]:
     return {one.name: one for one in numbered}
 
 
-def _known(tracks: Mapping[str, Track]) -> dict[str, Known]:
-    """The landmarks of a map."""
-    return {name: _known_one(one) for name, one in tracks.items()}
+def _on(settings: Settings, common: Floats) -> Settings:
+    """Over a map that may be tilted by as much as this covariance (6, 6) says."""
+    tilt = float(np.sqrt(common[[3, 4], [3, 4]].max()))
+    return replace(settings, level_rad=float(np.hypot(settings.level_rad, tilt)))
 
 
-def _known_one(one: Track) -> Known:
+def _known(tracks: Mapping[str, Track], common: Floats) -> dict[str, Known]:
+    """The landmarks of a map, with what each is off beside what is common."""
+    return {name: _known_one(one, common) for name, one in tracks.items()}
+
+
+def _known_one(one: Track, common: Floats) -> Known:
     at, R = one.best.position_xyz, one.best.R_fixed_landmark
     if one.turned:
-        return Known.of(R, at, one.covariance, float(one.size_xyz[:2].mean()))
+        return Known.of(R, at, one.covariance, float(one.size_xyz[:2].mean()), common)
     return Known.point(at, one.covariance, one.class_id, one.class_number)

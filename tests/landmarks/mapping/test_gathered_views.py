@@ -50,6 +50,18 @@ def test_the_camera_is_where_the_frames_say():
     assert gathered.left_out == {"images at whose time the frames are not known": 1}
 
 
+def test_the_way_to_the_first_tag_counts():
+    """So far the odometry has gone: what it was wrong by then, the map is."""
+    gathered = Gathered()
+    for number in range(4):
+        gathered.add_frames(moving(number * 10**8, 0.1 * number), static=False)
+        found = found_at(number * 10**8, 0.1 * number)
+        gathered.add_found(found if number >= 2 else replace(found, detections=()))
+    problem = gathered.problem(lambda _: SIZE, "map")
+    assert problem.counts == (4, 1)
+    assert [one.view for one in problem.sightings] == [2, 3]
+
+
 def test_without_frames_images_of_several_tags_alone_tell_where_they_are():
     gathered = Gathered()
     gathered.add_found(found_at(0, 0.0, ("tag36h11_3", "tag36h11_4")))

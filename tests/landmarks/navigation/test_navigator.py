@@ -7,9 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 from flights import T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
+from made_passes import mean_band
 
 from ros_visualise.geometry import rigid
 from ros_visualise.landmarks.localization.seen import turn_between
+from ros_visualise.landmarks.navigation import twists
 from ros_visualise.landmarks.navigation.chart import Mode, Rules
 from ros_visualise.landmarks.navigation.landmark import Known
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
@@ -69,6 +71,11 @@ def fly(navigator, one, told, change=lambda seen: seen, late=0, watch=lambda jud
     return np.array(errors), np.array(covariances)
 
 
+def off_by(tag, twist):
+    R, p = twists.moved(twist, tag.R, tag.p)
+    return replace(tag, R=R, p=p)
+
+
 def ate(errors):
     return float(np.sqrt((errors[:, :3] ** 2).sum(axis=1).mean()))
 
@@ -93,6 +100,22 @@ def test_it_is_located_by_a_known_map_far_better_than_by_its_odometry():
     nees = [e @ np.linalg.solve(P, e) for e, P in zip(errors, covariances, strict=True)]
     assert 2 < np.mean(nees) < 12  # one flight; the benchmark looks at thirty
     assert navigator.counts["losses"] == 0
+
+
+def test_over_a_map_that_is_off_as_a_whole_it_is_as_sure_as_it_says():
+    one, told = flight()
+    spread = np.diag([0.3, 0.3, 0.1, 0.002, 0.002, 0.01]) ** 2
+    random, nees = np.random.default_rng(2), []
+    for _ in range(4):
+        twist = random.normal(0, np.sqrt(np.diag(spread)))
+        there = {name: off_by(tag, twist) for name, tag in known(one.tags).items()}
+        errors, covariances = fly(Navigator(FROZEN, there, common=spread), one, told[:60])
+        squares = np.einsum(
+            "ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]
+        )
+        nees.append(squares.mean())
+    low, high = mean_band(6, len(nees))
+    assert low < np.mean(nees) < high
 
 
 def test_images_that_come_late_are_put_in_at_their_own_time():

@@ -1,6 +1,7 @@
 """A map of landmarks as text that can be read again: YAML.
 
 frame_id: map
+common_covariance: [36 numbers]   # by what all are off together; 0 where that is not known
 landmarks:
 - name: tag36h11_3        # the class, and a number where there may be several of it
   class: tag36h11_3
@@ -8,16 +9,18 @@ landmarks:
   pose:
     position: [x, y, z]   # metres, in the frame above
     orientation: [x, y, z, w]   # null for what has none
-    covariance: [36 numbers]    # as PoseWithCovariance has it, row by row
+    covariance: [36 numbers]    # as PoseWithCovariance has it, row by row, with the common one
   size: [x, y, z]         # metres, 0 where nobody knows
   seen: 12                # how many times
+
+The common covariance is that of a shift of the map, metres, and of a turn about its origin, rad.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,16 +32,28 @@ from ros_visualise.landmarks.localization.track import Branch, Track
 from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
 
 
-def to_text(frame_id: str, landmarks: Iterable[Track]) -> str:
+class MapFile(NamedTuple):
+    """What is in a file: the frame, the landmarks, and the covariance (6, 6) common to them."""
+
+    frame_id: str
+    landmarks: list[Track]
+    common: Floats
+
+
+def to_text(frame_id: str, landmarks: Iterable[Track], common: Floats | None = None) -> str:
     """The map, with of each landmark the pose that is most likely.
 
     While another pose may be right, it is in the covariance.
     """
-    return to_yaml({"frame_id": frame_id, "landmarks": [_values(one) for one in landmarks]})
+    of_all = np.zeros(36) if common is None else common.ravel()
+    several = [_values(one) for one in landmarks]
+    return to_yaml(
+        {"frame_id": frame_id, "common_covariance": of_all.tolist(), "landmarks": several}
+    )
 
 
-def load(path: Path) -> tuple[str, list[Track]]:
-    """The frame of a map, and its landmarks.
+def load(path: Path) -> MapFile:
+    """The map that is in a file.
 
     Raises:
         OpenError: there is no such file, or it is no map; says where it is wrong.
@@ -58,7 +73,12 @@ def load(path: Path) -> tuple[str, list[Track]]:
         raise OpenError(
             f"{path}: is no map of landmarks: it needs a frame_id and a list of landmarks"
         ) from None
-    return frame_id, [_track(path, number, one) for number, one in enumerate(found, 1)]
+    several = [_track(path, number, one) for number, one in enumerate(found, 1)]
+    try:
+        common = _covariance(values.get("common_covariance", [0.0] * 36))
+    except (TypeError, ValueError) as error:
+        raise OpenError(f"{path}: common_covariance of the map is wrong: {error}") from None
+    return MapFile(frame_id, several, common)
 
 
 def _values(track: Track) -> dict[str, Any]:
@@ -81,10 +101,7 @@ def _track(path: Path, number: int, values: Any) -> Track:
     try:
         pose, quat = values["pose"], values["pose"]["orientation"]
         R = np.eye(3) if quat is None else rotations.to_matrix(_numbers(quat, 4))
-        covariance = _numbers(pose["covariance"], 36).reshape(6, 6)
-        if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] < 0:
-            raise ValueError("covariance: is not symmetric, or negative")
-        estimate = known(_numbers(pose["position"], 3), R, (covariance + covariance.T) / 2)
+        estimate = known(_numbers(pose["position"], 3), R, _covariance(pose["covariance"]))
         size, seen = _numbers(values["size"], 3), int(values["seen"])
         return Track(
             str(values["class"]),
@@ -100,6 +117,16 @@ def _track(path: Path, number: int, values: Any) -> Track:
         missing = isinstance(error, KeyError)
         why = f"it has no {error.args[0]}" if missing else str(error)
         raise OpenError(f"{path}: landmark {number} of the map is wrong: {why}") from None
+
+
+def _covariance(values: Any) -> Floats:
+    """(6, 6); of one that rounding made a little negative, too."""
+    covariance = _numbers(values, 36).reshape(6, 6)
+    least, most = np.linalg.eigvalsh((covariance + covariance.T) / 2)[[0, -1]]
+    if not np.allclose(covariance, covariance.T) or least < -1e-9 * most:
+        raise ValueError("covariance: is not symmetric, or negative")
+    even: Floats = (covariance + covariance.T) / 2
+    return even
 
 
 def _numbers(values: Any, count: int) -> Floats:

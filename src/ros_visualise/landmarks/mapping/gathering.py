@@ -20,6 +20,9 @@ _FOR_EVER_S = 1e9
 _MOST_VIEWS = 3000
 """Views that are taken at once; of more, every second or third is enough for the map."""
 
+_MOST_BEFORE = 200
+"""Views before the first tag, which tell how far the odometry had gone by then."""
+
 _FROZEN = "images that show the same as those before them, as of a camera that froze"
 
 
@@ -88,7 +91,9 @@ class Gathered:
         T_fixed: list[Floats] = []
         stamps: list[int] = []
         found: list[list[tuple[Detection, Detections]]] = []
-        for message in self._thinned(self._fresh(sorted(self._with_tags(), key=_stamp))):
+        with_tags = self._thinned(self._fresh(sorted(self._with_tags(), key=_stamp)))
+        before = self._before(with_tags, frame_id) if frame_id else []
+        for message in [*before, *with_tags]:
             T = self.place(frame_id, message) if frame_id else np.eye(4)
             if T is None:
                 self.left_out["images at whose time the frames are not known"] += 1
@@ -117,6 +122,15 @@ class Gathered:
     def _with_tags(self) -> list[Detections]:
         with self._lock:
             return [one for one in self.messages if any(map(is_tag, one.detections))]
+
+    def _before(self, with_tags: list[Detections], frame_id: str) -> list[Detections]:
+        """Images before the first tag: until that the odometry has its errors already."""
+        first_ns = _stamp(with_tags[0]) if with_tags else 0
+        with self._lock:
+            several = [one for one in self.messages if _stamp(one) < first_ns]
+        several.sort(key=_stamp)
+        every = -(-len(several) // _MOST_BEFORE) if several else 1
+        return [one for one in several[::every] if self.place(frame_id, one) is not None]
 
     def _fresh(self, messages: list[Detections]) -> list[Detections]:
         """Without images that show what the one before them does, to the last digit."""

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry.transforms import from_parts, inverse
+from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
 from ros_visualise.landmarks.mapping.mounting import (
@@ -19,23 +20,38 @@ from ros_visualise.landmarks.mapping.mounting import (
     freely_mounted,
     imu_mounting,
 )
-from ros_visualise.landmarks.mapping.outliers import ASTRAY, UNSTEADY, Outlier, corrected, outliers
+from ros_visualise.landmarks.mapping.normal import Numbers
+from ros_visualise.landmarks.mapping.outliers import (
+    MOVED,
+    TWICE,
+    UNSTEADY,
+    Outlier,
+    corrected,
+    other_sizes,
+    outliers,
+    resized,
+)
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
 from ros_visualise.landmarks.mapping.unknowns import Prior
+from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
-_ROUNDS = 3
+_ROUNDS = 5
 _PRINTED = 0.01  # by how much all tags may be larger than is said, where a survey can tell
 _LEAST_SEEN = 3  # sightings, that make a landmark
 
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """What was smoothed, what is wrong with tags, the tags as landmarks, and how cameras sit."""
+    """What was smoothed, what is wrong with tags, the tags as landmarks, and how cameras sit.
+
+    ``common`` (6, 6) is the covariance of what all landmarks are off together, in that of each too.
+    """
 
     smoothed: Smoothed
     outliers: Sequence[Outlier]
     tracks: Sequence[Track]
+    common: Floats
     mountings: Sequence[Mounting]
 
     def correction(self, stamp_ns: int) -> Floats:
@@ -73,45 +89,66 @@ def map_of(
             found, prior = freed, freely_mounted(prior)
     explained: list[Outlier] = []
     for _ in range(_ROUNDS):
-        new = [one for one in outliers(found) if one.kind != UNSTEADY]
+        new = [one for one in outliers(found) if one.kind != UNSTEADY] or other_sizes(
+            problem, found
+        )
         if not new:
             break
-        explained += [one for one in new if one.kind != ASTRAY]
+        explained += [one for one in new if one.kind in (MOVED, TWICE)]
         again = smooth(corrected(found.problem, new), prior=prior)
         found = again or found
     rest = [one for one in outliers(found) if one.kind == UNSTEADY]
     measured = gyro(found.problem.stamps_ns) if gyro else None
     of_imu = imu_mounting(found, measured) if measured else None
     mountings += [of_imu] if of_imu else []
-    return Map(found, [*explained, *rest], tracks_of(found), mountings)
+    explained += resized(problem, found)
+    return Map(found, [*explained, *rest], *landmarks_of(found), mountings)
 
 
-def tracks_of(found: Smoothed) -> list[Track]:
-    """Tags as landmarks, as the localizer has them, but for those that most views contradict."""
-    tracks: list[Track] = []
+def landmarks_of(found: Smoothed) -> tuple[list[Track], Floats]:
+    """Tags as landmarks, as the localizer has them, but for those that most views contradict.
+
+    And the covariance (6, 6) of what they are off together.
+    """
+    kept = _kept(found)
+    tags = list(kept)
+    change = np.array([about_origin(at) for at in found.tags.t[tags]]).reshape(-1, 6, 6)
+    joint = found.joint[np.ix_(tags, range(6), tags, range(6))]
+    twists = np.einsum("iab,ibjc,jdc->iajd", change, joint, change, optimize=True)
+    common, own = split(twists)
+    tracks = []
+    for (tag, rows), of_twist in zip(kept.items(), own + common, strict=True):
+        back = about_itself(found.tags.t[tag])
+        covariance = back @ of_twist @ back.T
+        tracks.append(_track(found, tag, rows, (covariance + covariance.T) / 2))
+    return tracks, common
+
+
+def _kept(found: Smoothed) -> dict[int, Numbers]:
+    """The tags that make a landmark, and their sightings that fit."""
     numbers = np.array([one.tag for one in found.problem.sightings], int)
-    views = np.array([one.view for one in found.problem.sightings], int)
+    kept = {}
     for tag, name in enumerate(found.problem.names):
         rows = np.flatnonzero((numbers == tag) & found.inliers)
-        if len(rows) < max(_LEAST_SEEN, (numbers == tag).sum() / 2) or " " in name:
-            continue
-        size = found.problem.sightings[rows[0]].size_m
-        covariance = (found.covariances[tag] + found.covariances[tag].T) / 2
-        estimate = known(found.tags.t[tag], found.tags.R[tag], covariance)
-        tracks.append(
-            Track(
-                name,
-                _number(name),
-                True,
-                (Branch(estimate, 0.0),),
-                int(found.problem.stamps_ns[views[rows]].max()),
-                number=len(tracks) + 1,
-                size_xyz=np.array([size, size, 0.0]),
-                sizes=len(rows),
-                seen=len(rows),
-            )
-        )
-    return tracks
+        if len(rows) >= max(_LEAST_SEEN, (numbers == tag).sum() / 2) and " " not in name:
+            kept[tag] = rows
+    return kept
+
+
+def _track(found: Smoothed, tag: int, rows: Numbers, covariance: Floats) -> Track:
+    sightings = [found.problem.sightings[row] for row in rows]
+    name, size = found.problem.names[tag], sightings[0].size_m
+    estimate = known(found.tags.t[tag], found.tags.R[tag], covariance)
+    return Track(
+        name,
+        _number(name),
+        True,
+        (Branch(estimate, 0.0),),
+        int(found.problem.stamps_ns[[one.view for one in sightings]].max()),
+        size_xyz=np.array([size, size, 0.0]),
+        sizes=len(rows),
+        seen=len(rows),
+    )
 
 
 def _number(name: str) -> int:

@@ -11,6 +11,7 @@ from ros_visualise.data import Hypothesis
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting
 from ros_visualise.landmarks.mapping.refitting import FARTHEST, refit
+from ros_visualise.landmarks.mapping.sizes import larger
 from ros_visualise.landmarks.mapping.smoothing import Smoothed
 from ros_visualise.landmarks.mapping.terms import Terms
 from ros_visualise.landmarks.mapping.unknowns import State
@@ -22,6 +23,8 @@ ASTRAY = "astray"
 _REFUSED, _LEAST = 0.2, 4  # of a tag's sightings, and how many: from here on it is looked at
 _AGREE = 0.6  # of those sightings, that fit where the tag may be as well
 _RESIZED = 0.03  # of its size, from which on that is not what was given
+_OTHER, _SURE = 0.05, 6.0  # of a size where all sightings fit, and standard deviations
+_REFINED = 0.003  # of one that was found to be another
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,47 @@ def outliers(found: Smoothed) -> list[Outlier]:
     return named
 
 
+def other_size(given: Problem, found: Smoothed) -> list[Outlier]:
+    """The tag that is most surely of another size, if any is: it makes others seem wrong.
+
+    None that was surveyed: there it may be the survey.
+    """
+    part, sigma = larger(found)
+    changed = np.array([by for _, _, by in _sizes(given, found.problem)])
+    least = np.where(np.abs(np.log(changed)) > _RESIZED / 2, _REFINED, _OTHER)
+    sure = np.where(np.abs(part) > least, np.abs(part) / sigma, 0)
+    sure[[one.tag for one in found.problem.surveyed]] = 0
+    tag = int(sure.argmax())
+    if sure[tag] < _SURE:
+        return []
+    return [Outlier(found.problem.names[tag], SIZE, "", max(1 + float(part[tag]), 0.2))]
+
+
+def resized(given: Problem, found: Smoothed) -> list[Outlier]:
+    """The tags that have come to be of another size than was given."""
+    named = []
+    for tag, (name, size, by) in enumerate(_sizes(given, found.problem)):
+        if abs(np.log(by)) > _RESIZED / 2:
+            fit = int(found.inliers[[one.tag == tag for one in found.problem.sightings]].sum())
+            text = (
+                f"its side is {size:.3f} m, not {size / by:.3f} m, by the {fit} sightings that fit:"
+                " the map has it so; check what --tags or --size says of it"
+            )
+            named.append(Outlier(name, SIZE, text, by))
+    return named
+
+
+def _sizes(given: Problem, problem: Problem) -> list[tuple[str, float, float]]:
+    """The name of each tag, its size in metres, and that by the one which was given."""
+    before = {given.names[one.tag]: one.size_m for one in given.sightings}
+    sizes = {one.tag: one.size_m for one in problem.sightings}
+    return [
+        (name, size, size / before.get(name, size))
+        for tag, name in enumerate(problem.names)
+        for size in [sizes.get(tag, 1.0)]
+    ]
+
+
 def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
     part = len(refused) / len(rows)
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
@@ -61,9 +105,7 @@ def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Nu
     sized = refit(terms, state, rows, sized=True)
     explains = sized is not None and sized.fits[np.isin(rows, refused)].mean() > _AGREE
     if sized and explains and abs(np.log(sized.size)) > _RESIZED:
-        given = terms.problem.sightings[rows[0]].size_m
-        text = f"its side is {sized.size * given:.3f} m, not {given:.3f} m: the map has it so"
-        return Outlier(name, SIZE, text, sized.size)
+        return Outlier(name, SIZE, share, sized.size)
     other = refit(terms, state, refused, sized=False)
     if other is None or other.fits.mean() < _AGREE:
         return Outlier(name, UNSTEADY, f"{share}; no other place explains them", part)

@@ -39,7 +39,7 @@ class Smoothed:
     Attributes:
         problem: what hangs together of that which was recorded.
         views, tags: the poses in the map.
-        covariances: (M, 6, 6) of the tags: x, y, z and the rotations about them, in the map.
+        joint: (M, 6, M, 6) covariance of the tags: x, y, z and rotations about them, in the map.
         shared, shared_covariance: (9,) and (9, 9), see `terms`.
         inliers: (S,) which sightings fit.
         residuals_px: (S,) the root of the mean squared distance of a sighting's corners.
@@ -51,7 +51,7 @@ class Smoothed:
     problem: Problem
     views: Poses
     tags: Poses
-    covariances: Floats
+    joint: Floats
     shared: Floats
     shared_covariance: Floats
     inliers: Flags
@@ -59,6 +59,12 @@ class Smoothed:
     noise: Noise
     undecided: Flags
     is_estimated: bool
+
+    @property
+    def covariances(self) -> Floats:
+        """(M, 6, 6) of each tag."""
+        every = np.arange(len(self.joint))
+        return self.joint[every, :, every]
 
 
 def smooth(
@@ -139,14 +145,12 @@ def told(
     """
     covariance = final(terms, state, inliers).covariance
     tags = terms.problem.counts[1]
-    blocks = covariance[: 6 * tags, : 6 * tags].reshape(tags, 6, tags, 6)
-    every = np.arange(tags)
     residuals = terms.residuals_px(state)
     return Smoothed(
         terms.problem,
         state.views,
         state.tags,
-        blocks[every, :, every],
+        covariance[: 6 * tags, : 6 * tags].reshape(tags, 6, tags, 6),
         state.shared,
         covariance[6 * tags :, 6 * tags :],
         inliers,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.data import Floats
+from ros_visualise.landmarks.localization.common_error import beside
 from ros_visualise.landmarks.localization.track import DECIDED, log_score
 from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
 from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
@@ -36,10 +37,17 @@ class Known:
     number: int = -1
 
     @classmethod
-    def of(cls, R: Floats, p: Floats, covariance: Floats, side_m: float) -> Known:
-        """By the covariance (6, 6) that messages and maps tell, which is about itself."""
+    def of(
+        cls, R: Floats, p: Floats, covariance: Floats, side_m: float, common: Floats | None = None
+    ) -> Known:
+        """By the covariance (6, 6) that messages and maps tell, which is about itself.
+
+        Args:
+            common: (6, 6) what of it all landmarks of the map have together.
+        """
         change = about_origin(p)
-        return cls(R, p, change @ covariance @ change.T, side_m)
+        twist = change @ covariance @ change.T
+        return cls(R, p, twist if common is None else beside(twist, common), side_m)
 
     @classmethod
     def point(cls, p: Floats, covariance: Floats, kind: str, number: int) -> Known:
@@ -201,10 +209,14 @@ def seen_noise(pose: SeenPose, R: Floats, p: Floats) -> Floats:
     return noise
 
 
-def told_covariance(state: State, key: str) -> Floats:
-    """(6, 6) of a landmark, as messages have it: of its position, and of turns about itself."""
+def told_covariance(state: State, key: str, common: Floats | float = 0.0) -> Floats:
+    """(6, 6) of a landmark, as messages have it: of its position, and of turns about itself.
+
+    Args:
+        common: (6, 6) covariance of the twist by which the whole map is off.
+    """
     (place,) = state.indices([key])
     rows = state.rows(key)
     change = about_itself(state.landmarks_p[place])
-    told: Floats = change @ state.covariance[rows, rows] @ change.T
+    told: Floats = change @ (state.covariance[rows, rows] + common) @ change.T
     return told

@@ -68,7 +68,8 @@ class Navigator:
 
     Args:
         settings: see there.
-        known: the landmarks of a map, by name.
+        known: the landmarks of a map, by name, with what each is off beside
+        common: (6, 6) what all are off together, as a twist.
         start: T_map_odom where a map begins to be built.
     """
 
@@ -77,8 +78,10 @@ class Navigator:
         settings: Settings,
         known: Mapping[str, Known] | None = None,
         start: Pose = IDENTITY,
+        common: Floats | None = None,
     ) -> None:
         self.settings = settings
+        self.common = np.zeros((6, 6)) if common is None else common
         self._known, self._start = dict(known or {}), start
         self.counts = {"images": 0, "late": 0, "frozen": 0, "losses": 0, "recovered": 0}
         self.reset()
@@ -294,6 +297,6 @@ class Navigator:
         T = np.eye(4)
         T[:3, :3], T[:3, 3] = robot.R, robot.p
         change = about_itself(robot.p)
-        covariance = change @ now.P[POSE, POSE] @ change.T
+        covariance = change @ (now.P[POSE, POSE] + self.common) @ change.T
         T_map_odom = T @ inverse(to_matrix(self.past.odometer.newest))
         return Now(stamp_ns, T, T_map_odom, covariance, self.is_located)

@@ -22,6 +22,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.markers import MarkerType
 from ros_visualise.geometry import rotations
+from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.shown import ellipsoid
 from ros_visualise.landmarks.localization.track import Branch, Track
@@ -38,22 +39,36 @@ _SHOWN_NS = 1_000_000_000  # so long a landmark keeps the colour of what became 
 def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
     """The landmarks that the robot is corrected by; one that may be in two poses has both."""
     chart, state = navigator.chart, navigator.state
-    there = [_detection(one, state) for one in chart.landmarks.values() if one.is_used]
+    there = [
+        _detection(one, state, navigator.common) for one in chart.landmarks.values() if one.is_used
+    ]
     return Detections3D(tuple(there), header)
 
 
-def tracks_of(navigator: Navigator, given: Mapping[str, Track]) -> list[Track]:
+def tracks_of(navigator: Navigator, given: Mapping[str, Track]) -> tuple[list[Track], Floats]:
     """The map, as `ros_visualise.landmarks.localization.map_file` writes it.
+
+    And the covariance (6, 6) of what its landmarks are off together.
 
     Args:
         given: that of before; a landmark that was not seen is as it was.
     """
-    chart, state = navigator.chart, navigator.state
+    chart, state, common = navigator.chart, navigator.state, navigator.common
     if navigator.settings.rules.mode is Mode.FROZEN:
-        return list(given.values())
+        return list(given.values()), common
     before = [one for name, one in given.items() if name not in chart.landmarks]
-    found = [_track(one, state) for one in chart.landmarks.values() if one.is_used]
-    return [*before, *found]
+    found = [one for one in chart.landmarks.values() if one.is_used]
+    if navigator.settings.rules.mode is Mode.BUILD:
+        common = _common(state, [one.key for one in found if one.is_turned])
+        return [_track(one, state, 0.0) for one in found], common
+    return [*before, *(_track(one, state, common) for one in found)], common
+
+
+def _common(state: State, keys: list[str]) -> Floats:
+    """(6, 6) what tags are off together, of what the state has."""
+    rows = np.array([np.arange(state.rows(key).start, state.rows(key).stop) for key in keys], int)
+    rows = rows.ravel()
+    return split(state.covariance[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
 def markers_of(navigator: Navigator, now: Now, header: Header) -> MarkerArray:
@@ -105,20 +120,20 @@ def _pose(state: State, key: str) -> tuple[Floats, Floats]:
     return state.landmarks_p[place], state.landmarks_R[place]
 
 
-def _detection(one: Landmark, state: State) -> Detection3D:
+def _detection(one: Landmark, state: State, common: Floats) -> Detection3D:
     hypotheses = []
     for key, weight in zip(one.keys, one.weights, strict=True):
         p, R = _pose(state, key)
-        covariance = told_covariance(state, key)
+        covariance = told_covariance(state, key, common)
         quat = rotations.from_matrix(R)
         hypotheses.append(Hypothesis(one.kind, weight, p, quat, covariance, one.number))
     first = hypotheses[0]
     return Detection3D(first.position_xyz, first.quat_xyzw, _size(one), tuple(hypotheses), one.name)
 
 
-def _track(one: Landmark, state: State) -> Track:
+def _track(one: Landmark, state: State, common: Floats | float) -> Track:
     p, R = _pose(state, one.key)
-    branch = Branch(known(p, R, told_covariance(state, one.key)), 0.0)
+    branch = Branch(known(p, R, told_covariance(state, one.key, common)), 0.0)
     return Track(
         one.kind,
         one.number,
@@ -143,7 +158,7 @@ def _landmark(navigator: Navigator, one: Landmark, stamp_ns: int) -> list[Marker
     is_fresh = one.name in navigator.judged.used or stamp_ns - one.last_ns < _SHOWN_NS
     color = _RED if why else _GREEN if is_fresh and one.is_used else _GRAY
     number = zlib.crc32(one.name.encode()) & 0x7FFFFFFF
-    lengths, axes = ellipsoid(told_covariance(state, one.key)[:3, :3])
+    lengths, axes = ellipsoid(told_covariance(state, one.key, navigator.common)[:3, :3])
     plate = np.array([one.side_m or _TEXT_M, one.side_m or _TEXT_M, _PLATE_M])
     quat, text = rotations.from_matrix(R), f"{one.name}: {why}" if why else one.name
     above = p + np.array([0, 0, plate[0] / 2 + _TEXT_M])

@@ -1,0 +1,60 @@
+"""Tags of another size than was given, by what all views say of it.
+
+A tag that is alone in its images, and whose size is wrong, fits to them as well in another place:
+only the ways between the views are too long or too short for it. What odometry and other tags say
+of these is in the normal equations already; one unknown more for each tag tells its size.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ros_visualise.data import Floats
+from ros_visualise.landmarks.mapping.minimising import kept, linearised
+from ros_visualise.landmarks.mapping.motions import between
+from ros_visualise.landmarks.mapping.normal import solve
+from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.terms import Terms
+from ros_visualise.landmarks.mapping.unknowns import PRINTED, State
+
+
+class Larger(NamedTuple):
+    """By which part of its size each tag is larger than is said, (M,), and how sure that is."""
+
+    part: Floats
+    sigma: Floats
+
+
+def larger(found: Smoothed) -> Larger:
+    """How large each tag is, to first order, were its size alone not known.
+
+    Raises:
+        numpy.linalg.LinAlgError: something is not determined.
+
+    Source: C. R. Rao, Large sample tests of statistical hypotheses concerning several parameters,
+    1948 (the score test, which needs no second search).
+    """
+    terms = Terms(found.problem, found.noise)
+    state = State(found.views, found.tags, found.shared)
+    residuals, by_pose, by_shared = terms.seen(state, terms.sigma_px())
+    residuals, by_pose, by_shared = (one[found.inliers] for one in (residuals, by_pose, by_shared))
+    views, tags = terms.corners.views[found.inliers], terms.corners.tags[found.inliers]
+    by_view, by_tag = between(by_pose, state.views, state.tags, views, tags)
+    by_size = by_shared[..., PRINTED]
+    normal, _ = linearised(terms, state, kept(found.inliers))
+    count = len(found.problem.names)
+    of_views = np.zeros((len(found.views.t), count, 6))
+    of_rest = np.zeros((count, len(normal.rest)))
+    np.add.at(of_views, (views, tags), np.einsum("ski,sk->si", by_view, by_size))
+    G = slice(6 * count, None)
+    for tag in range(count):
+        rows = tags == tag
+        of_rest[tag, 6 * tag : 6 * tag + 6] = np.einsum("ski,sk->i", by_tag[rows], by_size[rows])
+        of_rest[tag, G] = np.einsum("ski,sk->i", by_shared[rows], by_size[rows])
+    told = solve(normal, probes=(np.swapaxes(of_views, 1, 2), of_rest.T)).traced
+    whole = np.bincount(tags, (by_size**2).sum(axis=1), minlength=count)
+    slope = np.bincount(tags, (by_size * residuals).sum(axis=1), minlength=count)
+    left = np.maximum(whole - told, 1e-9 * whole + 1e-12)
+    return Larger(-slope / left, 1 / np.sqrt(left))
