@@ -27,7 +27,7 @@ from ros_visualise.landmarks.mapping.outliers import (
     UNSTEADY,
     Outlier,
     corrected,
-    other_sizes,
+    other_size,
     outliers,
     resized,
 )
@@ -36,7 +36,7 @@ from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
 from ros_visualise.landmarks.mapping.unknowns import Prior
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
-_ROUNDS = 5
+_ROUNDS = 6
 _PRINTED = 0.01  # by how much all tags may be larger than is said, where a survey can tell
 _LEAST_SEEN = 3  # sightings, that make a landmark
 
@@ -89,9 +89,7 @@ def map_of(
             found, prior = freed, freely_mounted(prior)
     explained: list[Outlier] = []
     for _ in range(_ROUNDS):
-        new = [one for one in outliers(found) if one.kind != UNSTEADY] or other_sizes(
-            problem, found
-        )
+        new = [one for one in outliers(found) if one.kind != UNSTEADY] or other_size(problem, found)
         if not new:
             break
         explained += [one for one in new if one.kind in (MOVED, TWICE)]
