@@ -320,3 +320,38 @@ def test_another_who_tells_where_odom_is_gets_said(caplog):
     params = NavigatorParams()
     LandmarkNavigator(params).step(params, odometry=odometry(1, 0), frames=frames)
     assert "somebody else tells where odom is in map" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda one: replace(one, side_m=0.3), "is 0.3 m wide here and 0.5 m in the map: check"),
+        (lambda one: replace(one, corners_uv=one.corners_uv + 40), "was it moved?"),
+    ],
+    ids=["of another size", "moved"],
+)
+def test_a_tag_that_is_wrong_is_said_once(params, caplog, change, said):
+    node = LandmarkNavigator(params)
+    run(node, params)
+    for number in range(20):
+        time_s, x = 3 + number / 10, 1 + number / 20
+        node.step(params, odometry=odometry(time_s, x), frames=tree())
+        seen = detections(time_s, np.array([1 + x, 0, 5]))
+        wrong, right = seen.detections
+        seen = replace(seen, detections=(change(wrong), right))
+        node.step(params, detections=seen, frames=tree())
+    [line] = [record.getMessage() for record in caplog.records]
+    assert "tag36h11_3 is left out" in line
+    assert said in line
+
+
+def test_a_camera_that_freezes_is_said_once(params, caplog):
+    node = LandmarkNavigator(params)
+    run(node, params)
+    frozen = detections(2.9, np.array([1.95, 0, 5]))
+    for number in range(20):
+        node.step(params, odometry=odometry(3 + number / 10, 1.0), frames=tree())
+        image = replace(frozen, header=Header(round((3 + number / 10) * S), "camera"))
+        node.step(params, detections=image, frames=tree())
+    [line] = [record.getMessage() for record in caplog.records]
+    assert "is the camera frozen?" in line

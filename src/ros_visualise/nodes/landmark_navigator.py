@@ -32,6 +32,7 @@ from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.landmarks.navigation import told
 from ros_visualise.landmarks.navigation.chart import Mode
+from ros_visualise.landmarks.navigation.doubts import Doubts
 from ros_visualise.landmarks.navigation.inertial import Mounting
 from ros_visualise.landmarks.navigation.landmark import Known
 from ros_visualise.landmarks.navigation.navigator import Navigator, Now
@@ -101,6 +102,7 @@ class LandmarkNavigator:
         self._told_ns: int | None = None
         self._said = ""
         self._mounted: dict[str, Mounting | None] = {}
+        self._doubts = Doubts()
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
@@ -239,6 +241,8 @@ class LandmarkNavigator:
         if navigator is None or not navigator.has_news:
             return {}
         navigator.has_news = False
+        for text in self._doubts.look(navigator.judged):
+            log.warning("landmark_navigator: %s (said once)", text)
         at = Header(navigator.at_ns, self._frame)
         said = f"{navigator.trouble} {sorted(navigator.judged.refused)}"
         is_due = self._told_ns is None or at.stamp_ns - self._told_ns >= _SHOWN_NS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -47,11 +47,26 @@ class Rules:
 
 @dataclass
 class Judged:
-    """What became of the sights of an image: names, and why they are refused."""
+    """What became of the sights of an image: names, and why they are refused.
+
+    ``doubts`` are what a person should look at where it stays so, by what it is about.
+    """
 
     used: list[str] = field(default_factory=list)
     watched: list[str] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
+    doubts: dict[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def same(cls, names: Iterable[str]) -> Judged:
+        """Of an image that is the one before again."""
+        doubts = {"the camera": "images with tags are all the same: is the camera frozen?"}
+        return cls(refused=dict.fromkeys(names, "the same image"), doubts=doubts)
+
+    def refuse(self, name: str, why: str, advice: str) -> None:
+        """A landmark is refused, and somebody can do something about it."""
+        self.refused[name] = why
+        self.doubts[name] = f"{name} is left out, as it {why.partition(':')[0]}: {advice}"
 
 
 class Chart:
@@ -122,7 +137,8 @@ class Chart:
         sides = (sight.side_m, known.side_m) if known else (0.0, 0.0)
         if min(sides) <= 0 or abs(sides[0] - sides[1]) <= _SIDES * max(sides):
             return True
-        judged.refused[sight.name] = f"is {sides[0]:g} m wide here and {sides[1]:g} m in the map"
+        why = f"is {sides[0]:g} m wide here and {sides[1]:g} m in the map"
+        judged.refuse(sight.name, why, "check the size that its detector was given")
         return False
 
     def _enter(self, state: State, name: str) -> None:
@@ -148,7 +164,7 @@ class Chart:
             else:
                 landmark.refused += 1
                 why = f"is not where the map has it: {fit.distance2 / fit.size:.0f} times too far"
-                judged.refused[landmark.name] = why
+                judged.refuse(landmark.name, why, "was it moved?")
         if not good:
             return state
         state = update(state, view, good, [slice(0, CORE if self.is_frozen else None)])
@@ -173,7 +189,8 @@ class Chart:
         state = landmark.watch(state, view, sight)
         if landmark.is_contradictory:
             self._drop(state, landmark)
-            judged.refused[landmark.name] = "its views do not fit together: moved, or another size?"
+            why = "is seen in several places"
+            judged.refuse(landmark.name, why, "does it move, or is it of another size?")
             return state
         if landmark.may_be_used(self._rules.sightings, self._rules.reach):
             landmark.is_used = True

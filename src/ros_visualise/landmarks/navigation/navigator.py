@@ -67,9 +67,7 @@ class Navigator:
         has_news: an image was put in; whoever has told of it sets it back.
 
     Args:
-        settings: see there.
-        known: the landmarks of a map, by name, with what each is off beside
-        common: (6, 6) what all are off together, as a twist.
+        known: landmarks of a map, by name; ``common`` (6, 6): the twist all are off by, beside.
         start: T_map_odom where a map begins to be built.
     """
 
@@ -80,8 +78,7 @@ class Navigator:
         start: Pose = IDENTITY,
         common: Floats | None = None,
     ) -> None:
-        self.settings = settings
-        self.common = np.zeros((6, 6)) if common is None else common
+        self.settings, self.common = settings, np.zeros((6, 6)) if common is None else common
         self._known, self._start = dict(known or {}), start
         self.counts = {"images": 0, "late": 0, "frozen": 0, "losses": 0, "recovered": 0}
         self.reset()
@@ -98,9 +95,8 @@ class Navigator:
         self._trail = Trail(self.past, self.state)
         self._waiting: list[tuple[int, int, View]] = []
         self._count = self._contradicted = self.at_ns = 0
-        self.has_news = False
+        self._has_pose = self.has_news = False
         self._last_print: bytes = b""
-        self._has_pose = False
 
     @property
     def found_by(self) -> set[str]:
@@ -217,7 +213,7 @@ class Navigator:
         if view.stamp_ns < self.at_ns or is_same:
             self.counts["frozen" if is_same else "late"] += 1
             if is_same:
-                self.judged = Judged(refused={one.name: "the same image" for one in view.sights})
+                self.judged, self.has_news = Judged.same(one.name for one in view.sights), True
             return is_same
         self._last_print = view.print
         self._advance(view.stamp_ns)
@@ -229,6 +225,8 @@ class Navigator:
             self.judged = Judged(refused=dict(view.left_out))
             self._search.look(view, self.chart.map_of(self.state), self._prior(view))
             self._recover(1 if not self._has_pose else 2)
+            if self.trouble and view.sights:
+                self.judged.doubts["the robot"] = self.trouble
         self._trail.restart(self.state, self.at_ns)
         return True
 
