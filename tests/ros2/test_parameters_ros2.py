@@ -52,12 +52,13 @@ def pipeline(start: Callable[..., Any], ros2: Ros2) -> Asked:
 
 
 def test_they_are_described_and_set_as_one_whole_or_refused_with_a_reason(pipeline: Asked):
-    low, blur, members, scale = pipeline.describe(
-        "edge_detector.low", "filters.blur", "members", "filters.scale"
+    low, aperture, blur, members, scale = pipeline.describe(
+        "edge_detector.low", "edge_detector.aperture", "filters.blur", "members", "filters.scale"
     )
     assert low.type == ParameterType.PARAMETER_INTEGER
     assert low.description
     assert (low.integer_range[0].from_value, low.integer_range[0].to_value) == (0, 800)
+    assert aperture.type == ParameterType.PARAMETER_INTEGER
     assert "gaussian" in blur.additional_constraints
     assert members.read_only
     assert 0 < scale.floating_point_range[0].from_value < scale.floating_point_range[0].to_value
@@ -69,6 +70,8 @@ def test_they_are_described_and_set_as_one_whole_or_refused_with_a_reason(pipeli
     assert "magic" in refused.reason
     assert "gaussian" in refused.reason
     assert not pipeline.set(edge_detector__low=801).successful
+    assert pipeline.set(edge_detector__aperture=5).successful
+    assert "one of 3, 5, 7" in pipeline.set(edge_detector__aperture=4).reason
     assert not pipeline.set(members=["a"]).successful
     low_now, gray = pipeline.get("edge_detector.low", "filters.gray")
     assert (low_now.integer_value, gray.bool_value) == (40, False)

@@ -39,7 +39,7 @@ def describe(spec: Spec, name: str) -> ParameterDescriptor:
     """What ROS 2 tells of a parameter: type, range, help, choices."""
     told = ParameterDescriptor(
         name=name,
-        type=_TYPES.get(spec.type, ParameterType.PARAMETER_STRING),
+        type=_TYPES[_kind(spec)],
         description=spec.help,
         additional_constraints=f"one of {', '.join(spec.choices)}" if spec.choices else "",
     )
@@ -66,12 +66,11 @@ def limits(told: ParameterDescriptor) -> tuple[float | None, float | None]:
 
 
 def plain(spec: Spec, value: Value) -> bool | int | float | str:
-    """A parameter's value as ROS 2 holds it: of an Enum its text, of an int 64 bits."""
-    if isinstance(value, Enum):
-        return str(value.value)
-    if spec.type is int:
-        return min(max(int(value), _MIN_INT), _MAX_INT)
-    converted: bool | int | float | str = spec.type(value)
+    """A parameter's value as ROS 2 holds it: of an Enum that of its choice, of an int 64 bits."""
+    kind, held = _kind(spec), value.value if isinstance(value, Enum) else value
+    if kind is int:
+        return min(max(int(held), _MIN_INT), _MAX_INT)
+    converted: bool | int | float | str = kind(held)
     return converted
 
 
@@ -90,6 +89,17 @@ def values_of(names: Iterable[str], told: Iterable[Any]) -> dict[str, Any]:
         for name, one in zip(names, told, strict=False)
         if one.type in _FIELDS
     }
+
+
+def _kind(spec: Spec) -> type:
+    """The type as which ROS 2 holds a parameter.
+
+    Choices that are numbers are numbers there: ``ros2 param set`` takes all that looks like one
+    for a number.
+    """
+    if not issubclass(spec.type, Enum):
+        return spec.type
+    return int if all(isinstance(one.value, int) for one in spec.type) else str
 
 
 def _limits(spec: Spec, low: float, high: float) -> tuple[float, float]:
