@@ -1,10 +1,11 @@
 """The two ends of a topic of images, by stock rclpy or by our transport.
 
     python ends.py publish rclpy|ours WIDTHxHEIGHT --rate R
-    python ends.py subscribe rclpy|ours TOPIC --seconds S --warmup W
+    python ends.py subscribe rclpy|ours|count TOPIC --seconds S --warmup W
 
 The subscriber prints one JSON object. Images are as old as their stamps say, which a publisher
-takes from the time of day just before it publishes.
+takes from the time of day just before it publishes. ``count`` is for a topic of calibrations, whose
+bytes are taken and not looked at.
 """
 
 import argparse
@@ -17,7 +18,9 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from sensor_msgs.msg import CameraInfo
 from sensor_msgs.msg import Image as RosImage
 
 from ros_visualise.data import Header, Image
@@ -90,6 +93,31 @@ def subscribe_rclpy(topic: str, ages: Ages) -> Callable[[], None]:
         ages.take(stamp.sec * 10**9 + stamp.nanosec, np.frombuffer(message.data, np.uint8))
 
     node.create_subscription(RosImage, topic, take, QoSProfile(depth=1))
+    return _spun(node)
+
+
+def subscribe_count(topic: str, ages: Ages) -> Callable[[], None]:
+    node = rclpy.create_node("subscriber")
+
+    def take(_: bytes) -> None:
+        ages.taken.append((time.monotonic(), float("nan")))
+        ages.first.set()
+
+    node.create_subscription(CameraInfo, topic, take, QoSProfile(depth=100), raw=True)
+    return _spun(node)
+
+
+def subscribe_ours(topic: str, ages: Ages) -> Callable[[], None]:
+    middleware = Ros2()
+    middleware.join("subscriber", [])
+    middleware.subscribe(
+        topic, Image, lambda image: ages.take(image.header.stamp_ns, image.data), print
+    )
+    return lambda: middleware.end("done")
+
+
+def _spun(node: Node) -> Callable[[], None]:
+    """Has a node take its messages; returns the call that ends it."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     ended = threading.Event()
@@ -109,15 +137,6 @@ def subscribe_rclpy(topic: str, ages: Ages) -> Callable[[], None]:
     return end
 
 
-def subscribe_ours(topic: str, ages: Ages) -> Callable[[], None]:
-    middleware = Ros2()
-    middleware.join("subscriber", [])
-    middleware.subscribe(
-        topic, Image, lambda image: ages.take(image.header.stamp_ns, image.data), print
-    )
-    return lambda: middleware.end("done")
-
-
 def figures(ages: Ages, warmup_s: float, seconds: float) -> dict[str, float]:
     """Images in a second, and how old they were, milliseconds."""
     if not ages.first.wait(_PATIENCE_S):
@@ -131,6 +150,9 @@ def figures(ages: Ages, warmup_s: float, seconds: float) -> dict[str, float]:
     p50_ms, p99_ms = np.percentile(taken[:, 1], (50, 99))
     fps = (len(taken) - 1) / (taken[-1, 0] - taken[0, 0])
     return {"fps": fps, "p50_ms": p50_ms, "p99_ms": p99_ms}
+
+
+SUBSCRIBERS = {"rclpy": subscribe_rclpy, "ours": subscribe_ours, "count": subscribe_count}
 
 
 def _ros_image(pixels: np.ndarray) -> RosImage:
@@ -149,18 +171,18 @@ def main() -> None:
     publisher.add_argument("size")
     publisher.add_argument("--rate", type=float, required=True)
     subscriber = ends.add_parser("subscribe")
-    subscriber.add_argument("kind", choices=("rclpy", "ours"))
+    subscriber.add_argument("kind", choices=SUBSCRIBERS)
     subscriber.add_argument("topic")
     subscriber.add_argument("--seconds", type=float, required=True)
     subscriber.add_argument("--warmup", type=float, required=True)
     args = parser.parse_args()
-    if args.kind == "rclpy":
+    if args.kind != "ours":
         rclpy.init()
     if args.end == "publish":
         {"rclpy": publish_rclpy, "ours": publish_ours}[args.kind](args.size, args.rate)
     else:
         ages = Ages()
-        end = {"rclpy": subscribe_rclpy, "ours": subscribe_ours}[args.kind](args.topic, ages)
+        end = SUBSCRIBERS[args.kind](args.topic, ages)
         print(json.dumps(figures(ages, args.warmup, args.seconds)))
         end()
 
