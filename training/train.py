@@ -29,7 +29,7 @@ from loss import Truth, detection_loss
 from network import Network, follow, make_grid
 from pictures import add_arguments
 from torch import Tensor
-from train_second import train_second
+from train_second import SAY_S, train_second
 
 _FIRST_WORLDS = 3
 _SAVE_S = 240.0
@@ -127,7 +127,7 @@ def wait_for_pictures(folder: Path, rendering: subprocess.Popen[bytes]) -> tuple
 def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
     """Train until the time is over."""
     random = np.random.default_rng((asked.seed, trainer.steps))
-    sums, count, saved = np.zeros(3), 0, time.monotonic()
+    sums, count, said, saved = np.zeros(3), 0, time.monotonic(), time.monotonic()
     examples = _shuffled(folder, random)
     with ThreadPoolExecutor(1) as pool:
         upcoming = None
@@ -138,9 +138,9 @@ def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) 
             if ready is None:
                 continue
             sums, count = sums + trainer.step(*ready.result()), count + 1
-            if count == 100:
+            if time.monotonic() - said > SAY_S:
                 _say(trainer, sums / count)
-                sums, count = np.zeros(3), 0
+                sums, count, said = np.zeros(3), 0, time.monotonic()
             if time.monotonic() - saved > _SAVE_S:
                 trainer.save(out / "checkpoint.pt")
                 saved = time.monotonic()
@@ -149,9 +149,11 @@ def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) 
 
 def _shuffled(folder: Path, random: np.random.Generator) -> Iterator[Example]:
     """All pictures that are there by then, again and again; of those without a landmark half."""
+    queue: list[Example] = []
     while True:
-        queue = find_examples(folder)[0]
-        print(f"{len(queue)} pictures", flush=True)
+        before, queue = len(queue), find_examples(folder)[0]
+        if len(queue) != before:
+            print(f"{len(queue)} pictures", flush=True)
         for number in random.permutation(len(queue)):
             if len(queue[number].rows) or random.random() < _EMPTY:
                 yield queue[number]

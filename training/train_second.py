@@ -16,6 +16,8 @@ from torch import Tensor
 from torch.nn import functional
 from worlds import CLASSES
 
+SAY_S = 15.0
+"""Between two lines about the losses."""
 _BATCH = 128
 _OF_NONE = 0.42  # of a batch
 _OF_FIRST = 0.25
@@ -34,7 +36,7 @@ def train_second(looks: Looks, classes: int, width: int, minutes: float, seed: i
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
     groups = _groups(looks, classes)
-    sums, step, start = np.zeros(4), 0, time.process_time()
+    sums, step, start, said = np.zeros(4), 0, time.process_time(), time.monotonic()
     while (done := (time.process_time() - start) / 60 / minutes) < 1:
         rate = _RATE * min(1.0, (step + 1) / _WARM)
         optimizer.param_groups[0]["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
@@ -49,10 +51,10 @@ def train_second(looks: Looks, classes: int, width: int, minutes: float, seed: i
         step += 1
         follow(average, network, step)
         sums += [*(float(each) for each in losses), 1]
-        if step % 500 == 0:
+        if time.monotonic() - said > SAY_S:
             told = ", ".join(f"{each:.3f}" for each in sums[:3] / sums[3])
             print(f"second look: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
-            sums[:] = 0
+            sums[:], said = 0, time.monotonic()
     return average
 
 
