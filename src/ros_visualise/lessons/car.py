@@ -22,7 +22,7 @@ _IMU_UP = 0.93
 _WHEEL_M = 0.64
 _BASELINE_M = 0.54
 _FAR_M = 4.0  # how much is drawn of what a sensor sees
-_LETTERS_M = 0.16
+_LETTERS_M = 0.11
 
 
 class _Sensor(NamedTuple):

@@ -40,9 +40,9 @@ class Car:
             These sensors are on the car of KITTI, a data set with which many methods are compared:
 
                 camera     passive  light, 10 Hz
-                Velodyne   active   time of a laser's echo, 10 Hz
-                GPS (RTK)  passive  time of radio signals, 10 Hz
-                IMU        passive  turns and forces, 100 Hz
+                Velodyne   active   laser echoes, 10 Hz
+                GPS (RTK)  passive  radio signals, 10 Hz
+                IMU        passive  turns, forces, 100 Hz
 
             A camera has 1392 × 512 pixels, and sees nothing in the dark. The Velodyne measures
             about 100000 points per turn, up to 120 m away. GPS with corrections (RTK) is accurate

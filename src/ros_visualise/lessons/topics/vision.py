@@ -215,7 +215,7 @@ def _draw_kernels(kernels: Floats, kinds: Floats) -> Figure:
     for number in _order(kinds):
         kind = int(kinds[number].argmax())
         bgr = np.ascontiguousarray(kernels[number, ::-1].transpose(1, 2, 0))
-        shown.append((f"{number}: {KINDS[kind]} {kinds[number, kind]:.2f}", _signed(bgr)))
+        shown.append((f"{number}: {KINDS[kind]}", _signed(bgr)))
     return titled(shown, 6)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
@@ -15,6 +16,8 @@ from ros_visualise.graph import Graph
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.worker import Worker
+
+log = logging.getLogger(__name__)
 
 _STOP = "stop"
 _LAPSE_S = 0.4
@@ -89,6 +92,7 @@ class Driving:
         if self._held is None or self._topic is None:
             return
         if self._clock() - self._held.heard_s > _LAPSE_S:
+            log.warning("stopped: the browser was not heard for %g s; press again", _LAPSE_S)
             self._stop()
             return
         shares = np.sum([move.share for move in self._held.moves], axis=0)
