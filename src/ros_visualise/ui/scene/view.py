@@ -10,11 +10,11 @@ import viser
 
 from ros_visualise.data import Floats
 
-_NEAREST_M, _FARTHEST_M = 4.0, 28.0  # of a robot
-_NEAREST_ALONE_M = 1.0  # where there is no robot
+_NEAREST_M, _FARTHEST_M = 4.0, 28.0
 _BEYOND_M = 1e9  # coordinates that are no place; those of the largest grids are below 1e7
 _SHORTEST_M = 1e-3
-_MOST, _MOST_ALONE = 70, 95  # percent of what is drawn that decide how far the camera stands
+_MOST = 70  # percent of what is drawn decides how far away from a robot the camera stands
+_MOST_ALONE, _OUTSIDE = 85, 1.6  # the same without a robot, and so many times as far away
 _BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
 _SETTLED_S = 1.5
 _GROWN = 1.3
@@ -157,13 +157,13 @@ class View:
         if T is None:
             centre = np.median(points, axis=0) if len(points) else np.zeros(3)
             forward, ahead = np.array([0.8, 0.6, 0.0]), 0.0
-            most, nearest, farthest = _MOST_ALONE, _NEAREST_ALONE_M, np.inf
+            most, times, farthest = _MOST_ALONE, _OUTSIDE, np.inf
         else:
             centre, forward, ahead = T[:3, 3], _level(_heading(T, points)), _AHEAD
-            most, nearest, farthest = _MOST, _NEAREST_M, _FARTHEST_M
+            most, times, farthest = _MOST, 1.0, _FARTHEST_M
         away = np.linalg.norm((points - centre)[:, :2], axis=1)
-        far = float(np.percentile(away, most)) if len(points) else 0.0
-        far = self._far = min(max(far, nearest), farthest)
+        far = times * float(np.percentile(away, most)) if len(points) else 0.0
+        far = self._far = min(max(far, _NEAREST_M), farthest)
         up = np.array([0.0, 0.0, 1.0])
         position = centre + self._offset - forward * _BEHIND * far + up * _ABOVE * far
         return position, centre + self._offset + forward * ahead * far
