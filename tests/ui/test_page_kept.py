@@ -79,6 +79,22 @@ def test_each_browser_has_its_own_view(port, scene, server):
         client.socket.close()
 
 
+def test_a_view_that_was_moved_is_saved_and_comes_back(port, scene, server):
+    client = Client(port)
+    client.read_until(lambda: server.get_clients())
+    scene.view.shown = True
+    (browser,) = server.get_clients().values()
+    browser.camera.position, browser.camera.look_at = np.array([1.0, 2, 3]), np.array([4.0, 5, 6])
+    assert [place.tolist() for place in scene.view.moved] == [[1, 2, 3], [4, 5, 6]]
+    scene.look_from(None, np.array([7.0, 8, 9]), np.zeros(3))
+    scene.view.reset()
+    assert server.initial_camera.position.tolist() != [7, 8, 9], "as it is by itself"
+    scene.look_from(None, np.array([7.0, 8, 9]), np.zeros(3))
+    scene.view._show_all()
+    assert server.initial_camera.position.tolist() == [7, 8, 9]
+    client.socket.close()
+
+
 def test_a_file_arranges_the_page(port, runtime, tmp_path):
     write_yaml({"filters/threshold": 60, "windows/filters": False}, tmp_path / "l.yaml")
     page = Page(port=port, arrangement=read_arrangement(tmp_path / "l.yaml"), record_dir=tmp_path)

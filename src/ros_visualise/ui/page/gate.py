@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import socket
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from http import HTTPStatus
@@ -37,6 +38,7 @@ _MOST_SAID = 5
 """So many requests that are refused are logged, and so many messages of each browser."""
 _LONGEST_PATH = 250  # of a name that file systems take
 _TURNS_TO_ACCEPT = 5
+_SEND_BYTES = 128 << 10  # 20 Mbit/s where the way there and back takes 50 ms
 _one_at_a_time = Lock()
 
 
@@ -171,6 +173,12 @@ class _Connection(ServerConnection):
         super().__init__(*args, **settings)
         self._gate = gate
         self._said = 0
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Let little wait for a slow browser: what waits in the system's buffer gets old."""
+        there = transport.get_extra_info("socket")
+        there.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BYTES)
+        super().connection_made(transport)
 
     async def handshake(
         self,

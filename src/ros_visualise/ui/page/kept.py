@@ -13,6 +13,7 @@ from urllib.parse import parse_qsl, quote, urlencode
 import numpy as np
 import viser
 
+from ros_visualise.data import Floats
 from ros_visualise.errors import UsageError
 from ros_visualise.ui.arrangements import Arrangement, Value
 from ros_visualise.ui.page.controls import set_value
@@ -32,7 +33,7 @@ _NOT_KEPT = ("open", "recording", "robot")
 """Folders whose elements say what to do now, not how the page is."""
 _SWITCHES = {"True": True, "False": False}
 _MOST_IN_ADDRESS = 4000  # characters; browsers may send little more in one text
-_FARTHEST_M = 1e6  # of a view
+_VIEW, _FARTHEST_M = "view", 1e6
 
 
 class Memory:
@@ -79,8 +80,10 @@ class Kept:
         self._gui, self._scene = gui, scene
         self._first, self._run = memory.first, memory.run
         self._waiting: dict[str, Value] = dict(memory.wanted)
+        if _VIEW in self._waiting:
+            scene.look_from(None, *_places(str(self._waiting.pop(_VIEW))))
         add_channel(gui, worker, "address", self._take_address)
-        add_channel(gui, worker, "view", self._take_view)
+        add_channel(gui, worker, _VIEW, self._take_view)
         self._element = gui.add_html("")
 
     def take_in(self) -> None:
@@ -106,6 +109,15 @@ class Kept:
             if element.value != self._first.get(place, element.value)
         }
 
+    @property
+    def saved(self) -> dict[str, Value]:
+        """The same, and the view in 3D where somebody moved it."""
+        moved = self._scene.view.moved
+        if moved is None:
+            return self.arrangement
+        view = ",".join(f"{xyz:.2f}" for place in moved for xyz in place)
+        return self.arrangement | {_VIEW: view}
+
     def _tell(self) -> None:
         address = urlencode(self.arrangement, safe="/ ,:", quote_via=quote).replace(" ", "%20")
         if len(address) > _MOST_IN_ADDRESS:  # whole values, as many as have room
@@ -123,13 +135,7 @@ class Kept:
         self.refresh()
 
     def _take_view(self, told: str, client: int) -> None:
-        try:
-            places = [float(text) for text in told.split(",")]
-        except ValueError:
-            places = []
-        if len(places) != 6 or not all(abs(xyz) < _FARTHEST_M for xyz in places):
-            raise UsageError("the page's address: a view has to be six numbers, in metres")
-        self._scene.look_from(client, np.array(places[:3]), np.array(places[3:]))
+        self._scene.look_from(client, *_places(told))
 
     def _set(self, element: Any, value: Value, place: str) -> None:
         """As a person would: with all that follows from it.
@@ -172,6 +178,21 @@ class Kept:
 
 
 _NOBODY = -1  # no browser's number
+
+
+def _places(view: str) -> tuple[Floats, Floats]:
+    """Where a view is from, and what it looks at: (3,) metres each.
+
+    Raises:
+        UsageError: these are no six numbers.
+    """
+    try:
+        numbers = [float(text) for text in view.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 6 or not all(abs(xyz) < _FARTHEST_M for xyz in numbers):
+        raise UsageError(f"{_VIEW}: give six numbers, in metres: x,y,z,x,y,z")
+    return np.array(numbers[:3]), np.array(numbers[3:])
 
 
 def _has(element: Any, value: Value) -> bool:

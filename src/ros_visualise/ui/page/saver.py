@@ -31,7 +31,7 @@ class Saver:
         parameters = "a YAML file, for --params and launch files"
         self._add("parameters", parameters, lambda path: save(live_parameters(runtime), path))
         layout = "a YAML file, for --layout: what is shown, and how"
-        self._add("layout", layout, lambda path: write_yaml(kept.arrangement, path))
+        self._add("layout", layout, lambda path: write_yaml(kept.saved, path))
         self._note = gui.add_html("", visible=False)
 
     def _add(self, what: str, hint: str, write: Callable[[Path], None]) -> None:

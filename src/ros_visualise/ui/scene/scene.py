@@ -201,8 +201,8 @@ class Scene:
         with self._lock:
             return self.view.anchor
 
-    def look_from(self, client: int, position: Floats, look_at: Floats) -> None:
-        """Have one browser look from a place at another: (3,) metres each, from the `anchor`."""
+    def look_from(self, client: int | None, position: Floats, look_at: Floats) -> None:
+        """Have one browser, or all at first, look from a place at another; see `View`."""
         with self._lock:
             self.view.look_from(client, position, look_at)
 

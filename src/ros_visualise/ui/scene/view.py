@@ -16,6 +16,7 @@ _SHORTEST_M = 1e-3
 _MOST = 70  # percent of what is drawn decides how far away from a robot the camera stands
 _MOST_ALONE, _OUTSIDE = 85, 1.6  # the same without a robot, and so many times as far away
 _BEHIND, _ABOVE, _AHEAD = 1.0, 0.62, 0.45
+_SAME = 0.01  # a view that is moved by less, as a part of its distance, was not moved
 _SETTLED_S = 1.5
 _GROWN = 1.3
 _FOV = np.radians(50)
@@ -40,6 +41,7 @@ class View:
         self._robot: Floats | None = None
         self._held: Floats | None = None
         self._wanted: dict[int, tuple[Floats, Floats]] = {}  # browser -> where it wants to look
+        self._first: tuple[Floats, Floats] | None = None  # where all others are to look
         self._world = server.scene.add_frame("/world", show_axes=False)
         self._extent: Callable[[], npt.NDArray[np.floating]] = lambda: np.zeros((0, 3))
         self._grid = server.scene.add_grid(
@@ -64,11 +66,32 @@ class View:
         followed, else the fixed frame."""
         return self._offset if self._held is None or not self.follows else self._offset + self._held
 
-    def look_from(self, client: int, position: Floats, look_at: Floats) -> None:
-        """Have one browser look from a place at another: (3,) metres each, from the `anchor`."""
+    def look_from(self, client: int | None, position: Floats, look_at: Floats) -> None:
+        """Have one browser, or all at first, look from a place at another.
+
+        Args:
+            client: the number of the browser; None: of all that come, until the view is reset.
+            position, look_at: (3,) metres each, from the `anchor`.
+        """
+        if client is None:
+            self._first = position, look_at
+            return
         if not self._settled:
             self._wanted[client] = position, look_at
         self._show(client, position + self.anchor, look_at + self.anchor)
+
+    @property
+    def moved(self) -> tuple[Floats, Floats] | None:
+        """Where people look from and at, in the browser whose view was moved last, as (3,) metres
+        from the `anchor`; None where it is as it is by itself."""
+        clients = self._server.get_clients().values()
+        if not clients or not self.shown:
+            return None
+        camera = max(clients, key=lambda client: client.camera.update_timestamp).camera
+        distance = np.linalg.norm(camera.position - self._server.initial_camera.position)
+        if self._first is None and distance < _SAME * self._far:
+            return None
+        return camera.position - self.anchor, camera.look_at - self.anchor
 
     @property
     def shown(self) -> bool:
@@ -110,11 +133,14 @@ class View:
     def reset(self) -> None:
         """Have everybody look at the robot, or at everything, from behind and above."""
         self._wanted.clear()
+        self._first = None
         self._show_all()
 
     def _show_all(self) -> None:
         """Have everybody look from behind and above, but for those who want something else."""
         position, look_at = self._pose()
+        if self._first is not None:
+            position, look_at = (place + self.anchor for place in self._first)
         initial = self._server.initial_camera
         initial.position, initial.look_at, initial.fov = position, look_at, float(_FOV)
         for client in self._server.get_clients():
