@@ -33,9 +33,9 @@ from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParam
 from ros_visualise.nodes.landmark_detector import LandmarkDetector, LandmarkParams
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation import Mission, QuadrotorParams, Simulation
+from ros_visualise.simulation.pad import meets_start
 from ros_visualise.simulation.sensors.camera import calibrate
 from ros_visualise.simulation.settings import PadMotion
-from ros_visualise.simulation.worlds.pad import stands_on_start
 
 WORLD = "plane"
 CASES: dict[str, dict[str, Any]] = {
@@ -137,12 +137,15 @@ def plan(seed: int, settings: QuadrotorParams) -> tuple[QuadrotorParams, Mission
     off_x, off_y = random.uniform(-1.5, 1.5, 2)
     back = {PadMotion.LINE: _AHEAD_M + 0j, PadMotion.CIRCLE: settings.pad_reach / 2 * 1j}
     away = back.get(settings.pad_motion, 0j) * cmath.rect(1, heading)
-    if stands_on_start((x - away.real, y - away.imag, heading)):
-        heading, away = heading + math.pi, -away
-    changed = {"pad_x": x - away.real, "pad_y": y - away.imag, "pad_heading": math.degrees(heading)}
     over = x + off_x, y + off_y, 6.0
     mission = Mission(waypoints=(over,), land_on="pad", height=6.0, speed=2.0)
-    return replace(settings, wind_direction=wind, **changed), mission
+
+    def headed(heading: float, away: complex) -> QuadrotorParams:
+        at = {"pad_x": x - away.real, "pad_y": y - away.imag, "pad_heading": math.degrees(heading)}
+        return replace(settings, wind_direction=wind, **at)
+
+    planned = headed(heading, away)
+    return headed(heading + math.pi, -away) if meets_start(planned) else planned, mission
 
 
 def land(seed: int, settings: QuadrotorParams, rendered: bool) -> Landing:

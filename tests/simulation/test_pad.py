@@ -74,3 +74,11 @@ def test_a_pad_where_the_robot_stands_is_refused():
     for changed in ({"pad_y": 0.8}, {"pad_x": -1.6, "pad_y": 0.0}, {"pad_heading": -90.0}):
         with pytest.raises(OpenError, match="choose another pad_x or pad_y"):
             Simulation("quadrotor", "plane", settings=replace(beside, **changed))
+
+
+def test_a_pad_that_would_run_over_the_robot_before_it_takes_off_is_refused():
+    beside = replace(BLIND_QUADROTOR, pad=True, pad_x=-2.4, pad_y=0.0, pad_reach=20.0)
+    assert Simulation("quadrotor", "plane", settings=beside).pad is not None
+    moving = replace(beside, pad_motion=PadMotion.LINE)
+    with pytest.raises(OpenError, match="comes at once"):
+        Simulation("quadrotor", "plane", settings=moving)

@@ -7,8 +7,9 @@ from typing import Any
 
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
-from ros_visualise.simulation.worlds.pad import PAD
+from ros_visualise.simulation.worlds.pad import PAD, stands_on_start
 
+_CLEAR_S, _OFTEN_S = 2.0, 0.1  # until the robot has taken off
 _ACCELERATION = 0.5  # m/s^2, where its line begins and ends
 
 Motion = tuple[float, float, float, float]
@@ -26,6 +27,18 @@ def move(params: QuadrotorParams, time_s: float) -> Motion:
         c, s = math.cos(turn), math.sin(turn)
         return radius * s, radius * (1 - c), speed * c, speed * s
     return 0.0, 0.0, 0.0, 0.0
+
+
+def meets_start(params: QuadrotorParams) -> bool:
+    """Whether it stands where the robot starts, or comes there before that has taken off."""
+    yaw = math.radians(params.pad_heading)
+    for number in range(round(_CLEAR_S / _OFTEN_S) + 1):
+        ahead, left, _, _ = move(params, number * _OFTEN_S)
+        x = params.pad_x + math.cos(yaw) * ahead - math.sin(yaw) * left
+        y = params.pad_y + math.sin(yaw) * ahead + math.cos(yaw) * left
+        if stands_on_start((x, y, yaw)):
+            return True
+    return False
 
 
 def _shuttle(reach: float, speed: float, time_s: float) -> tuple[float, float]:

@@ -18,7 +18,7 @@ from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import compile_model, standing_height
-from ros_visualise.simulation.pad import Pad
+from ros_visualise.simulation.pad import Pad, meets_start
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
 from ros_visualise.simulation.scenery import scenery
@@ -27,7 +27,6 @@ from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.wind import Wind
 from ros_visualise.simulation.worlds import World, build_world, check_world
-from ros_visualise.simulation.worlds.pad import stands_on_start
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -278,8 +277,10 @@ def _pad_of(settings: RobotParams) -> tuple[tuple[float, float, float] | None, b
     if not (isinstance(settings, QuadrotorParams) and settings.pad):
         return None, True
     place = settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
-    if stands_on_start(place):
-        raise OpenError("the pad stands where the robot starts: choose another pad_x or pad_y")
+    if meets_start(settings):
+        raise OpenError(
+            "the pad is, or comes at once, where the robot starts: choose another pad_x or pad_y"
+        )
     return place, settings.pad_tags
 
 
