@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 _STOP = "stop"
 _LAPSE_S = 0.4
-"""So long after the browser was heard last, nothing is held any more."""
+"""If the browser was not heard for so long, nothing counts as held any more."""
 
 
 class _Move(NamedTuple):

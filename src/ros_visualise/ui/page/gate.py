@@ -35,7 +35,7 @@ _Admit = Callable[[ServerConnection, Request], Any]
 Answers = Callable[[str, Mapping[str, str]], Answer | None]
 Receiver = Callable[[str, Callable[[], Awaitable[str | bytes]]], Awaitable[bool]]
 _MOST_SAID = 5
-"""So many requests that are refused are logged, and so many messages of each browser."""
+"""At most so many refused requests are logged, and refused messages of each browser."""
 _LONGEST_PATH = 250  # of a name that file systems take
 _TURNS_TO_ACCEPT = 5
 _SEND_BYTES = 128 << 10  # 20 Mbit/s where the way there and back takes 50 ms

@@ -16,7 +16,7 @@ from ros_visualise.errors import RosVisualiseError
 log = logging.getLogger(__name__)
 
 _MOST_ASKED = 200
-"""So many things that people ask for wait at most; what comes then is dropped."""
+"""At most so many jobs wait; what people ask for beyond that is dropped."""
 
 Listener = Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]
 
