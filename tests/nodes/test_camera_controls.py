@@ -114,7 +114,7 @@ def test_the_command_line_sets_them(device: Device, caplog: pytest.LogCaptureFix
     ("asked", "expected"),
     [
         ("brightness=65", "camera: brightness=65: must be from -64 to 64"),
-        ("focus=3", "camera: no parameter 'focus'; choose from uri,"),
+        ("focus=3", "camera: no parameter 'focus'; did you mean focus_"),
         ("auto_exposure=1", "auto_exposure=1: choose one of manual_mode, aperture_priority_mode"),
     ],
 )

@@ -149,7 +149,7 @@ def test_odom_serves_where_there_is_no_map_and_map_as_soon_as_there_is(caplog):
     node = LandmarkLocalizer(PARAMS)
     assert observe(node, frames=tree("odom"))["landmarks"].header.frame_id == "odom"
     assert [r.getMessage() for r in caplog.records] == [
-        "there is no frame map: landmarks are in odom"
+        "there is no frame map; landmarks are told in odom"
     ]
     answer = node.step(PARAMS, detections=message(1, tag((1.0, 0.5))), frames=tree())
     assert answer["landmarks"].header.frame_id == "map"
@@ -239,7 +239,7 @@ def test_without_landmarks_nothing_is_written(tmp_path, caplog):
         ("a: [", "cannot be read as a map of landmarks"),
         ("- 1", "it needs a frame_id and a list of landmarks"),
         ("frame_id: map\nlandmarks: [{}]", "landmark 1 of the map is wrong: it has no pose"),
-        ("frame_id: world\nlandmarks: []", "is in the frame world: set fixed_frame=world"),
+        ("frame_id: world\nlandmarks: []", "are in the frame world: set fixed_frame=world"),
     ],
 )
 def test_what_is_no_map_is_said_in_one_line(tmp_path, text, says):
