@@ -150,7 +150,7 @@ def test_what_comes_while_it_is_replaced_stays(
     assert count(folder) == 2
     (aside,) = tmp_path.glob("r.old-*")
     assert content(aside) == {"notes.txt": b"precious"}
-    assert f"{aside} stays" in caplog.text
+    assert f"{aside} is kept" in caplog.text
 
 
 KILLED = """
