@@ -28,7 +28,7 @@ def robots(workspace):
     )
     yield
     launched.send_signal(signal.SIGINT)
-    end(launched)
+    print(end(launched))  # which is shown where the test fails
     rospy.delete_param("/use_sim_time")
 
 
