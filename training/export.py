@@ -95,14 +95,11 @@ class Last(nn.Module):
 
     def _look(self, images: Tensor, boxes: Tensor) -> Look:
         middles, halves = parts_of(boxes)
-        raw, classes = (
-            self.second(cut(images, middles, halves), 2 * halves),
-            self.second.classes + 1,
-        )
-        kinds, rest = raw[:, :classes], raw[:, classes:]
-        found, points, spread = decode_parts(rest)
+        raw = self.second(cut(images, middles, halves), 2 * halves)
+        kinds = self.second.classes + 1
+        found, points, spread = decode_parts(raw[:, kinds:])
         return Look(
-            kinds.softmax(dim=1),
+            raw[:, :kinds].softmax(dim=1),
             middles.repeat(1, 2) + found * halves.repeat(1, 2),
             middles + points * halves,
             (torch.exp(spread) * halves) ** 2,
