@@ -29,6 +29,7 @@ def add_landmarks(commands: Any) -> None:
         " were found before), or a simulated robot: quadrotor or husky",
     )
     _add_what_is_asked(landmarks)
+    _add_source(landmarks)
     landmarks.add_argument(
         "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
     )
@@ -46,7 +47,7 @@ def add_landmarks(commands: Any) -> None:
 
 
 def _add_what_is_asked(parser: ArgumentParser) -> None:
-    """What is looked for, and in which part of the source."""
+    """What is looked for, and by what."""
     group = parser.add_argument_group("landmarks")
     group.add_argument(
         "--families",
@@ -80,6 +81,10 @@ def _add_what_is_asked(parser: ArgumentParser) -> None:
         metavar="FILE.yaml",
         help="the camera's calibration, in ROS's format; without one there are no poses",
     )
+
+
+def _add_source(parser: ArgumentParser) -> None:
+    """Which part of the source is looked at, and by which parameters."""
     source = parser.add_argument_group("source")
     source.add_argument(
         "--topic", default="", help="of a recording: the images, or the tags that were found before"
