@@ -57,18 +57,18 @@ class Navigator:
     """The robot in a map of landmarks.
 
     Attributes:
-        state: at the time of the last image, or of an odometry that none came after for long.
+        state, at_ns: at the last image, or at an odometry that none came after for long.
         chart: the landmarks.
         judged: what became of the sights of the last image.
         is_located: whether it is known where the robot is.
         trouble: why it is not, in words; empty while it is.
         counts: images by what became of them.
-        at_ns: the time of the state.
         has_news: an image was put in; whoever has told of it sets it back.
 
     Args:
-        known: landmarks of a map, by name; ``common`` (6, 6): the twist all are off by, beside.
+        known: the landmarks of a map, by name, each with its own error alone.
         start: T_map_odom where a map begins to be built.
+        common: (6, 6) covariance of the twist by which the whole map is off.
     """
 
     def __init__(
