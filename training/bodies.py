@@ -143,13 +143,15 @@ def build_thing(random: Random, material: str) -> str:
         half = min(0.6 * b, a)
         return geom("cylinder", (1.3 * a, half), (0, 0, half), look)  # a tank, wider than high
     if kind == 3:
-        return geom("cylinder", (0.5 * a, 0.7 * b), (0, 0, 0.5 * a), look, 'euler="90 0 0"')
+        thick = max(0.5 * a, 0.3 * b)  # a thin one would be a post that fell over
+        return geom("cylinder", (thick, 0.7 * b), (0, 0, thick), look, 'euler="90 0 0"')
     if kind == 4:
-        return geom("box", (0.1, 2.5 * a, b), (0, 0, b), look)  # a wall
+        return geom("box", (0.1, 2.5 * max(a, 0.5 * b), b), (0, 0, b), look)  # a wall
     if kind == 5:
         gray = _gray(random, 0.3, 0.7)
         return geom("ellipsoid", (0.8 * a, 0.6 * b, 0.5 * c), (0, 0, 0.2 * c), gray)
-    return geom("box", (a, b, c * 0.8), (0, 0, c * 0.8), look)
+    half = min(0.8 * c, 1.6 * min(a, b))
+    return geom("box", (a, b, half), (0, 0, half), look)
 
 
 def paint(random: Random) -> str:

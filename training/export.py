@@ -19,9 +19,9 @@ import numpy as np
 import onnx
 import torch
 from looks import LEAST_SCORE, MOST, OVERLAP
-from network import STRIDES, Network, decode
+from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
-from second import Second, cut, decode_parts, parts_of
+from second import Second, cut, decode_parts, parts_about
 from torch import Tensor, nn
 
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
@@ -34,16 +34,25 @@ _LARGE = 1000  # numbers from which on weights are stored as halves
 
 
 class First(nn.Module):
-    """A network with what comes after it: boxes (1, N, 4) and scores (1, 1, N) of all cells."""
+    """A network with what comes after it: boxes (1, N, 4) and scores (1, 1, N) of all cells.
+
+    It sees the image and the same at half its size, where large things are as it learned them.
+    """
 
     def __init__(self, network: Network) -> None:
         super().__init__()
         self.network = network
 
     def forward(self, images: Tensor) -> tuple[Tensor, Tensor]:
+        boxes, scores = self._cells(images)
+        large, surely = self._cells(halve(images))
+        boxes = torch.cat([boxes, enlarge(large)])
+        return boxes[None], torch.cat([scores, surely])[None, None]
+
+    def _cells(self, images: Tensor) -> tuple[Tensor, Tensor]:
         raw, classes = self.network(images)[0], self.network.classes
         boxes = decode(raw[:, classes:], *_grid(images))[0]
-        return boxes[None], raw[:, :classes].amax(dim=1).sigmoid()[None, None]
+        return boxes, raw[:, :classes].amax(dim=1).sigmoid()
 
 
 class Look(NamedTuple):
@@ -94,10 +103,10 @@ class Last(nn.Module):
         return tuple(each[None] for each in told)
 
     def _look(self, images: Tensor, boxes: Tensor) -> Look:
-        middles, halves = parts_of(boxes)
-        raw = self.second(cut(images, middles, halves), 2 * halves)
+        middles, halves, shares = parts_about(boxes)
+        raw = self.second(cut(images, middles, halves), halves, shares)
         kinds = self.second.classes + 1
-        found, points, spread = decode_parts(raw[:, kinds:])
+        found, points, spread = decode_parts(raw[:, kinds:], shares)
         return Look(
             raw[:, :kinds].softmax(dim=1),
             middles.repeat(1, 2) + found * halves.repeat(1, 2),
@@ -143,7 +152,7 @@ def write_onnx(
         about: more lines for its metadata.
     """
     image = torch.zeros(1, 3, 256, 320)
-    cells = sum((256 // stride) * (320 // stride) for stride in STRIDES)
+    cells = sum((256 // each) * (320 // each) for s in STRIDES for each in (s, 2 * s))
     free = {"images": {2: "height", 3: "width"}}
     first = _export(
         First(copy.deepcopy(network).eval()),
@@ -169,7 +178,7 @@ def write_onnx(
     lines = {"layout": "ros_visualise", "version": VERSION, "license": "BSD-3-Clause"}
     lines |= {
         "names": str(dict(enumerate(classes))),
-        "stride": "32",
+        "stride": str(2 * STRIDES[-1]),
         "imgsz": f"[{_SIDE}, {_SIDE}]",
     }
     helper.set_model_props(model, {**lines, **first_layer(model), **about})

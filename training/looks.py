@@ -12,17 +12,19 @@ import numpy.typing as npt
 import torch
 from dataset import Example, find_examples, read
 from loss import iou
-from network import Network, decode, make_grid
-from second import MARGIN, SIDE, cut, parts_of
+from network import Network, decode, enlarge, halve, make_grid
+from second import SIDE, cut, parts_about
 from torch import Tensor
 
-MOST, LEAST_SCORE, OVERLAP = 12, 0.1, 0.6
+MOST, LEAST_SCORE, OVERLAP = 24, 0.05, 0.6
 """Of one picture, the best so many are looked at, which do not overlap more than that."""
-WIDE, WIDE_SIDE = 1.2, 72
+WIDE, WIDE_SIDE = 1.2, 76
 """Parts are kept larger than they are looked at, so that they can be moved and scaled a little."""
 NONE, UNSURE = -1, -2
 """Labels of what is no landmark, and of what nobody could tell."""
-_RIGHT, _WRONG = 0.5, 0.4  # overlaps with a landmark from which, and up to which, it is one or none
+_RIGHT, _WRONG = 0.3, 0.2
+"""Overlaps with a landmark from which, and up to which, a box is one or none: what is right but
+badly placed is placed anew."""
 _LEAST_SHARE, _LEAST_PX = 0.4, 8.0
 _SHIFT = 0.1  # of a true box's sides, of the parts about landmarks that are there in any case
 _DOUBTFUL, _OF_DOUBTFUL = 0.2, 0.25  # of those with less score than that only so many are kept
@@ -42,12 +44,19 @@ class Looks(NamedTuple):
 
 def propose(network: Network, pictures: Tensor) -> list[tuple[Tensor, Tensor]]:
     """For each picture (B, 3, H, W) the boxes (n, 4) and scores (n,) that are looked at again."""
-    centres, strides = make_grid(pictures.shape[2], pictures.shape[3])
+    boxes, scores = _cells(network, pictures)
+    large, surely = _cells(network, halve(pictures))
+    boxes, scores = torch.cat([boxes, enlarge(large)], 1), torch.cat([scores, surely], 1)
+    return [_choose(some, sure) for some, sure in zip(boxes, scores, strict=True)]
+
+
+def _cells(network: Network, pictures: Tensor) -> tuple[Tensor, Tensor]:
+    """Boxes (B, cells, 4) and scores (B, cells)."""
+    grid = make_grid(pictures.shape[2], pictures.shape[3])
     with torch.no_grad():
         raw = network(pictures)
-    best = raw[..., : network.classes].amax(dim=2).sigmoid()
-    boxes = decode(raw[..., network.classes :], centres, strides)[0]
-    return [_choose(some, scores) for some, scores in zip(boxes, best, strict=True)]
+    boxes = decode(raw[..., network.classes :], *grid)[0]
+    return boxes, raw[..., : network.classes].amax(dim=2).sigmoid()
 
 
 def _choose(boxes: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
@@ -93,10 +102,10 @@ def _looks(
     kept |= torch.from_numpy(random.random(len(boxes)) < _OF_DOUBTFUL)
     kept = (labels >= 0) | ((labels == NONE) & kept)
     truth = rows[own][:, 1:7] if len(rows) else torch.zeros(len(boxes), 6)
-    middles, halves = parts_of(boxes[kept], MARGIN * WIDE)
-    parts = (cut(picture, middles, halves, WIDE_SIDE) * 255).round().byte().permute(0, 2, 3, 1)
+    middles, halves, _ = parts_about(boxes[kept])
+    pixels = (cut(picture, middles, halves * WIDE, WIDE_SIDE) * 255).round().byte()
     return Looks(
-        parts.numpy(),
+        pixels.permute(0, 2, 3, 1).numpy(),
         labels[kept].to(torch.int8).numpy(),
         boxes[kept].numpy(),
         truth[kept].float().numpy(),
@@ -116,7 +125,7 @@ def _labels(boxes: Tensor, rows: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
 
 def vary(
     looks: Looks, chosen: npt.NDArray[np.intp], turning: Sequence[int], random: np.random.Generator
-) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
     """Parts as they are looked at, moved, scaled, mirrored, turned, and in other colours.
 
     Args:
@@ -124,8 +133,8 @@ def vary(
         turning: classes of what lies flat, so that no side of it is up.
 
     Returns:
-        Parts (B, 3, SIDE, SIDE), their sizes (B, 2) in pixels, labels (B,), and boxes with points
-        (B, 6) from the parts' middles in half sides.
+        Their pixels (B, 3, SIDE, SIDE), half sides and shares as `Parts` has them, labels (B,),
+        and boxes with points (B, 6) from the parts' middles in half sides.
     """
     count, labels = len(chosen), looks.labels[chosen].astype(np.int64)
     flat = np.isin(labels, turning) | ((labels == NONE) & (random.random(count) < 0.6))
@@ -138,17 +147,18 @@ def vary(
     A = np.zeros((count, 2, 2))
     A[:, 0, 0], A[:, 1, 1] = (signs * scale).T
     A[swapped] = A[swapped][:, :, ::-1]
-    parts = _sample(looks.parts[chosen], A / WIDE, shift / WIDE)
-    middles, halves = (one.numpy() for one in parts_of(torch.from_numpy(looks.boxes[chosen])))
+    pixels = _sample(looks.parts[chosen], A / WIDE, shift / WIDE)
+    about = parts_about(torch.from_numpy(looks.boxes[chosen]))
+    middles, halves, shares = (one.numpy() for one in about)
     points = (looks.truth[chosen].reshape(count, 3, 2) - middles[:, None]) / halves[:, None]
     points = (points - shift[:, None]) @ np.linalg.inv(A).transpose(0, 2, 1)
     corners = np.sort(points[:, :2], axis=1).reshape(count, 4)
     wanted = np.hstack([corners, points[:, 2]]).astype(np.float32)
-    sizes = 2 * halves * scale
-    sizes[swapped] = sizes[swapped][:, ::-1]
+    sizes = np.stack([halves * scale, shares])
+    sizes[:, swapped] = sizes[:, swapped][..., ::-1]
     return (
-        _recoloured(parts, random),
-        torch.from_numpy(sizes.astype(np.float32)),
+        _recoloured(pixels, random),
+        *torch.from_numpy(sizes.astype(np.float32)),
         torch.from_numpy(labels),
         torch.from_numpy(wanted),
     )

@@ -47,7 +47,7 @@ class Network(nn.Module):
         super().__init__()
         self.classes, self.width = classes, width
         c, neck = width, 3 * width
-        self.stem = nn.Sequential(conv(3, c, 2), conv(c, 2 * c, 2))
+        self.stem = nn.Sequential(conv(3, c, 2), conv(c, 2 * c, 2), Residual(2 * c))
         self.stages = nn.ModuleList(
             [
                 nn.Sequential(conv(2 * c, 3 * c, 2), Residual(3 * c)),
@@ -122,3 +122,13 @@ def decode(raw: Tensor, centres: Tensor, strides: Tensor) -> tuple[Tensor, Tenso
     points = centres + raw[..., BOX : BOX + POINT] * strides
     spread = raw[..., BOX + POINT :].clamp(-7, 4) + strides.log()
     return boxes, points, spread
+
+
+def halve(pictures: Tensor) -> Tensor:
+    """Pictures (B, 3, H, W) at half their size."""
+    return nn.functional.avg_pool2d(pictures, 2)
+
+
+def enlarge(boxes: Tensor) -> Tensor:
+    """Boxes found in a picture of half the size, in pixels of the whole one."""
+    return boxes * 2 + 0.5

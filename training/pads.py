@@ -16,6 +16,7 @@ FRAMES = ("circle", "octagon", "square", "triangle", "rounded", "cross", "none")
 HELD_OUT_FRAMES = ("hexagon", "double_circle", "ellipse")
 LETTERS = ("plain", "round", "stencil", "wide")
 HELD_OUT_LETTERS = ("serif", "hollow")
+_LEGIBLE = 1.5  # standard deviations
 _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 
 
@@ -32,9 +33,19 @@ class Print(NamedTuple):
 def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
     """A helipad of a random style: frame, letter, colours, decorations, wear.
 
+    One whose letter nobody could tell from what is below it is drawn anew.
+
     Args:
         held_out: take the styles that are never trained on.
     """
+    while True:
+        pad, letter = _draw_some_pad(random, held_out)
+        if _stands_out(pad.picture, letter) > _LEGIBLE:
+            return pad
+
+
+def _draw_some_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Canvas]:
+    """A helipad, and where its letter is: 255 in (SIDE, SIDE)."""
     frame = str(random.choice(HELD_OUT_FRAMES if held_out else FRAMES))
     letter = str(random.choice(HELD_OUT_LETTERS if held_out else LETTERS))
     under = draw_surface(random, SIDE)
@@ -51,11 +62,21 @@ def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
     if frame == "triangle":
         reach *= 0.6
     second = random_colour(random, away_from=ground) if random.random() < 0.3 else ink
-    corners = _draw_letter(random, paint, letter, reach, second)
+    mask, corners = _draw_letter(random, letter, reach)
+    _stamp(paint, mask, second)
     if frame not in ("none", "cross"):
         _decorate(random, paint, radius, reach, ink)
     outline = corners if outline is None else outline
-    return Print(_wear(random, paint, under), outline)
+    return Print(_wear(random, paint, under), outline), mask
+
+
+def _stands_out(picture: Canvas, letter: Canvas) -> float:
+    """How far the letter's colour is from that around it, in standard deviations of both."""
+    x, y, w, h = cv2.boundingRect(letter)
+    part, inside = picture[y : y + h, x : x + w], letter[y : y + h, x : x + w] > 127
+    a, b = (part[each].astype(np.float64) for each in (inside, ~inside))
+    spread = np.sqrt((a.var(axis=0).sum() + b.var(axis=0).sum()) / 2)
+    return float(np.linalg.norm(a.mean(axis=0) - b.mean(axis=0)) / max(spread, 1.0))
 
 
 def _draw_frame(
@@ -115,9 +136,9 @@ def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDAr
 
 
 def _draw_letter(
-    random: np.random.Generator, canvas: Canvas, letter: str, reach: float, ink: tuple[int, ...]
-) -> npt.NDArray[np.float64]:
-    """Paint an H with half the height ``reach`` or less; its four corners."""
+    random: np.random.Generator, letter: str, reach: float
+) -> tuple[Canvas, npt.NDArray[np.float64]]:
+    """An H with half the height ``reach`` or less, 255 in (SIDE, SIDE), and its four corners."""
     up = reach * 0.85
     aside = up * (random.uniform(0.9, 1.15) if letter == "wide" else random.uniform(0.5, 0.85))
     stroke = min(up * random.uniform(0.14, 0.34), 0.42 * aside)
@@ -131,7 +152,7 @@ def _draw_letter(
             for y in (-up, up - 0.5 * stroke):
                 bars.append(((x - 0.5 * stroke, y), (x + 2.1 * stroke, y + 0.5 * stroke)))
         aside += 0.5 * stroke
-    mask = np.zeros(canvas.shape[:2], np.uint8)
+    mask = np.zeros((SIDE, SIDE), np.uint8)
     for (x0, y0), (x1, y1) in bars:
         _fill(mask, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), (255,))
     if letter == "round":
@@ -145,8 +166,7 @@ def _draw_letter(
         for x in (-aside + 1.6 * stroke, aside - 1.6 * stroke):
             at = round((1 + x) * SIDE / 2)
             mask[:, at - gap // 2 : at + gap // 2 + 1] = 0
-    _stamp(canvas, mask, ink)
-    return np.array([[-aside, -up], [aside, -up], [aside, up], [-aside, up]])
+    return mask, np.array([[-aside, -up], [aside, -up], [aside, up], [-aside, up]])
 
 
 def _decorate(

@@ -9,6 +9,7 @@ classes, and for each file a list of [class, x0, y0, x1, y1, point u, point v, s
 from __future__ import annotations
 
 import argparse
+import copy
 import json
 import sys
 from collections.abc import Iterator, Sequence
@@ -19,16 +20,13 @@ import numpy as np
 import numpy.typing as npt
 from degrade import degrade
 from grounds import Canvas
-from shots import Seen, take_shot
-from worlds import CLASSES, build_world
+from shots import Seen, hide_landmarks, take_shot
+from visibility import judge
+from worlds import build_world
 
 SIZE = 320, 320
 PER_WORLD = 160
 _QUALITY = 40, 96  # of JPEG
-_LEAST_CONTRAST = 8.0
-_RIM, _LETTER = 0.15, -0.2  # of the sides: around what stands out, and to where a pad's letter is
-_FLATTEST = 6.0
-_NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
 
 
 def render_world(
@@ -55,7 +53,14 @@ def render_world(
             half = size[1] / 2 / view.focal
             world.model.cam_fovy[0] = 2 * np.degrees(np.arctan(half))
             picture = renderer.render(world.data, view.position_xyz, view.R_map_camera)
-            yield degrade(random, picture), seen, world.classes
+            again = copy.deepcopy(random)
+            picture = degrade(random, picture)
+            bare = picture
+            if seen:
+                hide_landmarks(world)
+                bare = renderer.render(world.data, view.position_xyz, view.R_map_camera)
+                bare = degrade(again, bare)
+            yield picture, [judge(one, picture, bare) for one in seen], world.classes
     finally:
         renderer.close()
 
@@ -77,43 +82,15 @@ def write_world(
         classes, file = names, f"{len(labels):04d}.jpg"
         setting = [cv2.IMWRITE_JPEG_QUALITY, int(random.integers(*_QUALITY))]
         cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
-        labels[file] = [row(one, picture) for one in seen]
+        labels[file] = [row(one) for one in seen]
     written = json.dumps({"classes": classes, "pictures": labels})
     (folder / "labels.json").write_text(written)
 
 
-def row(seen: Seen, picture: Canvas) -> list[float]:
-    """One line of ``labels.json``; nothing is seen of what nobody could tell."""
-    hidden = is_flat(seen) or is_narrow(seen) or contrast(seen, picture) <= _LEAST_CONTRAST
-    share = 0.0 if hidden else seen.share
-    numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [share]])
+def row(seen: Seen) -> list[float]:
+    """One line of ``labels.json``."""
+    numbers: npt.NDArray[np.float64] = np.concatenate([seen.box, seen.point, [seen.share]])
     return [seen.kind, *(round(float(each), 3) for each in numbers)]
-
-
-def is_flat(seen: Seen) -> bool:
-    """Whether what is drawn on a plane is seen almost from the side."""
-    sides = np.sort(seen.box[2:] - seen.box[:2])
-    drawn = seen.kind in (CLASSES.index("helipad"), CLASSES.index("tag"))
-    return bool(drawn and sides[1] > _FLATTEST * sides[0])
-
-
-def is_narrow(seen: Seen) -> bool:
-    """Whether nobody could tell a pad's letter from others, and so a pad from a sign."""
-    is_pad = seen.kind == CLASSES.index("helipad")
-    return bool(is_pad and (seen.box[2:] - seen.box[:2]).min() < _NARROWEST_PAD)
-
-
-def contrast(seen: Seen, picture: Canvas) -> float:
-    """Standard deviation of the gray levels, smoothed, in and around a landmark's box.
-
-    Of a pad it is that of the box's middle, where the letter is.
-    """
-    share = _LETTER if seen.kind == CLASSES.index("helipad") else _RIM
-    rim = share * (seen.box[2:] - seen.box[:2]) + 1
-    low = np.maximum(np.floor(seen.box[:2] - rim), 0).astype(int)
-    high = np.ceil(seen.box[2:] + rim).astype(int) + 1
-    part = cv2.cvtColor(picture[low[1] : high[1], low[0] : high[0]], cv2.COLOR_RGB2GRAY)
-    return float(cv2.blur(part, (3, 3)).std())
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,16 +8,31 @@ R-CNN, 2018. Boxes, points and their variances are told anew, in half sides of t
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
 from network import BOX, POINT, SPREAD, Residual, conv
 from torch import Tensor, nn
 
 SIDE = 64
 """Pixels along the part that is looked at."""
-MARGIN = 1.3
+MARGIN = 1.4
 """By how much the part is larger than the box."""
-_LEAST_PX = 4.0  # of a part's box
+_NARROWEST = 0.5
+"""A part's shorter side by its longer one: beside a thin post there is something to see, too."""
+_LEAST_PX = 4.0  # of a box
 _LEAST_SPREAD, _MOST_SPREAD = -6.0, 3.0
+
+
+class Parts(NamedTuple):
+    """Parts of a picture about N boxes."""
+
+    middles: Tensor
+    """(N, 2) of the boxes and the parts, pixels."""
+    halves: Tensor
+    """(N, 2) half sides of the parts, pixels."""
+    shares: Tensor
+    """(N, 2) sides of the boxes by those of the parts."""
 
 
 class Second(nn.Module):
@@ -44,39 +59,42 @@ class Second(nn.Module):
             nn.Linear(5 * c * (SIDE // 16) ** 2, hidden),
             nn.ReLU(),
         )
-        self.head = nn.Linear(hidden + 2, classes + 1 + BOX + POINT + SPREAD)
+        self.head = nn.Linear(hidden + 4, classes + 1 + BOX + POINT + SPREAD)
         nn.init.normal_(self.head.weight, std=0.01)
         nn.init.zeros_(self.head.bias)
 
-    def forward(self, parts: Tensor, sizes: Tensor) -> Tensor:
+    def forward(self, pixels: Tensor, halves: Tensor, shares: Tensor) -> Tensor:
         """Raw numbers of each part.
 
         Args:
-            parts: (N, 3, SIDE, SIDE) RGB in 0 to 1.
-            sizes: (N, 2) of the parts in the picture, pixels.
+            pixels: (N, 3, SIDE, SIDE) RGB in 0 to 1.
+            halves, shares: as in `Parts`.
 
         Returns:
             (N, classes + 9): logits of the classes and of none, then what `decode_parts` takes.
         """
-        scale = (sizes.log2() - 5) / 2
-        return self.head(torch.cat([self.body(parts - 0.5), scale], dim=1))
+        scale = (halves.log2() - 4) / 2
+        return self.head(torch.cat([self.body(pixels - 0.5), scale, shares.log2()], dim=1))
 
 
-def decode_parts(raw: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def decode_parts(raw: Tensor, shares: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     """Boxes (N, 4), points (N, 2) and log deviations (N, 2), from the middles, in half sides.
 
     Args:
         raw: (N, 8), without the classes.
+        shares: as in `Parts`.
     """
-    usual = torch.tensor([-1.0, -1.0, 1.0, 1.0]) / MARGIN
+    usual = torch.cat([-shares, shares], dim=1)
     points, spread = raw[:, BOX : BOX + POINT], raw[:, BOX + POINT :]
     return raw[:, :BOX] + usual, points, spread.clamp(_LEAST_SPREAD, _MOST_SPREAD)
 
 
-def parts_of(boxes: Tensor, margin: float = MARGIN) -> tuple[Tensor, Tensor]:
-    """Middles and half sides (N, 2) of the parts about boxes x0 y0 x1 y1, pixels."""
+def parts_about(boxes: Tensor) -> Parts:
+    """The parts about boxes (N, 4) x0 y0 x1 y1, pixels."""
     low, high = boxes[:, :2], boxes[:, 2:]
-    return (low + high) / 2, ((high - low) / 2).clamp(min=_LEAST_PX / 2) * margin
+    own = ((high - low) / 2).clamp(min=_LEAST_PX / 2)
+    halves = torch.maximum(MARGIN * own, MARGIN * _NARROWEST * own.flip(1))
+    return Parts((low + high) / 2, halves, own / halves)
 
 
 def cut(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:

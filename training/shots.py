@@ -67,6 +67,14 @@ def take_shot(
     return view, seen
 
 
+def hide_landmarks(world: World) -> None:
+    """Leave away all that is a landmark."""
+    model = world.model
+    for thing in world.things:
+        if thing.kind != OTHER:
+            model.geom_group[model.body_rootid[model.geom_bodyid] == thing.body] = _HIDDEN_GROUP
+
+
 def see(world: World, view: View, thing: Thing, random: np.random.Generator) -> Seen | None:
     """A thing as it is seen from a view; None where nothing of it can be."""
     data = world.data

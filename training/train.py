@@ -105,7 +105,7 @@ class Trainer:
 _PARTS = "network", "average", "optimizer"
 
 
-def start_rendering(out: Path, asked: argparse.Namespace) -> subprocess.Popen[bytes] | None:
+def start_rendering(out: Path, asked: argparse.Namespace) -> subprocess.Popen[bytes]:
     """Render worlds in a process of its own, if there are not enough of them yet."""
     command = [sys.executable, str(Path(__file__).with_name("pictures.py")), str(out / "pictures")]
     command += ["--worlds", str(asked.worlds), "--seed", str(asked.seed)]

@@ -41,10 +41,10 @@ def train_second(looks: Looks, classes: int, width: int, minutes: float, seed: i
         rate = _RATE * min(1.0, (step + 1) / _WARM)
         optimizer.param_groups[0]["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
         chosen = np.concatenate([random.choice(group, count) for group, count in groups])
-        parts, sizes, labels, wanted = vary(looks, chosen, _FLAT, random)
+        pixels, halves, shares, labels, wanted = vary(looks, chosen, _FLAT, random)
         with torch.autocast("cpu", dtype=torch.bfloat16):
-            raw = network(parts, sizes)
-        losses = second_loss(raw.float(), labels, wanted)
+            raw = network(pixels, halves, shares)
+        losses = second_loss(raw.float(), shares, labels, wanted)
         optimizer.zero_grad()
         sum(weight * loss for weight, loss in zip(_WEIGHTS, losses, strict=True)).backward()
         optimizer.step()
@@ -58,13 +58,15 @@ def train_second(looks: Looks, classes: int, width: int, minutes: float, seed: i
     return average
 
 
-def second_loss(raw: Tensor, labels: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def second_loss(
+    raw: Tensor, shares: Tensor, labels: Tensor, wanted: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
     """The losses of classes, boxes and points; arguments as `Second` and `looks.vary` give them."""
     classes = raw.shape[1] - 9
     kinds = torch.where(labels == NONE, torch.full_like(labels, classes), labels)
     of_class = functional.cross_entropy(raw[:, : classes + 1], kinds, label_smoothing=0.02)
     there = labels != NONE
-    boxes, points, spread = decode_parts(raw[there, classes + 1 :])
+    boxes, points, spread = decode_parts(raw[there, classes + 1 :], shares[there])
     of_box = functional.smooth_l1_loss(boxes, wanted[there, :4].clamp(-1.6, 1.6), beta=0.05)
     gap = wanted[there, 4:] - points
     near = (wanted[there, 4:].abs() < _FAR).all(dim=1, keepdim=True)

@@ -1,0 +1,80 @@
+"""What counts as seen in the pictures that the network learns from and is measured on."""
+
+import cv2
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco")
+
+from shots import Seen
+from visibility import difference, judge
+from worlds import CLASSES
+
+_SIDE = 160
+
+
+def seen(name, box, point=None):
+    box = np.array(box, float)
+    middle = (box[:2] + box[2:]) / 2
+    return Seen(CLASSES.index(name), box, middle if point is None else np.array(point), 1.0)
+
+
+@pytest.fixture
+def bare():
+    return np.full((_SIDE, _SIDE, 3), 100, np.uint8)
+
+
+def painted(bare, box, level):
+    picture = bare.copy()
+    x0, y0, x1, y1 = box
+    picture[y0 : y1 + 1, x0 : x1 + 1] = level
+    return picture
+
+
+def lettered(bare, box):
+    """A white square with a dark H."""
+    picture = painted(bare, box, 230)
+    x0, y0, x1, _ = box
+    side = x1 - x0
+    origin = (x0 + side // 4, y0 + 3 * side // 4)
+    scale, thick = side / 44, max(1, side // 8)
+    cv2.putText(picture, "H", origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (20, 20, 20), thick)
+    return picture
+
+
+@pytest.mark.parametrize(("level", "share"), [(105, 0.0), (140, 1.0)])
+def test_a_post_counts_where_it_changes_the_picture(bare, level, share):
+    box = 60, 40, 70, 90
+    assert judge(seen("post", box), painted(bare, box, level), bare).share == share
+
+
+def test_texture_around_it_makes_nothing_visible(bare):
+    bare = np.random.default_rng(1).integers(0, 255, bare.shape, np.uint8)
+    assert judge(seen("post", (60, 40, 70, 90)), bare.copy(), bare).share == 0
+
+
+def test_a_difference_in_colour_alone_counts(bare):
+    box = 60, 40, 100, 90
+    assert difference(np.array(box, float), painted(bare, box, (140, 80, 100)), bare) > 20
+
+
+@pytest.mark.parametrize("name", ["helipad", "tag"])
+def test_a_print_counts_where_its_pattern_can_be_seen(bare, name):
+    box = 40, 40, 100, 100
+    assert judge(seen(name, box), lettered(bare, box), bare).share == 1
+    assert judge(seen(name, box), painted(bare, box, 230), bare).share == 0
+
+
+def test_a_pad_needs_its_letter(bare):
+    small, large = (40, 40, 56, 56), (40, 40, 100, 100)
+    assert judge(seen("helipad", small), lettered(bare, small), bare).share == 0
+    beyond = seen("helipad", large, point=(-3.0, 70.0))
+    assert judge(beyond, lettered(bare, large), bare).share == 0
+
+
+def test_prints_from_the_side_do_not_count(bare):
+    box = 20, 60, 140, 75
+    picture = painted(bare, box, 230)
+    picture[60:76, 50:110:10] = 20
+    assert judge(seen("tag", box), picture, bare).share == 0
+    assert judge(seen("vehicle", box), picture, bare).share == 1

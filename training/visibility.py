@@ -1,0 +1,71 @@
+"""What nobody could see of a landmark counts as not seen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from grounds import Canvas
+from outlines import Array
+from shots import Seen
+from worlds import CLASSES
+
+_LEAST_DIFFERENCE, _LEAST_CONTRAST = 12.0, 8.0  # gray levels
+_MIDDLE = 0.2  # of the sides are left out at each side: what is left is a pad's letter
+_FLATTEST = 6.0
+_NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
+_PAD, _TAG = CLASSES.index("helipad"), CLASSES.index("tag")
+
+
+def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
+    """The landmark, with no share of it seen where nobody could tell it.
+
+    Args:
+        picture: RGB, as the camera gives it.
+        bare: the same without any landmark; blur, light, colours and noise are the same.
+    """
+    hidden = difference(seen.box, picture, bare) < _LEAST_DIFFERENCE
+    if seen.kind in (_PAD, _TAG):
+        hidden = hidden or _is_flat(seen.box) or contrast(seen.box, picture) < _LEAST_CONTRAST
+    if seen.kind == _PAD:
+        hidden = hidden or _is_letterless(seen, picture)
+    return replace(seen, share=0.0) if hidden else seen
+
+
+def difference(box: Array, picture: Canvas, bare: Canvas) -> float:
+    """How much a landmark changes the picture: root mean square over its box, gray levels."""
+    a, b = (_smooth(_part(box, each)) for each in (picture, bare))
+    return float(np.sqrt(np.mean((a - b) ** 2)))
+
+
+def contrast(box: Array, picture: Canvas) -> float:
+    """Standard deviation of the gray levels in the middle of a box, where the pattern is."""
+    rim = _MIDDLE * (box[2:] - box[:2])
+    part = _part(box + np.concatenate([rim, -rim]), picture)
+    return float(_smooth(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)).std())
+
+
+def _is_letterless(seen: Seen, picture: Canvas) -> bool:
+    """Whether a pad's letter is too small, or cut off with its middle at the picture's edge."""
+    narrow = (seen.box[2:] - seen.box[:2]).min() < _NARROWEST_PAD
+    last = np.array(picture.shape[1::-1]) - 1
+    return bool(narrow or (seen.point < 0).any() or (seen.point > last).any())
+
+
+def _part(box: Array, picture: Canvas) -> Canvas:
+    """The pixels of a box."""
+    low = np.maximum(np.floor(box[:2]), 0).astype(int)
+    high = np.ceil(box[2:]).astype(int) + 1
+    return picture[low[1] : high[1], low[0] : high[0]]
+
+
+def _smooth(part: Canvas) -> Array:
+    """Without the grain of single pixels."""
+    return np.asarray(cv2.blur(part.astype(np.float32), (3, 3)), np.float64)
+
+
+def _is_flat(box: Array) -> bool:
+    """Whether what is drawn on a plane is seen almost from the side."""
+    sides = np.sort(box[2:] - box[:2])
+    return bool(sides[1] > _FLATTEST * sides[0])
