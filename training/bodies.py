@@ -127,7 +127,9 @@ def _lamps(random: Random, long: float, wide: float, z: float) -> list[str]:
 
 
 def build_thing(random: Random, material: str) -> str:
-    """A tree, bush, rock, tank, bale, shed, wall or crate; sometimes with a material's picture."""
+    """A person, tree, bush, rock, tank, bale, wall or crate, some with a material's picture."""
+    if random.random() < 0.3:
+        return _build_person(random)
     kind = int(random.integers(7))
     look = material if random.random() < 0.35 else paint(random)
     a, b, c = random.uniform(0.3, 1.8, 3)
@@ -152,6 +154,45 @@ def build_thing(random: Random, material: str) -> str:
         return geom("ellipsoid", (0.8 * a, 0.6 * b, 0.5 * c), (0, 0, 0.2 * c), gray)
     half = min(0.8 * c, 1.6 * min(a, b))
     return geom("box", (a, b, half), (0, 0, half), look)
+
+
+def _build_person(random: Random) -> str:
+    """Somebody who stands or walks, with legs, arms and a head, sometimes with a bag."""
+    tall = random.uniform(1.2, 1.95)
+    hip, neck = 0.48 * tall, 0.82 * tall
+    wide = tall * random.uniform(0.1, 0.14)
+    skin, hair = paint(random), _gray(random, 0.02, 0.4)
+    coat, trousers = paint(random), paint(random)
+    stride = random.uniform(0, 25) if random.random() < 0.7 else 0.0
+    parts = []
+    for side in (-1, 1):
+        turn = side * stride
+        reach = hip / 2 * math.sin(math.radians(turn))
+        leg = (0.035 * tall, hip / 2 - 0.035 * tall)
+        parts.append(
+            geom(
+                "capsule",
+                leg,
+                (-reach, side * wide / 2, hip / 2),
+                trousers,
+                f'euler="0 {turn:.0f} 0"',
+            )
+        )
+        arm, middle = (0.026 * tall, 0.17 * tall), (hip + neck) / 2
+        turn = -side * stride + random.normal(0, 8)
+        parts.append(
+            geom("capsule", arm, (0, side * 1.15 * wide, middle), coat, f'euler="0 {turn:.0f} 0"')
+        )
+    trunk = (0.6 * wide, wide, (neck - hip) / 2 + 0.02)
+    parts.append(
+        geom("ellipsoid" if random.random() < 0.5 else "box", trunk, (0, 0, (hip + neck) / 2), coat)
+    )
+    parts.append(geom("sphere", (0.065 * tall,), (0, 0, neck + 0.08 * tall), skin))
+    parts.append(geom("sphere", (0.066 * tall,), (-0.01, 0, neck + 0.095 * tall), hair))
+    if random.random() < 0.3:
+        bag = (0.08 * tall, 0.08 * tall, 0.1 * tall)
+        parts.append(geom("box", bag, (-wide, 0, neck - 0.12 * tall), paint(random)))
+    return "".join(parts)
 
 
 def paint(random: Random) -> str:

@@ -23,11 +23,13 @@ _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 class Print(NamedTuple):
     """A flat drawing: RGB, (SIDE, SIDE, 3), and the outline of what is meant on it.
 
-    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up.
+    ``outline_xy`` is (N, 2), convex, in half sides of the drawing, x right and y up. ``framed``
+    is what has an edge of its own, so that what it is printed on may go on beyond it.
     """
 
     picture: Canvas
     outline_xy: npt.NDArray[np.float64]
+    framed: bool = False
 
 
 def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
@@ -67,7 +69,7 @@ def _draw_some_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, 
     if frame not in ("none", "cross"):
         _decorate(random, paint, radius, reach, ink)
     outline = corners if outline is None else outline
-    return Print(_wear(random, paint, under), outline), mask
+    return Print(_wear(random, paint, under), outline, frame not in ("none", "cross")), mask
 
 
 def _stands_out(picture: Canvas, letter: Canvas) -> float:

@@ -22,9 +22,9 @@ CLASSES = ("helipad", "tag", "post", "vehicle")
 OTHER = -1
 """The class of what is no landmark."""
 _GROUNDS = 10
-_COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 12}
+_COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 16}
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
-_CUT = 0.6  # of the signs
+_CUT = 0.6  # of the signs, and of the pads with a frame
 _PIXELS = (
     '<visual><headlight active="0"/><map znear="0.01" zfar="50"/>'
     '<quality shadowsize="1024" offsamples="4" numslices="20" numstacks="12"/></visual>'
@@ -173,14 +173,15 @@ class _Writer:
     def _add_print(self, name: str, drawn: Print, size: float, number: int) -> None:
         """A plate with a drawing; a tag's is a board with an edge, and stands as it likes.
 
-        Pads and most signs are cut out along the outline, as if painted on the ground: where a
-        plate ends elsewhere, nobody could tell which of the two edges is the pad's.
+        Most pads and signs are cut out along the outline, as if painted on the ground. A pad
+        without a frame always is: nobody could tell the plate's edge from the pad's.
         """
         self._add_material(name, drawn.picture)
         half, board = size / 2, number == CLASSES.index("tag")
         geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE if board else _PLATE), name)
         is_pad = number == CLASSES.index("helipad")
-        if is_pad or (not board and self.random.random() < _CUT):
+        whole = self.random.random() >= _CUT and (drawn.framed or not is_pad)
+        if not board and not whole:
             rim = self.random.uniform(1.0, 1.06) * drawn.outline_xy
             self._definitions.append(_flat_mesh(name, np.clip(rim, -1, 1), half))
             geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
