@@ -28,7 +28,7 @@ OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 VERSION = "2"
 _SIDE = 640
 _OPSET = 16  # has GridSample
-_LIKELY = 0.05  # probability of a class from which on a box is looked at once more
+_LIKELY = 0.1  # probability of a class from which on a box is looked at once more
 _WITHIN = 0.8  # of a box in another one: it shows a part of the same thing
 _LARGE = 1000  # numbers from which on weights are stored as halves
 

@@ -16,7 +16,7 @@ from network import Network, decode, enlarge, halve, make_grid
 from second import SIDE, cut, parts_about
 from torch import Tensor
 
-MOST, LEAST_SCORE, OVERLAP = 24, 0.05, 0.6
+MOST, LEAST_SCORE, OVERLAP = 12, 0.1, 0.6
 """Of one picture, the best so many are looked at, which do not overlap more than that."""
 WIDE, WIDE_SIDE = 1.2, 76
 """Parts are kept larger than they are looked at, so that they can be moved and scaled a little."""

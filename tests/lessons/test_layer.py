@@ -25,7 +25,7 @@ def layer() -> ours.Layer:
 
 @pytest.fixture(scope="module")
 def random_bgr() -> np.ndarray:
-    return np.random.default_rng(4).integers(0, 256, (64, 96, 3), np.uint8)
+    return np.random.default_rng(4).integers(0, 256, (64, 128, 3), np.uint8)
 
 
 def test_activations_are_those_of_the_network_itself(layer, random_bgr):

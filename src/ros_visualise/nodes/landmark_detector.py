@@ -82,7 +82,7 @@ class LandmarkParams:
         Provider.CPU, "what the network runs on; cuda needs onnxruntime-gpu", restart=True
     )
     threads: int = param(
-        1,
+        2,
         "threads that work on one image; more are faster, and leave less for other nodes",
         min=1,
         max=64,
