@@ -184,7 +184,7 @@ def main() -> int:
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
     parser.add_argument("--width", type=int, default=16, help="channels (default: %(default)s)")
-    parser.add_argument("--second-width", type=int, default=16, help="default: %(default)s")
+    parser.add_argument("--second-width", type=int, default=24, help="default: %(default)s")
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
     add_arguments(parser)
     asked = parser.parse_args()
