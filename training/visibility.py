@@ -12,7 +12,7 @@ from shots import Seen
 from worlds import CLASSES
 
 _LEAST_DIFFERENCE, _LEAST_CONTRAST = 12.0, 8.0  # gray levels
-_MIDDLE = 0.2  # of the sides are left out at each side: what is left is a pad's letter
+_MIDDLE = 0.2  # of the sides, left out at each side: what is left is the letter or the cells
 _FLATTEST = 6.0
 _NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
 _PAD, _TAG = CLASSES.index("helipad"), CLASSES.index("tag")
