@@ -21,11 +21,11 @@ import torch
 from looks import LEAST_SCORE, MOST, OVERLAP
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
-from second import Second, cut, decode_parts, parts_about
+from second import Second, cut_both, decode_parts, parts_about
 from torch import Tensor, nn
 
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
-VERSION = "2"
+LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
 _OPSET = 16  # has GridSample
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more
@@ -69,7 +69,7 @@ class Look(NamedTuple):
 
 
 class Last(nn.Module):
-    """The second look at the chosen boxes, and once more at those in which it finds something.
+    """The second look at the chosen boxes, and once more, mirrored, where it finds something.
 
     Args:
         widen: factor for the variances of the points, as `evaluate.py` measures it.
@@ -95,22 +95,24 @@ class Last(nn.Module):
         cells = chosen[:, 2]
         look = self._look(images, boxes[0, cells])
         likely = torch.nonzero(look.kinds[:, :-1].amax(dim=1) > _LIKELY)[:, 0]
-        again = self._look(images, look.boxes[likely])
+        again = self._look(images, look.boxes[likely], mirrored=True)
         sure, kinds = ((look.kinds[likely] + again.kinds) / 2)[:, :-1].max(dim=1)
         sure = sure * scores[0, 0, cells[likely]].sqrt()
         sure = sure * ~_are_parts(again.boxes, sure, kinds)
         told = (again.boxes + 0.5, sure, kinds, again.points + 0.5, self.widen * again.variances)
         return tuple(each[None] for each in told)
 
-    def _look(self, images: Tensor, boxes: Tensor) -> Look:
+    def _look(self, images: Tensor, boxes: Tensor, mirrored: bool = False) -> Look:
         middles, halves, shares = parts_about(boxes)
-        raw = self.second(cut(images, middles, halves), halves, shares)
+        reach = halves * torch.tensor([-1.0, 1.0]) if mirrored else halves
+        raw = self.second(cut_both(images, middles, reach), halves, shares)
         kinds = self.second.classes + 1
         found, points, spread = decode_parts(raw[:, kinds:], shares)
+        corners = middles.repeat(1, 2) + found * reach.repeat(1, 2)
         return Look(
             raw[:, :kinds].softmax(dim=1),
-            middles.repeat(1, 2) + found * halves.repeat(1, 2),
-            middles + points * halves,
+            corners[:, [2, 1, 0, 3]] if mirrored else corners,
+            middles + points * reach,
             (torch.exp(spread) * halves) ** 2,
         )
 
@@ -175,7 +177,7 @@ def write_onnx(
         },
     )
     model = _joined(first, last)
-    lines = {"layout": "ros_visualise", "version": VERSION, "license": "BSD-3-Clause"}
+    lines = {"layout": LAYOUT, "version": VERSION, "license": "BSD-3-Clause"}
     lines |= {
         "names": str(dict(enumerate(classes))),
         "stride": str(2 * STRIDES[-1]),

@@ -13,7 +13,7 @@ import torch
 from dataset import Example, find_examples, read
 from loss import iou
 from network import Network, decode, enlarge, halve, make_grid
-from second import SIDE, cut, parts_about
+from second import CHANNELS, SIDE, cut_both, parts_about
 from torch import Tensor
 
 MOST, LEAST_SCORE, OVERLAP = 12, 0.1, 0.6
@@ -31,7 +31,7 @@ _DOUBTFUL, _OF_DOUBTFUL = 0.2, 0.25  # of those with less score than that only s
 
 
 class Looks(NamedTuple):
-    """Parts (N, WIDE_SIDE, WIDE_SIDE, 3) RGB, their labels (N,), boxes (N, 4) and what is true.
+    """Parts (N, WIDE_SIDE, WIDE_SIDE, CHANNELS), labels (N,), boxes (N, 4) and what is true.
 
     ``truth`` (N, 6) is a box and a ground point, in pixels of the picture.
     """
@@ -103,7 +103,7 @@ def _looks(
     kept = (labels >= 0) | ((labels == NONE) & kept)
     truth = rows[own][:, 1:7] if len(rows) else torch.zeros(len(boxes), 6)
     middles, halves, _ = parts_about(boxes[kept])
-    pixels = (cut(picture, middles, halves * WIDE, WIDE_SIDE) * 255).round().byte()
+    pixels = (cut_both(picture, middles, halves * WIDE, WIDE_SIDE) * 255).round().byte()
     return Looks(
         pixels.permute(0, 2, 3, 1).numpy(),
         labels[kept].to(torch.int8).numpy(),
@@ -133,8 +133,8 @@ def vary(
         turning: classes of what lies flat, so that no side of it is up.
 
     Returns:
-        Their pixels (B, 3, SIDE, SIDE), half sides and shares as `Parts` has them, labels (B,),
-        and boxes with points (B, 6) from the parts' middles in half sides.
+        Their pixels (B, CHANNELS, SIDE, SIDE), half sides and shares as `Parts` has them, labels
+        (B,), and boxes with points (B, 6) from the parts' middles in half sides.
     """
     count, labels = len(chosen), looks.labels[chosen].astype(np.int64)
     flat = np.isin(labels, turning) | ((labels == NONE) & (random.random(count) < 0.6))
@@ -168,7 +168,7 @@ def _sample(
     parts: npt.NDArray[np.uint8], A: npt.NDArray[np.float64], shift: npt.NDArray[np.float64]
 ) -> Tensor:
     theta = np.concatenate([A, shift[:, :, None]], axis=2).astype(np.float32)
-    size = [len(parts), 3, SIDE, SIDE]
+    size = [len(parts), CHANNELS, SIDE, SIDE]
     grid = torch.nn.functional.affine_grid(torch.from_numpy(theta), size, align_corners=False)
     stack = torch.from_numpy(parts).permute(0, 3, 1, 2).float() / 255
     return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)
@@ -178,7 +178,8 @@ def _recoloured(parts: Tensor, random: np.random.Generator) -> Tensor:
     """Some with exchanged colours, more or less contrast and light, a few inverted."""
     count = len(parts)
     for number in np.flatnonzero(random.random(count) < 0.25):
-        parts[number] = parts[number][torch.from_numpy(random.permutation(3))]
+        order = random.permutation(3)
+        parts[number] = parts[number][np.concatenate([order, order + 3])]
     some = random.random((2, count)) < 0.6
     gain = np.where(some[0], random.uniform(0.65, 1.35, count), 1.0)
     gain = np.where(random.random(count) < 0.05, -gain, gain)

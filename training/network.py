@@ -47,7 +47,7 @@ class Network(nn.Module):
         super().__init__()
         self.classes, self.width = classes, width
         c, neck = width, 3 * width
-        self.stem = nn.Sequential(conv(3, c, 2), conv(c, 2 * c, 2), Residual(2 * c))
+        self.stem = nn.Sequential(conv(3, c, 2), conv(c, 2 * c, 2))
         self.stages = nn.ModuleList(
             [
                 nn.Sequential(conv(2 * c, 3 * c, 2), Residual(3 * c)),
@@ -86,6 +86,15 @@ class Network(nn.Module):
             levels[low] = levels[low] + wider
         heads = zip(self.heads, self.towers, levels, strict=True)
         return torch.cat([head(tower(x)).flatten(2) for head, tower, x in heads], 2).transpose(1, 2)
+
+
+def make_optimizer(network: nn.Module, decay: float) -> torch.optim.Optimizer:
+    """AdamW, whose decay spares gains and biases: a branch whose gain fades never comes back."""
+    weights = [each for each in network.parameters() if each.ndim > 1]
+    rest = [each for each in network.parameters() if each.ndim == 1]
+    return torch.optim.AdamW(
+        [{"params": weights}, {"params": rest, "weight_decay": 0.0}], weight_decay=decay
+    )
 
 
 def follow(average: nn.Module, network: nn.Module, steps: int) -> None:

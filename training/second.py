@@ -1,7 +1,8 @@
 """The second look: each thing that the network may have found, cut out and looked at by itself.
 
 Cells that see a whole picture at once learn slowly what tells a pad from a sign with a letter.
-A part of the picture that is as large as the thing, whatever its size, shows it at once.
+A part of the picture that is as large as the thing, whatever its size, shows it at once. With it
+goes a wider one, which shows what is about it: a body above legs, a line that goes on.
 Source of the idea: Girshick et al., Rich Feature Hierarchies, 2014; Cai and Vasconcelos, Cascade
 R-CNN, 2018. Boxes, points and their variances are told anew, in half sides of the part.
 """
@@ -11,13 +12,16 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import torch
-from network import BOX, POINT, SPREAD, Residual, conv
+from network import BOX, POINT, SPREAD, Residual, conv, halve
 from torch import Tensor, nn
 
 SIDE = 64
 """Pixels along the part that is looked at."""
 MARGIN = 1.4
 """By how much the part is larger than the box."""
+CHANNELS = 6
+"""Of what is looked at: the part, RGB, then the wider one."""
+_WIDER = 2.0
 _NARROWEST = 0.5
 """A part's shorter side by its longer one: beside a thin post there is something to see, too."""
 _LEAST_PX = 4.0  # of a box
@@ -47,11 +51,12 @@ class Second(nn.Module):
         super().__init__()
         self.classes, self.width = classes, width
         c, hidden = width, 96
-        self.body = nn.Sequential(
-            conv(3, c, 2),
-            conv(c, 2 * c, 2),
-            Residual(2 * c),
-            conv(2 * c, 4 * c, 2),
+        self.near = nn.Sequential(
+            conv(CHANNELS, c, 2), conv(c, 2 * c, 2), Residual(2 * c), conv(2 * c, 4 * c, 2)
+        )
+        self.sizes = nn.Linear(4, 4 * c)
+        self.whole = nn.Sequential(
+            Residual(4 * c),
             Residual(4 * c),
             conv(4 * c, 5 * c, 2),
             nn.Flatten(),
@@ -59,7 +64,7 @@ class Second(nn.Module):
             nn.Linear(5 * c * (SIDE // 16) ** 2, hidden),
             nn.ReLU(),
         )
-        self.head = nn.Linear(hidden + 4, classes + 1 + BOX + POINT + SPREAD)
+        self.head = nn.Linear(hidden, classes + 1 + BOX + POINT + SPREAD)
         nn.init.normal_(self.head.weight, std=0.01)
         nn.init.zeros_(self.head.bias)
 
@@ -67,14 +72,15 @@ class Second(nn.Module):
         """Raw numbers of each part.
 
         Args:
-            pixels: (N, 3, SIDE, SIDE) RGB in 0 to 1.
+            pixels: (N, CHANNELS, SIDE, SIDE) in 0 to 1, as `cut_both` gives them.
             halves, shares: as in `Parts`.
 
         Returns:
             (N, classes + 9): logits of the classes and of none, then what `decode_parts` takes.
         """
-        scale = (halves.log2() - 4) / 2
-        return self.head(torch.cat([self.body(pixels - 0.5), scale, shares.log2()], dim=1))
+        sizes = torch.cat([(halves.log2() - 4) / 2, shares.log2()], dim=1)
+        seen = self.near(pixels - 0.5) + self.sizes(sizes)[:, :, None, None]
+        return self.head(self.whole(seen))
 
 
 def decode_parts(raw: Tensor, shares: Tensor) -> tuple[Tensor, Tensor, Tensor]:
@@ -95,6 +101,12 @@ def parts_about(boxes: Tensor) -> Parts:
     own = ((high - low) / 2).clamp(min=_LEAST_PX / 2)
     halves = torch.maximum(MARGIN * own, MARGIN * _NARROWEST * own.flip(1))
     return Parts((low + high) / 2, halves, own / halves)
+
+
+def cut_both(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:
+    """Parts and the wider ones (N, CHANNELS, side, side), as `cut` has them."""
+    wider = cut(halve(picture), (middles - 0.5) / 2, _WIDER / 2 * halves, side)
+    return torch.cat([cut(picture, middles, halves, side), wider], dim=1)
 
 
 def cut(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:

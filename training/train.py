@@ -26,17 +26,22 @@ from dataset import Example, find_examples, make_batch
 from export import save_second, write_onnx
 from looks import collect
 from loss import Truth, detection_loss
-from network import Network, follow, make_grid
+from network import Network, follow, make_grid, make_optimizer
 from pictures import add_arguments
+from second import Second
+from start import read_start, start_first, start_second
 from torch import Tensor
-from train_second import SAY_S, train_second
+from train_second import RATE, RATE_ON, SAY_S, some_parts, train_second
 
 _FIRST_WORLDS = 3
 _SAVE_S = 240.0
-_RATE, _DECAY, _WARM = 2e-3, 0.03, 200
+_RATE, _RATE_ON = 2e-3, 1e-3  # from nothing, and from a network that has learned
+_DECAY = 0.03
+_WARM = 0.01  # of the time
 _WEIGHTS = 8.0, 1.0, 0.1
 """Of classes, boxes and points, such that classes move the shared layers most: they learn last."""
 _EMPTY = 0.5
+_MEASURED = 96  # pictures by which a network that goes on from a file is normalised
 _CROP, _WHOLE_FROM = 192, 0.85
 """Most of the time it learns from parts of pictures, which takes a third of the time of a whole."""
 
@@ -45,15 +50,26 @@ class Trainer:
     """The network, its slow average, and the optimiser.
 
     Args:
+        network: what is trained.
         minutes: how long it will train; the learning rate falls to zero by then.
+        rate: the highest learning rate.
+        steps: that it was trained before.
     """
 
-    def __init__(self, classes: tuple[str, ...], width: int, minutes: float, seed: int) -> None:
-        self.classes, self.minutes, self.seed = classes, minutes, seed
-        self.network = Network(len(classes), width).to(memory_format=torch.channels_last)
+    def __init__(
+        self,
+        network: Network,
+        classes: tuple[str, ...],
+        minutes: float,
+        seed: int,
+        rate: float = _RATE,
+        steps: int = 0,
+    ) -> None:
+        self.classes, self.minutes, self.seed, self.rate = classes, minutes, seed, rate
+        self.network = network.to(memory_format=torch.channels_last)
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
-        self.optimizer = torch.optim.AdamW(self.network.parameters(), _RATE, weight_decay=_DECAY)
-        self.steps, self.seconds = 0, 0.0
+        self.optimizer = make_optimizer(self.network, _DECAY)
+        self.steps, self.seconds = steps, 0.0
         self._grids: dict[tuple[int, int], tuple[Tensor, Tensor]] = {}
 
     def step(self, pictures: Tensor, truths: list[Truth]) -> list[float]:
@@ -99,7 +115,7 @@ class Trainer:
 
     def _rate(self) -> float:
         fall = 0.5 * (1 + math.cos(math.pi * self.done))
-        return _RATE * min(1.0, (self.steps + 1) / _WARM) * max(fall, 0.005)
+        return self.rate * min(1.0, self.done / _WARM + 0.01) * max(fall, 0.005)
 
 
 _PARTS = "network", "average", "optimizer"
@@ -122,6 +138,18 @@ def wait_for_pictures(folder: Path, rendering: subprocess.Popen[bytes]) -> tuple
     if not classes:
         raise SystemExit(f"no pictures in {folder}: see what the rendering said above")
     return classes
+
+
+def make_trainer(classes: tuple[str, ...], folder: Path, asked: argparse.Namespace) -> Trainer:
+    """The trainer of a fresh network, or of one that goes on from a file."""
+    if asked.start is None:
+        return Trainer(Network(len(classes), asked.width), classes, asked.minutes, asked.seed)
+    start = read_start(asked.start)
+    network = Network(len(classes), start.widths[0])
+    examples = _shuffled(folder, np.random.default_rng(asked.seed))
+    pictures, _ = make_batch(examples, _MEASURED, np.random.default_rng(asked.seed), _CROP)
+    start_first(network, start, classes, pictures)
+    return Trainer(network, classes, asked.minutes, asked.seed, _RATE_ON, start.steps)
 
 
 def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
@@ -169,7 +197,13 @@ def look_again(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namesp
     """Train the second look, and write the network."""
     looks = collect(trainer.average, folder, asked.seed)
     count, seed = len(trainer.classes), asked.seed
-    second = train_second(looks, count, asked.second_width, asked.second_minutes, seed)
+    if asked.start is None:
+        second, rate = Second(count, asked.second_width), RATE
+    else:
+        start = read_start(asked.start)
+        second, rate = Second(count, start.widths[1]), RATE_ON
+        start_second(second, start, trainer.classes, some_parts(looks, seed))
+    second = train_second(second, looks, asked.second_minutes, seed, rate)
     save_second(second, out / "second.pt")
     about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
     write_onnx(trainer.average, second, trainer.classes, out / "aerial.onnx", about)
@@ -185,6 +219,7 @@ def main() -> int:
     parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
     parser.add_argument("--width", type=int, default=16, help="channels (default: %(default)s)")
     parser.add_argument("--second-width", type=int, default=24, help="default: %(default)s")
+    parser.add_argument("--start", type=Path, help="ONNX file of such a network to go on from")
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
     add_arguments(parser)
     asked = parser.parse_args()
@@ -195,9 +230,7 @@ def main() -> int:
     rendering = start_rendering(asked.out, asked)
     try:
         folder = asked.out / "pictures"
-        trainer = Trainer(
-            wait_for_pictures(folder, rendering), asked.width, asked.minutes, asked.seed
-        )
+        trainer = make_trainer(wait_for_pictures(folder, rendering), folder, asked)
         if (asked.out / "checkpoint.pt").exists():
             trainer.load(asked.out / "checkpoint.pt")
         train(trainer, folder, asked.out, asked)

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from looks import NONE, Looks, vary
-from network import follow
+from network import follow, make_optimizer
 from second import Second, decode_parts
 from torch import Tensor
 from torch.nn import functional
@@ -19,27 +19,45 @@ from worlds import CLASSES
 SAY_S = 15.0
 """Between two lines about the losses."""
 _BATCH = 128
-_OF_NONE = 0.42  # of a batch
-_OF_FIRST = 0.25
-"""Of a batch, the helipads: what tells them from signs is learned last."""
-_RATE, _DECAY, _WARM = 3e-3, 0.05, 200
+_OF_NONE = 0.42  # of a batch; the rest is shared alike by the classes
+RATE, RATE_ON = 3e-3, 1.5e-3
+"""The highest learning rates, from nothing and from a network that has learned."""
+_DECAY = 0.05
+_WARM = 0.01  # of the time
+_MEASURED = 400  # parts by which a network that goes on from a file is normalised
 _WEIGHTS = 1.0, 2.0, 0.1
 """Of classes, boxes and points."""
 _FLAT = tuple(CLASSES.index(name) for name in ("helipad", "tag"))
 _FAR = 2.0  # half sides; a ground point beyond is not looked for in this part
 
 
-def train_second(looks: Looks, classes: int, width: int, minutes: float, seed: int) -> Second:
-    """Train for so many minutes of the processor's time; the slow average of the network."""
+def some_parts(looks: Looks, seed: int) -> tuple[Tensor, Tensor, Tensor]:
+    """A few as `Second` takes them."""
+    random = np.random.default_rng(seed)
+    pixels, halves, shares, *_ = vary(
+        looks, random.integers(0, len(looks.labels), _MEASURED), _FLAT, random
+    )
+    return pixels, halves, shares
+
+
+def train_second(
+    network: Second, looks: Looks, minutes: float, seed: int, highest: float = RATE
+) -> Second:
+    """Train for so many minutes of the processor's time; the slow average of the network.
+
+    Args:
+        highest: learning rate.
+    """
     random = np.random.default_rng((seed, 2))
-    network = Second(classes, width).to(memory_format=torch.channels_last)
+    network = network.to(memory_format=torch.channels_last)
     average = copy.deepcopy(network).eval().requires_grad_(False)
-    optimizer = torch.optim.AdamW(network.parameters(), _RATE, weight_decay=_DECAY)
-    groups = _groups(looks, classes)
+    optimizer = make_optimizer(network, _DECAY)
+    groups = _groups(looks, network.classes)
     sums, step, start, said = np.zeros(4), 0, time.process_time(), time.monotonic()
     while (done := (time.process_time() - start) / 60 / minutes) < 1:
-        rate = _RATE * min(1.0, (step + 1) / _WARM)
-        optimizer.param_groups[0]["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
+        rate = highest * min(1.0, done / _WARM + 0.01)
+        for group in optimizer.param_groups:
+            group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
         chosen = np.concatenate([random.choice(group, count) for group, count in groups])
         pixels, halves, shares, labels, wanted = vary(looks, chosen, _FLAT, random)
         with torch.autocast("cpu", dtype=torch.bfloat16):
@@ -77,8 +95,7 @@ def second_loss(
 
 def _groups(looks: Looks, classes: int) -> list[tuple[npt.NDArray[np.intp], int]]:
     """The parts of each label that there is, and how many of them a batch has."""
-    rest = (1 - _OF_NONE - _OF_FIRST) / max(classes - 1, 1)
-    shares = {NONE: _OF_NONE, **{kind: rest if kind else _OF_FIRST for kind in range(classes)}}
+    shares = {NONE: _OF_NONE, **dict.fromkeys(range(classes), (1 - _OF_NONE) / classes)}
     found = []
     for label, share in shares.items():
         group = np.flatnonzero(looks.labels == label)

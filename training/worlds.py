@@ -25,6 +25,7 @@ _GROUNDS = 10
 _COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 16}
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
 _CUT = 0.6  # of the signs, and of the pads with a frame
+_PAPER = 1.03, 1.25  # of the rest: what they are printed on, by what is printed
 _PIXELS = (
     '<visual><headlight active="0"/><map znear="0.01" zfar="50"/>'
     '<quality shadowsize="1024" offsamples="4" numslices="20" numstacks="12"/></visual>'
@@ -113,6 +114,13 @@ def _first_body(path: Path) -> Any:
     return body
 
 
+def _sheet(outline_xy: Array, larger: float) -> Array:
+    """The paper that an outline is printed on: a rectangle about it, so many times as large."""
+    low, high = outline_xy.min(axis=0), outline_xy.max(axis=0)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return np.asarray((low + high) / 2 + corners * larger * (high - low) / 2)
+
+
 def _flat_mesh(name: str, outline_xy: Array, half: float) -> str:
     """A drawing cut along a convex outline, as a MJCF mesh whose upper face shows it."""
     count = len(outline_xy)
@@ -178,16 +186,18 @@ class _Writer:
         """
         self._add_material(name, drawn.picture)
         half, board = size / 2, number == CLASSES.index("tag")
-        geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE if board else _PLATE), name)
-        is_pad = number == CLASSES.index("helipad")
-        whole = self.random.random() >= _CUT and (drawn.framed or not is_pad)
-        if not board and not whole:
-            rim = self.random.uniform(1.0, 1.06) * drawn.outline_xy
-            self._definitions.append(_flat_mesh(name, np.clip(rim, -1, 1), half))
-            geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
         if board:
             rim = half * self.random.uniform(1.0, 1.12)
+            geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE), name)
             geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
+        else:
+            is_pad = number == CLASSES.index("helipad")
+            if self.random.random() < _CUT or (is_pad and not drawn.framed):
+                edge = self.random.uniform(1.0, 1.06) * drawn.outline_xy
+            else:
+                edge = _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
+            self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
+            geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
         z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
         outline = np.hstack([drawn.outline_xy * half, z])
         self._add_body(name, geoms, number, (outline,), board)
