@@ -156,13 +156,14 @@ def test_the_demo_is_a_robot_on_its_mission_or_any_source_of_images():
     assert (drawn.name, drawn.params.size) == ("landscape", "320x240")
 
 
-def test_two_nodes_cannot_publish_to_one_topic():
+def test_a_topic_that_is_taken_is_called_after_the_node():
     @node("edges", inputs={"image": Image}, outputs={"image": Image})
     def edges(image, params):
         return image
 
-    with pytest.raises(UsageError, match="somebody publishes /edges already"):
-        image_pipeline("landscape").insert(edges.declared, "filters")
+    inserted = image_pipeline("landscape").insert(edges.declared, "filters")
+    assert inserted.topics["/edges"].publisher == "edge_detector"
+    assert inserted.topics["/edges/image"].publisher == "edges"
 
 
 def test_what_travels_on_topics_are_messages():

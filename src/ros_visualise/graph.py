@@ -195,7 +195,8 @@ class Graph:
             added: the new node.
             after: the node that it comes after.
             topics: input -> topic, where it says.
-            outputs: output -> topic; see `place`.
+            outputs: output -> topic; see `place`. Where somebody publishes that topic already, it
+                is ``/NODE/OUTPUT``.
 
         Raises:
             UsageError: no such node or topic, the name is taken, or nothing fits an input.
@@ -205,9 +206,13 @@ class Graph:
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
         main, given = self._main_output(added, before)
         new = place(added, self._inputs_of(added, main, given, topics), outputs)
-        taken = [output for output in new.outputs.values() if output in self.topics]
-        if taken:
-            raise UsageError(f"{added.name}: somebody publishes {taken[0]} already; rename yours")
+        new = replace(
+            new,
+            outputs={
+                port: f"/{new.name}/{port}" if topic in self.topics else topic
+                for port, topic in new.outputs.items()
+            },
+        )
         makes = [
             topic
             for topic, made in new.topics.items()
