@@ -21,7 +21,7 @@ MARGIN = 1.4
 """By how much the part is larger than the box."""
 CHANNELS = 6
 """Of what is looked at: the part, RGB, then the wider one."""
-_WIDER = 2.0
+_WIDER = 2.0  # by how much its sides are longer
 _NARROWEST = 0.5
 """A part's shorter side by its longer one: beside a thin post there is something to see, too."""
 _LEAST_PX = 4.0  # of a box

@@ -205,13 +205,8 @@ class Graph:
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
         main, given = self._main_output(added, before)
-        new = place(added, self._inputs_of(added, main, given, topics), outputs)
-        new = replace(
-            new,
-            outputs={
-                port: f"/{new.name}/{port}" if topic in self.topics else topic
-                for port, topic in new.outputs.items()
-            },
+        new = self._beside_others(
+            place(added, self._inputs_of(added, main, given, topics), outputs)
         )
         makes = [
             topic
@@ -237,6 +232,14 @@ class Graph:
             return replace(node, inputs={**node.inputs, **there})
 
         return Graph(self.source, tuple(framed(node) for node in self.nodes))
+
+    def _beside_others(self, new: Node) -> Node:
+        """The same node; what somebody publishes already is called after it."""
+        outputs = {
+            port: f"/{new.name}/{port}" if topic in self.topics else topic
+            for port, topic in new.outputs.items()
+        }
+        return replace(new, outputs=outputs)
 
     def _main_output(self, added: NodeType, before: Member) -> tuple[str, TopicSpec]:
         """A topic of one node for the next: of a type that this takes, if there is any."""
