@@ -5,6 +5,7 @@ Each stands on z = 0 of its own frame, whose origin is the point that it stands 
 
 from __future__ import annotations
 
+import colorsys
 import math
 from collections.abc import Sequence
 
@@ -28,11 +29,11 @@ def geom(
 
 
 def build_post(random: Random) -> str:
-    """A coloured post, with bands, a foot or a knob."""
+    """A post of a strong colour, some with bands of another one, a foot or a knob."""
     tall = random.uniform(0.8, 2.4)
     wide = tall * random.uniform(0.03, 0.1)
     shape = str(random.choice(["cylinder", "cylinder", "box"]))
-    colours = [paint(random) for _ in range(2)]
+    colours = [strong_paint(random), paint(random)]
     bands = 1 if random.random() < 0.6 else int(random.integers(2, 7))
     half = tall / bands / 2
     size = (wide, half) if shape == "cylinder" else (wide, wide, half)
@@ -148,7 +149,8 @@ def build_thing(random: Random, material: str) -> str:
         thick = max(0.5 * a, 0.3 * b)  # a thin one would be a post that fell over
         return geom("cylinder", (thick, 0.7 * b), (0, 0, thick), look, 'euler="90 0 0"')
     if kind == 4:
-        return geom("box", (0.1, 2.5 * max(a, 0.5 * b), b), (0, 0, b), look)  # a wall
+        thick = max(0.1, 0.3 * b)  # the end of a thin one would be a post
+        return geom("box", (thick, 2.5 * max(a, 0.5 * b), b), (0, 0, b), look)  # a wall
     if kind == 5:
         gray = _gray(random, 0.3, 0.7)
         return geom("ellipsoid", (0.8 * a, 0.6 * b, 0.5 * c), (0, 0, 0.2 * c), gray)
@@ -200,6 +202,12 @@ def paint(random: Random) -> str:
     if random.random() < 0.4:
         return " ".join(f"{each:.2f}" for each in random.uniform(0, 1, 3))
     return " ".join(f"{each / 255:.2f}" for each in random_colour(random))
+
+
+def strong_paint(random: Random) -> str:
+    """A colour that is far from gray, ``r g b`` in 0 to 1."""
+    hue, saturation, value = random.uniform((0, 0.55, 0.45), (1, 1, 1))
+    return " ".join(f"{each:.2f}" for each in colorsys.hsv_to_rgb(hue, saturation, value))
 
 
 def _gray(random: Random, low: float, high: float) -> str:

@@ -124,6 +124,12 @@ def box_of(polygons: list[Array]) -> Array:
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
+def turned_sides(polygons: list[Array]) -> Array:
+    """(2,) the longer and the shorter side, pixels, of the smallest rectangle around polygons."""
+    sides = cv2.minAreaRect(np.vstack(polygons).astype(np.float32))[1]
+    return np.sort(np.array(sides, np.float64))[::-1]
+
+
 def visible_share(
     world: Any, view: View, body: int, polygons: list[Array], random: np.random.Generator
 ) -> float:

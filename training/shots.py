@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from bodies import yaw_quat
-from outlines import Parts, View, box_of, clip_parts, visible_share
+from outlines import Parts, View, box_of, clip_parts, turned_sides, visible_share
 from worlds import OTHER, Thing, World
 
 from ros_visualise.geometry import rotations
@@ -28,12 +28,15 @@ class Seen:
     """One landmark in a picture.
 
     ``box`` is x0 y0 x1 y1 in pixels, cut at the picture's edges; ``point`` the ground point, which
-    may lie outside. ``share`` is how much of the whole can be seen, past occluders and edges.
+    may lie outside. ``sides`` are the longer and the shorter side, in pixels, of the smallest
+    rectangle around it, however turned. ``share`` is how much of the whole can be seen, past
+    occluders and edges.
     """
 
     kind: int
     box: Array
     point: Array
+    sides: Array
     share: float
 
 
@@ -91,7 +94,8 @@ def see(world: World, view: View, thing: Thing, random: np.random.Generator) -> 
     box = box_of(polygons)
     inside = float(np.prod(box[2:] - box[:2]) / np.prod(whole[2:] - whole[:2]))
     share = min(inside, 1.0) * visible_share(world, view, thing.body, polygons, random)
-    return Seen(thing.kind, box, view.project(position[None])[0][0], share) if share > 0 else None
+    point = view.project(position[None])[0][0]
+    return Seen(thing.kind, box, point, turned_sides(polygons), share) if share > 0 else None
 
 
 def _aim(

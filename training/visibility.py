@@ -13,9 +13,10 @@ from worlds import CLASSES
 
 _LEAST_DIFFERENCE, _LEAST_CONTRAST = 12.0, 8.0  # gray levels
 _MIDDLE = 0.2  # of the sides, left out at each side: what is left is the letter or the cells
-_FLATTEST = 6.0
-_NARROWEST_PAD = 20.0  # pixels; the strokes of a narrower one's letter are thinner than one
-_PAD, _TAG = CLASSES.index("helipad"), CLASSES.index("tag")
+_FLATTEST, _ROUNDEST = 6.0, 1.5  # the longer side by the shorter one
+_NARROWEST = {"helipad": 20.0, "tag": 10.0, "post": 2.0}
+"""Pixels: the strokes of a narrower pad's letter and the cells of a tag are thinner than one, and
+a thinner post is a scratch."""
 
 
 def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
@@ -25,11 +26,16 @@ def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
         picture: RGB, as the camera gives it.
         bare: the same without any landmark; blur, light, colours and noise are the same.
     """
+    name = CLASSES[seen.kind] if seen.kind < len(CLASSES) else ""
     hidden = difference(seen.box, picture, bare) < _LEAST_DIFFERENCE
-    if seen.kind in (_PAD, _TAG):
-        hidden = hidden or _is_flat(seen.box) or contrast(seen.box, picture) < _LEAST_CONTRAST
-    if seen.kind == _PAD:
-        hidden = hidden or _is_letterless(seen, picture)
+    hidden = hidden or seen.sides[1] < _NARROWEST.get(name, 0.0)
+    if name in ("helipad", "tag"):
+        flat = seen.sides[0] > _FLATTEST * seen.sides[1]
+        hidden = hidden or flat or contrast(seen.box, picture) < _LEAST_CONTRAST
+    if name == "post":
+        hidden = hidden or seen.sides[0] < _ROUNDEST * seen.sides[1]
+    if name in ("helipad", "post"):
+        hidden = hidden or _is_outside(seen.point, picture)
     return replace(seen, share=0.0) if hidden else seen
 
 
@@ -46,11 +52,9 @@ def contrast(box: Array, picture: Canvas) -> float:
     return float(_smooth(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)).std())
 
 
-def _is_letterless(seen: Seen, picture: Canvas) -> bool:
-    """Whether a pad's letter is too small, or cut off with its middle at the picture's edge."""
-    narrow = (seen.box[2:] - seen.box[:2]).min() < _NARROWEST_PAD
-    last = np.array(picture.shape[1::-1]) - 1
-    return bool(narrow or (seen.point < 0).any() or (seen.point > last).any())
+def _is_outside(point: Array, picture: Canvas) -> bool:
+    """Whether a point, as u and v in pixels, is beyond the picture's edges."""
+    return bool((point < 0).any() or (point > np.array(picture.shape[1::-1]) - 1).any())
 
 
 def _part(box: Array, picture: Canvas) -> Canvas:
@@ -63,9 +67,3 @@ def _part(box: Array, picture: Canvas) -> Canvas:
 def _smooth(part: Canvas) -> Array:
     """Without the grain of single pixels."""
     return np.asarray(cv2.blur(part.astype(np.float32), (3, 3)), np.float64)
-
-
-def _is_flat(box: Array) -> bool:
-    """Whether what is drawn on a plane is seen almost from the side."""
-    sides = np.sort(box[2:] - box[:2])
-    return bool(sides[1] > _FLATTEST * sides[0])

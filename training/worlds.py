@@ -22,7 +22,7 @@ CLASSES = ("helipad", "tag", "post", "vehicle")
 OTHER = -1
 """The class of what is no landmark."""
 _GROUNDS = 10
-_COUNTS = {"helipad": 18, "tag": 10, "post": 8, "vehicle": 10, "sign": 12, "thing": 16}
+_COUNTS = {"helipad": 18, "tag": 10, "post": 12, "vehicle": 10, "sign": 12, "thing": 16}
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
 _CUT = 0.6  # of the signs, and of the pads with a frame
 _PAPER = 1.03, 1.25  # of the rest: what they are printed on, by what is printed

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from outlines import View, body_parts, box_of, clip_parts, visible_share
+from outlines import View, body_parts, box_of, clip_parts, turned_sides, visible_share
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -104,3 +104,10 @@ def test_half_hidden_is_half_visible():
     random = np.random.default_rng(0)
     shares = [visible_share(world, view, body, polygons, random) for _ in range(40)]
     assert np.mean(shares) == pytest.approx(0.5, abs=0.08)
+
+
+@pytest.mark.parametrize("degrees", [0, 20, 45])
+def test_sides_are_those_of_the_thing_however_it_is_turned(degrees: float):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    bar = np.array([[-30, -2], [30, -2], [30, 2], [-30, 2]]) @ np.array([[c, s], [-s, c]])
+    np.testing.assert_allclose(turned_sides([bar[:3], bar[2:]]), [60, 4], atol=0.01)

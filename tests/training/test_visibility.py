@@ -13,10 +13,12 @@ from worlds import CLASSES
 _SIDE = 160
 
 
-def seen(name, box, point=None):
+def seen(name, box, point=None, sides=None):
     box = np.array(box, float)
     middle = (box[:2] + box[2:]) / 2
-    return Seen(CLASSES.index(name), box, middle if point is None else np.array(point), 1.0)
+    point = middle if point is None else np.array(point)
+    sides = np.sort(box[2:] - box[:2])[::-1] if sides is None else np.array(sides)
+    return Seen(CLASSES.index(name), box, point, sides, 1.0)
 
 
 @pytest.fixture
@@ -72,9 +74,33 @@ def test_a_pad_needs_its_letter(bare):
     assert judge(beyond, lettered(bare, large), bare).share == 0
 
 
+def test_a_tag_needs_cells_of_a_pixel(bare):
+    box = 40, 40, 60, 60
+    picture = lettered(bare, box)
+    assert judge(seen("tag", box, sides=(20.0, 12.0)), picture, bare).share == 1
+    assert judge(seen("tag", box, sides=(20.0, 8.0)), picture, bare).share == 0
+
+
+@pytest.mark.parametrize(
+    ("sides", "share"), [((50.0, 10.0), 1.0), ((50.0, 1.5), 0.0), ((12.0, 10.0), 0.0)]
+)
+def test_a_post_is_neither_a_scratch_nor_a_disc(bare, sides, share):
+    box = 60, 40, 70, 90
+    assert judge(seen("post", box, sides=sides), painted(bare, box, 200), bare).share == share
+
+
+def test_a_post_needs_its_foot(bare):
+    box = 60, 120, 70, 159
+    picture = painted(bare, box, 200)
+    assert judge(seen("post", box, point=(65.0, 158.0)), picture, bare).share == 1
+    assert judge(seen("post", box, point=(65.0, 170.0)), picture, bare).share == 0
+
+
 def test_prints_from_the_side_do_not_count(bare):
     box = 20, 60, 140, 75
     picture = painted(bare, box, 230)
     picture[60:76, 50:110:10] = 20
     assert judge(seen("tag", box), picture, bare).share == 0
     assert judge(seen("vehicle", box), picture, bare).share == 1
+    aslant = seen("tag", (20, 60, 80, 120), sides=(85.0, 12.0))
+    assert judge(aslant, lettered(bare, (20, 60, 80, 120)), bare).share == 0
