@@ -217,8 +217,9 @@ def main() -> int:
     parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
     parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
-    parser.add_argument("--width", type=int, default=16, help="channels (default: %(default)s)")
-    parser.add_argument("--second-width", type=int, default=24, help="default: %(default)s")
+    fresh = "channels; with --start, those of the file count (default: %(default)s)"
+    parser.add_argument("--width", type=int, default=16, help=fresh)
+    parser.add_argument("--second-width", type=int, default=24, help=fresh)
     parser.add_argument("--start", type=Path, help="ONNX file of such a network to go on from")
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
     add_arguments(parser)
