@@ -128,12 +128,16 @@ def _lamps(random: Random, long: float, wide: float, z: float) -> list[str]:
 
 
 def build_thing(random: Random, material: str) -> str:
-    """A person, tree, bush, rock, tank, bale, wall or crate, some with a material's picture."""
+    """A person, tree, bush, rock, tank, bale, wall or crate, some with a material's picture.
+
+    What is long and thin is gray or brown: with a strong colour it would look like a post.
+    """
     if random.random() < 0.3:
         return _build_person(random)
     kind = int(random.integers(7))
     look = material if random.random() < 0.35 else paint(random)
     a, b, c = random.uniform(0.3, 1.8, 3)
+    a, b = max(a, 0.6 * b), max(b, 0.6 * a)
     if kind == 0:
         green = f"{random.uniform(0.1, 0.4):.2f} {random.uniform(0.25, 0.5):.2f} 0.12"
         trunk = geom("cylinder", (0.06 + 0.05 * a, 1.2 * b), (0, 0, 1.2 * b), "0.33 0.24 0.16")
@@ -146,15 +150,15 @@ def build_thing(random: Random, material: str) -> str:
         half = min(0.6 * b, a)
         return geom("cylinder", (1.3 * a, half), (0, 0, half), look)  # a tank, wider than high
     if kind == 3:
-        thick = max(0.5 * a, 0.3 * b)  # a thin one would be a post that fell over
+        thick = max(0.5 * a, 0.6 * b)
         return geom("cylinder", (thick, 0.7 * b), (0, 0, thick), look, 'euler="90 0 0"')
     if kind == 4:
-        thick = max(0.1, 0.3 * b)  # the end of a thin one would be a post
-        return geom("box", (thick, 2.5 * max(a, 0.5 * b), b), (0, 0, b), look)  # a wall
+        size = (max(0.1, 0.3 * b), 2.5 * max(a, 0.5 * b), b)
+        return geom("box", size, (0, 0, b), _gray(random, 0.15, 0.85))  # a wall
     if kind == 5:
         gray = _gray(random, 0.3, 0.7)
         return geom("ellipsoid", (0.8 * a, 0.6 * b, 0.5 * c), (0, 0, 0.2 * c), gray)
-    half = min(0.8 * c, 1.6 * min(a, b))
+    half = min(0.8 * c, 1.2 * min(a, b))
     return geom("box", (a, b, half), (0, 0, half), look)
 
 
