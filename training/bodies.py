@@ -33,7 +33,7 @@ def build_post(random: Random) -> str:
     tall = random.uniform(0.8, 2.4)
     wide = tall * random.uniform(0.03, 0.1)
     shape = str(random.choice(["cylinder", "cylinder", "box"]))
-    colours = [strong_paint(random), paint(random)]
+    colours = [_strong_paint(random), paint(random)]
     bands = 1 if random.random() < 0.6 else int(random.integers(2, 7))
     half = tall / bands / 2
     size = (wide, half) if shape == "cylinder" else (wide, wide, half)
@@ -150,7 +150,7 @@ def build_thing(random: Random, material: str) -> str:
         half = min(0.6 * b, a)
         return geom("cylinder", (1.3 * a, half), (0, 0, half), look)  # a tank, wider than high
     if kind == 3:
-        thick = max(0.5 * a, 0.6 * b)
+        thick = max(0.5 * a, 0.6 * b)  # a bale
         return geom("cylinder", (thick, 0.7 * b), (0, 0, thick), look, 'euler="90 0 0"')
     if kind == 4:
         size = (max(0.1, 0.3 * b), 2.5 * max(a, 0.5 * b), b)
@@ -208,7 +208,7 @@ def paint(random: Random) -> str:
     return " ".join(f"{each / 255:.2f}" for each in random_colour(random))
 
 
-def strong_paint(random: Random) -> str:
+def _strong_paint(random: Random) -> str:
     """A colour that is far from gray, ``r g b`` in 0 to 1."""
     hue, saturation, value = random.uniform((0, 0.55, 0.45), (1, 1, 1))
     return " ".join(f"{each:.2f}" for each in colorsys.hsv_to_rgb(hue, saturation, value))

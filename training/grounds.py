@@ -85,9 +85,8 @@ def paint_marks(random: np.random.Generator, canvas: Canvas) -> None:
         colour = random_colour(random) if random.random() < 0.5 else (235, 235, 230)
         start = random.integers(0, side, 2)
         wide = int(random.integers(1, max(2, side // 40)))
-        ahead, reach = _DIRECTIONS[random.integers(len(_DIRECTIONS))], 0
-        if random.random() < 0.4:
-            reach = int(random.integers(4, side // 3))
+        ahead = _DIRECTIONS[random.integers(len(_DIRECTIONS))]
+        reach = int(random.integers(4, side // 3)) if random.random() < 0.4 else 0  # of a ring
         for row in range(-2, 3):
             for column in range(-2, 3):
                 a = np.add(start, (side * column, side * row)).tolist()

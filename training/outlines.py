@@ -110,8 +110,9 @@ def clip_parts(view: View, parts_xyz: Parts) -> tuple[list[Array], Array] | None
         uv, depth = view.project(part)
         if depth.min() < _NEAR_M:
             return None
-        low, high = np.minimum(low, uv.min(axis=0)), np.maximum(high, uv.max(axis=0))
         hull = cv2.convexHull(uv.astype(np.float32))
+        low = np.minimum(low, hull[:, 0].min(axis=0))
+        high = np.maximum(high, hull[:, 0].max(axis=0))
         area, inside = cv2.intersectConvexConvex(hull, frame)
         if area > 0 and inside is not None:
             polygons.append(inside.reshape(-1, 2).astype(np.float64))

@@ -65,7 +65,7 @@ def test_a_pad_seen_from_above_is_where_it_was_drawn(world):
     want = [low[0], -high[1], high[0], -low[1]] * np.array(200 / depth) + np.tile(middle, 2)
     np.testing.assert_allclose(seen.box, want, atol=0.01)
     np.testing.assert_allclose(seen.point, middle, atol=1e-6)
-    assert seen.share == pytest.approx(1, abs=1e-5)
+    assert seen.share == 1
 
 
 @pytest.mark.parametrize("held_out", [False, True])
