@@ -59,7 +59,7 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
     wide = long * random.uniform(0.36, 0.46) if long < 5.5 else random.uniform(2, 2.6)
     clear = random.uniform(0.15, 0.4)
     body_high = random.uniform(0.45, 0.8) * (1 if long < 5.5 else 1.4)
-    colour, glass = paint(random), _gray(random, 0.02, 0.16)
+    colour, glass = paint(random), gray(random, 0.02, 0.16)
     middle = clear + body_high / 2
     parts = [geom("box", (long / 2, wide / 2, body_high / 2), (0, 0, middle), colour)]
     top = clear + body_high
@@ -98,7 +98,7 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
         parts.append(geom("box", size, place, paint(random)))
     if kind == "pickup":
         size = ((start + long / 2) / 2 - 0.1, wide / 2 - 0.12, 0.02)
-        parts.append(geom("box", size, ((start - long / 2) / 2, 0, top), _gray(random, 0.05, 0.3)))
+        parts.append(geom("box", size, ((start - long / 2) / 2, 0, top), gray(random, 0.05, 0.3)))
     parts += _wheels(random, long, wide, clear) + _lamps(random, long, wide, middle)
     vertices = " ".join(_text(corner) for corner in corners)
     return f'<mesh name="{name}" vertex="{vertices}"/>', "".join(parts)
@@ -107,7 +107,7 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
 def _wheels(random: Random, long: float, wide: float, clear: float) -> list[str]:
     radius = clear + random.uniform(0.12, 0.3)
     turned = 'euler="90 0 0"'
-    black = _gray(random, 0.02, 0.12)
+    black = gray(random, 0.02, 0.12)
     ends = (-long * random.uniform(0.28, 0.36), long * random.uniform(0.28, 0.36))
     return [
         geom("cylinder", (radius, 0.12), (x, side * (wide / 2 - 0.08), radius), black, turned)
@@ -123,7 +123,7 @@ def _lamps(random: Random, long: float, wide: float, z: float) -> list[str]:
         for end, colour in ((1, "0.95 0.95 0.85"), (-1, "0.8 0.08 0.06"))
         for side in (-1, 1)
     ]
-    bumper = geom("box", (0.06, wide * 0.47, 0.09), (long / 2, 0, z - 0.15), _gray(random, 0, 0.4))
+    bumper = geom("box", (0.06, wide * 0.47, 0.09), (long / 2, 0, z - 0.15), gray(random, 0, 0.4))
     return [*lamps, bumper] if random.random() < 0.7 else []
 
 
@@ -154,10 +154,10 @@ def build_thing(random: Random, material: str) -> str:
         return geom("cylinder", (thick, 0.7 * b), (0, 0, thick), look, 'euler="90 0 0"')
     if kind == 4:
         size = (max(0.1, 0.3 * b), 2.5 * max(a, 0.5 * b), b)
-        return geom("box", size, (0, 0, b), _gray(random, 0.15, 0.85))  # a wall
+        return geom("box", size, (0, 0, b), gray(random))  # a wall
     if kind == 5:
-        gray = _gray(random, 0.3, 0.7)
-        return geom("ellipsoid", (0.8 * a, 0.6 * b, 0.5 * c), (0, 0, 0.2 * c), gray)
+        size = (0.8 * a, 0.6 * b, 0.5 * c)
+        return geom("ellipsoid", size, (0, 0, 0.2 * c), gray(random, 0.3, 0.7))  # a rock
     half = min(0.8 * c, 1.2 * min(a, b))
     return geom("box", (a, b, half), (0, 0, half), look)
 
@@ -167,7 +167,7 @@ def _build_person(random: Random) -> str:
     tall = random.uniform(1.2, 1.95)
     hip, neck = 0.48 * tall, 0.82 * tall
     wide = tall * random.uniform(0.1, 0.14)
-    skin, hair = paint(random), _gray(random, 0.02, 0.4)
+    skin, hair = paint(random), gray(random, 0.02, 0.4)
     coat, trousers = paint(random), paint(random)
     stride = random.uniform(0, 25) if random.random() < 0.7 else 0.0
     parts = []
@@ -214,7 +214,8 @@ def _strong_paint(random: Random) -> str:
     return " ".join(f"{each:.2f}" for each in colorsys.hsv_to_rgb(hue, saturation, value))
 
 
-def _gray(random: Random, low: float, high: float) -> str:
+def gray(random: Random, low: float = 0.15, high: float = 0.85) -> str:
+    """A gray between two levels, ``r g b`` in 0 to 1."""
     level = random.uniform(low, high)
     return f"{level:.2f} {level:.2f} {level:.2f}"
 

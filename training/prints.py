@@ -1,4 +1,4 @@
-"""Drawings of tag boards, and of what is no landmark: signs, crosses, checks, rings."""
+"""Drawings of tag boards, and of what is no landmark: signs, notices, crosses, checks, rings."""
 
 from __future__ import annotations
 
@@ -53,7 +53,8 @@ def _tag(random: np.random.Generator, dictionary: cv2.aruco.Dictionary) -> npt.N
 def draw_distractor(random: np.random.Generator) -> Print:
     """What could be taken for a pad or a tag and is none."""
     canvas = draw_surface(random, SIDE)
-    draw = (_sign, _sign, _cross, _rings, _checks, _bars)[random.integers(6)]
+    draws = (_sign, _sign, _notice, _notice, _cross, _rings, _checks, _bars)
+    draw = draws[random.integers(len(draws))]
     return Print(canvas, draw(random, canvas))
 
 
@@ -74,6 +75,61 @@ def _sign(random: np.random.Generator, canvas: Canvas) -> Outline:
     ink = random_colour(random, away_from=float(canvas[SIDE // 2, SIDE // 2].mean()))
     cv2.putText(canvas, text, at, font, scale, ink, thick, cv2.LINE_AA)
     return outline
+
+
+def _notice(random: np.random.Generator, canvas: Canvas) -> Outline:
+    """A rectangle with a figure above lines of words, as boards at roads and doors have it."""
+    half = random.uniform(0.5, 1, 2)
+    outline = _WHOLE * half
+    paper = random_colour(random)
+    ink = random_colour(random, away_from=float(np.mean(paper)))
+    cv2.fillPoly(canvas, [to_pixels(outline)], paper, cv2.LINE_AA, 4)
+    if random.random() < 0.6:
+        rim = to_pixels(outline * random.uniform(0.85, 0.97))
+        cv2.polylines(canvas, [rim], True, ink, int(random.integers(2, 10)), cv2.LINE_AA, 4)
+    below = random.uniform(0, 1)  # this share is for the words
+    if below < 0.8:
+        room = min(0.85 * half[0], (1 - below) * half[1])
+        _figure(random, canvas, np.array([0, below * half[1]]), room, ink)
+    if below > 0.2:
+        _words(random, canvas, (0.8 * half[0], half[1]), below, ink)
+    return outline
+
+
+def _figure(
+    random: np.random.Generator, canvas: Canvas, middle: Outline, room: float, ink: tuple[int, ...]
+) -> None:
+    """A blot of nine corners, often in a triangle, square or ring."""
+    paper = random_colour(random, away_from=float(np.mean(ink)))
+    if random.random() < 0.5:
+        frame = room * _polygon(int(random.choice([3, 3, 4, 72])), math.pi / 2)
+        border = random_colour(random, away_from=float(np.mean(paper)))
+        for part, colour in ((1, border), (random.uniform(0.6, 0.85), paper)):
+            cv2.fillPoly(canvas, [to_pixels(part * frame + middle)], colour, cv2.LINE_AA, 4)
+        room *= 0.45
+    figure = room * random.uniform(0.1, 1, (9, 1)) * _polygon(9, 0)
+    figure *= random.uniform(0.4, 1), 1
+    cv2.fillPoly(canvas, [to_pixels(figure + middle)], ink, cv2.LINE_AA, 4)
+
+
+def _words(
+    random: np.random.Generator,
+    canvas: Canvas,
+    half: tuple[float, float],
+    share: float,
+    ink: tuple[int, ...],
+) -> None:
+    """Lines of letters in the lower share of a rectangle."""
+    lines = int(random.integers(1, 5))
+    pitch = 2 * share * half[1] / lines
+    for number in range(lines):
+        letters = random.integers(0, len(_LETTERS), random.integers(3, 12))
+        text = "".join(_LETTERS[each] for each in letters)
+        (wide, high), _ = cv2.getTextSize(text, 0, 1.0, 1)
+        scale = min(2 * half[0] / wide, 0.6 * pitch / high) * SIDE / 2
+        y = half[1] - pitch * (lines - number - 0.5)  # down
+        at = (int(SIDE - wide * scale) // 2, int(SIDE * (1 + y) + high * scale) // 2)
+        cv2.putText(canvas, text, at, 0, scale, ink, 1 + int(3 * scale), cv2.LINE_AA)
 
 
 def _cross(random: np.random.Generator, canvas: Canvas) -> Outline:
@@ -109,9 +165,9 @@ def _checks(random: np.random.Generator, canvas: Canvas) -> Outline:
 
 
 def _bars(random: np.random.Generator, canvas: Canvas) -> Outline:
-    """Road marks, crossings, containers: parallel bars."""
+    """Road marks: parallel bars, dark or light, since those of a strong colour look like posts."""
     count = int(random.integers(2, 8))
-    ink = random_colour(random, away_from=float(canvas.mean()))
+    ink = random.uniform(0, 60) if canvas.mean() > 128 else random.uniform(190, 255)
     pitch = SIDE / count
     for number in range(count):
         start = round(number * pitch)
@@ -121,9 +177,14 @@ def _bars(random: np.random.Generator, canvas: Canvas) -> Outline:
 
 def _blot(random: np.random.Generator, canvas: Canvas, sides: int, radius: float) -> Outline:
     """Fill a polygon; its outline."""
-    angle = math.pi / sides + 2 * math.pi * np.arange(sides) / sides
-    shape = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    shape = radius * _polygon(sides, math.pi / sides)
     below = float(canvas[SIDE // 2, SIDE // 2].mean())
     ink = random_colour(random, away_from=below)
     cv2.fillPoly(canvas, [to_pixels(shape)], ink, cv2.LINE_AA, 4)
     return shape
+
+
+def _polygon(sides: int, start: float) -> Outline:
+    """The corners of a regular polygon with a radius of 1, from an angle in radians on."""
+    angle = start + 2 * math.pi * np.arange(sides) / sides
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

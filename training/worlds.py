@@ -10,7 +10,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from bodies import build_post, build_thing, build_vehicle, geom, paint
+from bodies import build_post, build_thing, build_vehicle, geom, gray, paint
 from grounds import Canvas, draw_surface, find_photos
 from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
@@ -22,7 +22,15 @@ CLASSES = ("helipad", "tag", "post", "vehicle")
 OTHER = -1
 """The class of what is no landmark."""
 _GROUNDS = 10
-_COUNTS = {"helipad": 18, "tag": 10, "post": 12, "vehicle": 10, "sign": 12, "thing": 16}
+_COUNTS = {
+    "helipad": 18,
+    "tag": 10,
+    "post": 12,
+    "vehicle": 10,
+    "sign": 12,
+    "board": 6,
+    "thing": 16,
+}
 _PLATE = 0.012  # half the thickness of what is drawn on, metres
 _CUT = 0.6  # of the signs, and of the pads with a frame
 _PAPER = 1.03, 1.25  # of the rest: what they are printed on, by what is printed
@@ -42,7 +50,7 @@ class Thing:
     """A body that can be put somewhere.
 
     ``parts`` are convex groups of points in the body's frame, metres: a box is drawn around them.
-    The body's origin is its ground point. ``turns`` is how it may lie: ``yaw``, or any turn.
+    The body's origin is its ground point. What is ``free`` may also stand or lean.
     """
 
     body: int
@@ -168,6 +176,8 @@ class _Writer:
         elif kind == "sign":
             size = random.uniform(1, 5)
             self._add_print(name, draw_distractor(random), size, number)
+        elif kind == "board":
+            self._add_board(name, draw_distractor(random))
         elif kind == "post":
             self._add_body(name, build_post(random), number)
         elif kind == "vehicle":
@@ -192,15 +202,30 @@ class _Writer:
             geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
         else:
             is_pad = number == CLASSES.index("helipad")
-            if self.random.random() < _CUT or (is_pad and not drawn.framed):
-                edge = self.random.uniform(1.0, 1.06) * drawn.outline_xy
-            else:
-                edge = _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
-            self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
-            geoms = f'<geom type="mesh" mesh="{name}" material="{name}"/>'
+            self._cut_out(name, drawn, half, is_pad and not drawn.framed)
+            geoms = geom("mesh", (), (0, 0, 0), name, f'mesh="{name}"')
         z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
         outline = np.hstack([drawn.outline_xy * half, z])
         self._add_body(name, geoms, number, (outline,), board)
+
+    def _add_board(self, name: str, drawn: Print) -> None:
+        """A board that stands on a gray pole."""
+        self._add_material(name, drawn.picture)
+        half = self.random.uniform(0.2, 0.8)
+        self._cut_out(name, drawn, half, False)
+        middle = half + self.random.uniform(0.1, 2)
+        radius = self.random.uniform(0.02, 0.05)
+        pole = geom("cylinder", (radius, middle / 2), (0, radius, middle / 2), gray(self.random))
+        turned = f'mesh="{name}" euler="90 0 0"'
+        self._add_body(name, pole + geom("mesh", (), (0, 0, middle), name, turned), OTHER)
+
+    def _cut_out(self, name: str, drawn: Print, half: float, along: bool) -> None:
+        """A mesh of a drawing, along its outline or as a sheet of paper."""
+        if along or self.random.random() < _CUT:
+            edge = self.random.uniform(1.0, 1.06) * drawn.outline_xy
+        else:
+            edge = _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
+        self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
 
     def _add_body(
         self, name: str, geoms: str, number: int, parts: Parts | None = None, free: bool = False

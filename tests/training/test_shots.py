@@ -28,6 +28,24 @@ def test_there_is_every_class_and_what_is_none(world):
     assert {thing.kind for thing in world.things} == {OTHER, *range(len(CLASSES))}
 
 
+def test_a_board_stands_on_a_gray_pole_and_is_no_landmark(world):
+    model = world.model
+    boards = [each for each in world.things if "board" in model.body(each.body).name]
+    assert len(boards) > 1
+    for board in boards:
+        assert board.kind == OTHER
+        heights = np.concatenate(board.parts)[:, 2]
+        assert heights.min() == pytest.approx(0, abs=1e-6)
+        assert heights.max() > 0.4
+        (pole,) = (
+            number
+            for number in np.flatnonzero(model.geom_bodyid == board.body)
+            if model.geom_matid[number] < 0
+        )
+        red, green, blue, _ = model.geom_rgba[pole]
+        assert red == green == blue
+
+
 def test_labels_are_in_the_picture_and_about_three_of_ten_have_none(world):
     random = np.random.default_rng(1)
     shots = [take_shot(world, random, SIZE) for _ in range(200)]
