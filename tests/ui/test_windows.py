@@ -57,6 +57,7 @@ def screen():
     """The number of a virtual screen, as DISPLAY wants it."""
     read, write = os.pipe()
     command = ["Xvfb", "-displayfd", str(write), "-screen", "0", "1920x1080x24", "-nolisten", "tcp"]
+    command += ["-noreset"]  # else it turns clients away just after the last one has gone
     server = subprocess.Popen(command, pass_fds=[write], stderr=subprocess.DEVNULL)
     os.close(write)
     with os.fdopen(read) as display:
