@@ -157,14 +157,14 @@ def write_onnx(
     cells = sum((256 // each) * (320 // each) for s in STRIDES for each in (s, 2 * s))
     free = {"images": {2: "height", 3: "width"}}
     first = _export(
-        First(copy.deepcopy(network).eval()),
+        First(_plain(network)),
         (image,),
         ["images"],
         ["cell_boxes", "cell_scores"],
         {**free, "cell_boxes": {1: "cells"}, "cell_scores": {2: "cells"}},
     )
     last = _export(
-        Last(copy.deepcopy(second).eval(), widen).eval(),
+        Last(_plain(second), widen).eval(),
         (image, torch.ones(1, cells, 4), torch.ones(1, 1, cells), torch.ones(3, 3).long()),
         ["images", "cell_boxes", "cell_scores", "chosen"],
         OUTPUTS,
@@ -187,6 +187,11 @@ def write_onnx(
     _store_as_halves(model.graph)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))
+
+
+def _plain(module: nn.Module) -> nn.Module:
+    """A copy to run, with channels first: with them last, as in training, torch 1.13 fails here."""
+    return copy.deepcopy(module).eval().to(memory_format=torch.contiguous_format)
 
 
 def _export(
