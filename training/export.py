@@ -25,7 +25,7 @@ from second import Second, cut_both, decode_parts, parts_about
 from torch import Tensor, nn
 
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
-LAYOUT, VERSION = "ros_visualise", "4"
+LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
 _OPSET = 16  # has GridSample
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more

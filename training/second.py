@@ -59,7 +59,6 @@ class Second(nn.Module):
             Residual(4 * c),
             Residual(4 * c),
             conv(4 * c, 5 * c, 2),
-            Residual(5 * c),
             nn.Flatten(),
             nn.Dropout(0.1),
             nn.Linear(5 * c * (SIDE // 16) ** 2, hidden),
