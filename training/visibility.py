@@ -11,7 +11,7 @@ from outlines import Array
 from shots import Seen
 from worlds import CLASSES
 
-_LEAST_DIFFERENCE, _LEAST_CONTRAST = 12.0, 8.0  # gray levels
+_LEAST_DIFFERENCE, _LEAST_CONTRAST, _LEAST_COLOUR = 12.0, 8.0, 16.0  # gray levels
 _MIDDLE = 0.2  # of the sides, left out at each side: what is left is the letter or the cells
 _FLATTEST, _ROUNDEST = 6.0, 1.5  # the longer side by the shorter one
 _NARROWEST = {"helipad": 20.0, "tag": 10.0, "post": 2.0}
@@ -34,6 +34,7 @@ def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
         hidden = hidden or flat or contrast(seen.box, picture) < _LEAST_CONTRAST
     if name == "post":
         hidden = hidden or seen.sides[0] < _ROUNDEST * seen.sides[1]
+        hidden = hidden or colour(seen.box, picture, bare) < _LEAST_COLOUR
     if name in ("helipad", "post"):
         hidden = hidden or _is_outside(seen.point, picture)
     return replace(seen, share=0.0) if hidden else seen
@@ -50,6 +51,16 @@ def contrast(box: Array, picture: Canvas) -> float:
     rim = _MIDDLE * (box[2:] - box[:2])
     part = _part(box + np.concatenate([rim, -rim]), picture)
     return float(_smooth(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)).std())
+
+
+def colour(box: Array, picture: Canvas, bare: Canvas) -> float:
+    """How far from gray a landmark is: highest channel less the lowest one, gray levels.
+
+    Of the pixels of its box that it changes, the most colourful quarter has at least that.
+    """
+    a, b = (_smooth(_part(box, each)) for each in (picture, bare))
+    changed = np.abs(a - b).max(axis=2) > _LEAST_DIFFERENCE
+    return float(np.percentile(np.ptp(a, axis=2)[changed], 75)) if changed.any() else 0.0
 
 
 def _is_outside(point: Array, picture: Canvas) -> bool:

@@ -11,6 +11,7 @@ from visibility import difference, judge
 from worlds import CLASSES
 
 _SIDE = 160
+_RED = 220, 40, 30
 
 
 def seen(name, box, point=None, sides=None):
@@ -44,10 +45,23 @@ def lettered(bare, box):
     return picture
 
 
-@pytest.mark.parametrize(("level", "share"), [(105, 0.0), (140, 1.0)])
-def test_a_post_counts_where_it_changes_the_picture(bare, level, share):
+@pytest.mark.parametrize(("red", "share"), [(105, 0.0), (140, 1.0)])
+def test_a_post_counts_where_it_changes_the_picture(bare, red, share):
     box = 60, 40, 70, 90
-    assert judge(seen("post", box), painted(bare, box, level), bare).share == share
+    picture = painted(bare, box, (red, 80, 90))
+    bare[40:91, 60:71] = 100, 80, 90
+    assert judge(seen("post", box), picture, bare).share == share
+
+
+@pytest.mark.parametrize("light", [0.05, 1.0])
+def test_a_post_counts_where_its_colour_can_be_seen(bare, light):
+    box, bare = (60, 40, 70, 90), (bare * light).astype(np.uint8)
+    red = painted(bare, box, np.array((240, 60, 60)) * light + 20)
+    assert judge(seen("post", box), red, bare).share == (light == 1)
+    banded = red.copy()
+    banded[60:75, 60:71] = 250
+    assert judge(seen("post", box), banded, bare).share == (light == 1)
+    assert judge(seen("post", box), painted(bare, box, 240), bare).share == 0
 
 
 def test_texture_around_it_makes_nothing_visible(bare):
@@ -86,12 +100,13 @@ def test_a_tag_needs_cells_of_a_pixel(bare):
 )
 def test_a_post_is_neither_a_scratch_nor_a_disc(bare, sides, share):
     box = 60, 40, 70, 90
-    assert judge(seen("post", box, sides=sides), painted(bare, box, 200), bare).share == share
+    picture = painted(bare, box, _RED)
+    assert judge(seen("post", box, sides=sides), picture, bare).share == share
 
 
 def test_a_post_needs_its_foot(bare):
     box = 60, 120, 70, 159
-    picture = painted(bare, box, 200)
+    picture = painted(bare, box, _RED)
     assert judge(seen("post", box, point=(65.0, 158.0)), picture, bare).share == 1
     assert judge(seen("post", box, point=(65.0, 170.0)), picture, bare).share == 0
 
