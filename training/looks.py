@@ -175,11 +175,11 @@ def _sample(
 
 
 def _recoloured(parts: Tensor, random: np.random.Generator) -> Tensor:
-    """Some with exchanged colours, more or less contrast and light, a few inverted."""
+    """Some with other hues, more or less contrast and light, a few inverted."""
     count = len(parts)
-    for number in np.flatnonzero(random.random(count) < 0.25):
-        order = random.permutation(3)
-        parts[number] = parts[number][np.concatenate([order, order + 3])]
+    turns = _hue_turns(np.where(random.random(count) < 0.5, random.uniform(0, 1, count), 0.0))
+    pictures = parts.reshape(count, CHANNELS // 3, 3, SIDE * SIDE)
+    parts = (turns[:, None] @ pictures).reshape(parts.shape)
     some = random.random((2, count)) < 0.6
     gain = np.where(some[0], random.uniform(0.65, 1.35, count), 1.0)
     gain = np.where(random.random(count) < 0.05, -gain, gain)
@@ -189,3 +189,11 @@ def _recoloured(parts: Tensor, random: np.random.Generator) -> Tensor:
     )
     varied = ((parts - 0.5) * gain + 0.5 + lift).clamp(0, 1)
     return varied.contiguous(memory_format=torch.channels_last)
+
+
+def _hue_turns(shares: npt.NDArray[np.float64]) -> Tensor:
+    """Matrices (N, 3, 3) that turn colours about the gray ones, by shares (N,) of a whole turn."""
+    angles = 2 * np.pi * (shares[:, None] + np.arange(3) / 3)
+    weights = (1 + 2 * np.cos(angles)) / 3  # of a channel itself, and of the two others
+    turned = np.stack([np.roll(weights, by, axis=1) for by in range(3)], axis=1)
+    return torch.from_numpy(turned.astype(np.float32))
