@@ -103,11 +103,14 @@ def report(names: Names, results: list[Result], title: str) -> None:
     print(f"\n{title}: {len(results)} pictures\n")
     print("| class | true | AP50 | recall at precision 0.95 | its least score |")
     print("|---|---|---|---|---|")
+    aps = []
     for kind in kinds:
         matches = gather([_of_kind(each, kind) for each in results])
         recall, score = recall_at(matches, 0.95)
-        ap = average_precision(matches)
-        print(f"| {names[kind]} | {matches.truths} | {ap:.3f} | {recall:.3f} | {score:.2f} |")
+        aps.append(average_precision(matches))
+        print(f"| {names[kind]} | {matches.truths} | {aps[-1]:.3f} | {recall:.3f} | {score:.2f} |")
+    if len(aps) > 1:
+        print(f"| mean of them | | {np.nanmean(aps):.3f} | | |")
 
 
 def report_sizes(results: list[Result]) -> None:
