@@ -14,7 +14,7 @@ SIDE = 288
 """Pixels along a drawing's edge."""
 FRAMES = ("circle", "octagon", "square", "triangle", "rounded", "cross", "none")
 HELD_OUT_FRAMES = ("hexagon", "double_circle", "ellipse")
-LETTERS = ("plain", "round", "stencil", "wide")
+LETTERS = ("plain", "round", "stencil", "wide", "edged")
 HELD_OUT_LETTERS = ("serif", "hollow")
 _LEGIBLE = 1.5  # standard deviations
 _ONE = 1 << 4  # of cv2's fixed point, 4 bits
@@ -65,6 +65,11 @@ def _draw_some_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, 
         reach *= 0.6
     second = random_colour(random, away_from=ground) if random.random() < 0.3 else ink
     mask, corners = _draw_letter(random, letter, reach)
+    if letter == "edged":
+        edge = random.uniform(0.04, 0.13) * reach
+        corners = corners + edge * np.sign(corners)
+        _stamp(paint, _widened(mask, edge), second)
+        second = random_colour(random, away_from=float(np.mean(second)))
     _stamp(paint, mask, second)
     if frame not in ("none", "cross"):
         _decorate(random, paint, radius, reach, ink)
@@ -169,6 +174,12 @@ def _draw_letter(
             at = round((1 + x) * SIDE / 2)
             mask[:, at - gap // 2 : at + gap // 2 + 1] = 0
     return mask, np.array([[-aside, -up], [aside, -up], [aside, up], [-aside, up]])
+
+
+def _widened(mask: Canvas, edge: float) -> Canvas:
+    """What is no further from the mask than ``edge`` half sides."""
+    side = 2 * round(edge * SIDE / 2) + 1
+    return np.asarray(cv2.dilate(mask, np.ones((side, side), np.uint8)), np.uint8)
 
 
 def _decorate(
