@@ -125,6 +125,11 @@ def box_of(polygons: list[Array]) -> Array:
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
 
 
+def hull_of(polygons: list[Array]) -> Array:
+    """(N, 2) the convex outline of polygons, pixels."""
+    return np.asarray(cv2.convexHull(np.vstack(polygons).astype(np.float32))[:, 0], np.float64)
+
+
 def turned_sides(polygons: list[Array]) -> Array:
     """(2,) the longer and the shorter side, pixels, of the smallest rectangle around polygons."""
     sides = cv2.minAreaRect(np.vstack(polygons).astype(np.float32))[1]

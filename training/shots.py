@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 from bodies import yaw_quat
-from outlines import Parts, View, box_of, clip_parts, turned_sides, visible_share
+from outlines import Parts, View, box_of, clip_parts, hull_of, turned_sides, visible_share
 from worlds import OTHER, Thing, World
 
 from ros_visualise.geometry import rotations
@@ -21,20 +21,24 @@ _TILT_DEGREES = 75.0
 _SIZES_PX = 6.0, 400.0
 _FAR_M = 200.0
 _HIDDEN_GROUP = 5  # what is not in the picture
+_LEAST_FACING, _FLATTEST_BOARD = 0.1, 0.35
+"""Cosines between where a board looks and the camera: below the first nobody sees a tag; boards
+that are no landmarks are left away below the second: from the side they look like posts."""
 
 
 @dataclass(frozen=True)
 class Seen:
     """One landmark in a picture.
 
-    ``box`` is x0 y0 x1 y1 in pixels, cut at the picture's edges; ``point`` the ground point, which
-    may lie outside. ``sides`` are the longer and the shorter side, in pixels, of the smallest
-    rectangle around it, however turned. ``share`` is how much of the whole can be seen, past
-    occluders and edges.
+    ``box`` is x0 y0 x1 y1 in pixels, and ``hull`` (N, 2) the convex outline, both cut at the
+    picture's edges; ``point`` the ground point, which may lie outside. ``sides`` are the longer and
+    the shorter side, in pixels, of the smallest rectangle around it, however turned. ``share`` is
+    how much of the whole can be seen, past occluders and edges.
     """
 
     kind: int
     box: Array
+    hull: Array
     point: Array
     sides: Array
     share: float
@@ -62,6 +66,10 @@ def take_shot(
             _place(world, random, thing, where)
     mujoco.mj_kinematics(world.model, world.data)
     mujoco.mj_camlight(world.model, world.data)
+    for thing, _ in placed:
+        board = thing.kind == OTHER and thing.facing is not None
+        if board and abs(_cosine(world, view, thing)) < _FLATTEST_BOARD:
+            _hide(world, thing)
     seen = [
         one
         for thing, _ in placed
@@ -72,19 +80,28 @@ def take_shot(
 
 def hide_landmarks(world: World) -> None:
     """Leave away all that is a landmark."""
-    model = world.model
     for thing in world.things:
         if thing.kind != OTHER:
-            model.geom_group[model.body_rootid[model.geom_bodyid] == thing.body] = _HIDDEN_GROUP
+            _hide(world, thing)
+
+
+def _hide(world: World, thing: Thing) -> None:
+    model = world.model
+    model.geom_group[model.body_rootid[model.geom_bodyid] == thing.body] = _HIDDEN_GROUP
+
+
+def _cosine(world: World, view: View, thing: Thing) -> float:
+    """Of the angle between where a board looks and the camera; below 0 from behind."""
+    ahead = view.position_xyz - world.data.xpos[thing.body]
+    R = world.data.xmat[thing.body].reshape(3, 3)
+    return float((R @ thing.facing) @ ahead / np.linalg.norm(ahead))
 
 
 def see(world: World, view: View, thing: Thing, random: np.random.Generator) -> Seen | None:
     """A thing as it is seen from a view; None where nothing of it can be."""
     data = world.data
     position, R = data.xpos[thing.body], data.xmat[thing.body].reshape(3, 3)
-    if thing.free and R[:, 2] @ (view.position_xyz - position) < 0.1 * np.linalg.norm(
-        view.position_xyz - position
-    ):
+    if thing.facing is not None and _cosine(world, view, thing) < _LEAST_FACING:
         return None  # a board from behind, or too flat
     parts: Parts = tuple(part @ R.T + position for part in thing.parts)
     clipped = clip_parts(view, parts)
@@ -95,7 +112,8 @@ def see(world: World, view: View, thing: Thing, random: np.random.Generator) -> 
     inside = float(np.prod(box[2:] - box[:2]) / np.prod(whole[2:] - whole[:2]))
     share = min(inside, 1.0) * visible_share(world, view, thing.body, polygons, random)
     point = view.project(position[None])[0][0]
-    return Seen(thing.kind, box, point, turned_sides(polygons), share) if share > 0 else None
+    hull, sides = hull_of(polygons), turned_sides(polygons)
+    return Seen(thing.kind, box, hull, point, sides, share) if share > 0 else None
 
 
 def _aim(

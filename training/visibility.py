@@ -12,7 +12,7 @@ from shots import Seen
 from worlds import CLASSES
 
 _LEAST_DIFFERENCE, _LEAST_CONTRAST, _LEAST_COLOUR = 12.0, 8.0, 16.0  # gray levels
-_MIDDLE = 0.2  # of the sides, left out at each side: what is left is the letter or the cells
+_MIDDLE = 0.6  # of an outline's size, where the letter or the cells are
 _FLATTEST, _ROUNDEST = 6.0, 1.5  # the longer side by the shorter one
 _NARROWEST = {"helipad": 20.0, "tag": 10.0, "post": 2.0}
 """Pixels: the strokes of a narrower pad's letter and the cells of a tag are thinner than one, and
@@ -31,7 +31,7 @@ def judge(seen: Seen, picture: Canvas, bare: Canvas) -> Seen:
     hidden = hidden or seen.sides[1] < _NARROWEST.get(name, 0.0)
     if name in ("helipad", "tag"):
         flat = seen.sides[0] > _FLATTEST * seen.sides[1]
-        hidden = hidden or flat or contrast(seen.box, picture) < _LEAST_CONTRAST
+        hidden = hidden or flat or contrast(seen.hull, picture) < _LEAST_CONTRAST
     if name == "post":
         hidden = hidden or seen.sides[0] < _ROUNDEST * seen.sides[1]
         hidden = hidden or colour(seen.box, picture, bare) < _LEAST_COLOUR
@@ -46,11 +46,17 @@ def difference(box: Array, picture: Canvas, bare: Canvas) -> float:
     return float(np.sqrt(np.mean((a - b) ** 2)))
 
 
-def contrast(box: Array, picture: Canvas) -> float:
-    """Standard deviation of the gray levels in the middle of a box, where the pattern is."""
-    rim = _MIDDLE * (box[2:] - box[:2])
-    part = _part(box + np.concatenate([rim, -rim]), picture)
-    return float(_smooth(cv2.cvtColor(part, cv2.COLOR_RGB2GRAY)).std())
+def contrast(hull: Array, picture: Canvas) -> float:
+    """Standard deviation of the gray levels in the middle of an outline, where the pattern is."""
+    whole = cv2.moments(hull.astype(np.float32))
+    middle = np.array([whole["m10"], whole["m01"]]) / whole["m00"]
+    inner = middle + _MIDDLE * (hull - middle)
+    box = np.concatenate([inner.min(axis=0), inner.max(axis=0)])
+    gray = _smooth(cv2.cvtColor(_part(box, picture), cv2.COLOR_RGB2GRAY))
+    mask = np.zeros(gray.shape, np.uint8)
+    corners = inner - np.maximum(np.floor(box[:2]), 0)
+    cv2.fillConvexPoly(mask, np.round(corners).astype(np.int32), 1)
+    return float(gray[mask > 0].std())
 
 
 def colour(box: Array, picture: Canvas, bare: Canvas) -> float:

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-from bodies import build_post, build_thing, build_vehicle, geom, gray, paint
+from bodies import build_post, build_thing, build_vehicle, geom, gray
 from grounds import Canvas, draw_surface, find_photos
 from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
@@ -50,13 +50,15 @@ class Thing:
     """A body that can be put somewhere.
 
     ``parts`` are convex groups of points in the body's frame, metres: a box is drawn around them.
-    The body's origin is its ground point. What is ``free`` may also stand or lean.
+    The body's origin is its ground point. What is ``free`` may also stand or lean. ``facing`` is
+    the direction, in the body's frame, in which the picture of a board looks; others have none.
     """
 
     body: int
     kind: int
     parts: Parts
-    free: bool
+    free: bool = False
+    facing: tuple[float, float, float] | None = None
 
     @cached_property
     def radius(self) -> float:
@@ -73,6 +75,16 @@ class World:
     things: tuple[Thing, ...]
     grounds: tuple[int, ...]
     classes: tuple[str, ...]
+
+
+class Named(NamedTuple):
+    """A thing of a model to be compiled; without ``parts`` the outline is that of its geoms."""
+
+    name: str
+    kind: int
+    parts: Parts | None = None
+    free: bool = False
+    facing: tuple[float, float, float] | None = None
 
 
 def build_world(
@@ -102,12 +114,10 @@ def build_world(
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     things = []
-    for name, kind, parts, free in [
-        *writer.things,
-        *((f"own{at}_{name}", len(CLASSES) + at, None, False) for at, name in enumerate(names)),
-    ]:
+    own_things = [Named(f"own{at}_{name}", len(CLASSES) + at) for at, name in enumerate(names)]
+    for name, kind, parts, free, facing in [*writer.things, *own_things]:
         body = model.body(name).id
-        things.append(Thing(body, kind, parts or body_parts(model, data, body), free))
+        things.append(Thing(body, kind, parts or body_parts(model, data, body), free, facing))
     grounds = tuple(model.material(f"ground{number}").id for number in range(_GROUNDS))
     return World(model, data, tuple(things), grounds, (*CLASSES, *names))
 
@@ -146,12 +156,12 @@ def _flat_mesh(name: str, outline_xy: Array, half: float) -> str:
 
 
 class _Writer:
-    """Writes a world's MJCF; ``things`` are name, class, outline where it is drawn, and free."""
+    """Writes a world's MJCF; ``things`` are what is in it."""
 
     def __init__(self, random: np.random.Generator, held_out: bool) -> None:
         self.random, self.held_out = random, held_out
         self.assets: dict[str, bytes] = {}
-        self.things: list[tuple[str, int, Parts | None, bool]] = []
+        self.things: list[Named] = []
         self._definitions: list[str] = []
         self._bodies: list[str] = []
         photos = () if held_out else find_photos()
@@ -179,34 +189,36 @@ class _Writer:
         elif kind == "board":
             self._add_board(name, draw_distractor(random))
         elif kind == "post":
-            self._add_body(name, build_post(random), number)
+            self._add_body(build_post(random), Named(name, number))
         elif kind == "vehicle":
             mesh, geoms = build_vehicle(random, name, self.held_out)
             self._definitions.append(mesh)
-            self._add_body(name, geoms, number)
+            self._add_body(geoms, Named(name, number))
         else:
             self._add_material(name, draw_surface(random, 128), 0.5)
-            self._add_body(name, build_thing(random, name), number)
+            self._add_body(build_thing(random, name), Named(name, number))
 
     def _add_print(self, name: str, drawn: Print, size: float, number: int) -> None:
         """A plate with a drawing; a tag's is a board with an edge, and stands as it likes.
 
         Most pads and signs are cut out along the outline, as if painted on the ground. A pad
-        without a frame always is: nobody could tell the plate's edge from the pad's.
+        without a frame always is: nobody could tell the plate's edge from the pad's. A board's
+        edge is gray: with a strong colour it would look like a post from the side.
         """
         self._add_material(name, drawn.picture)
         half, board = size / 2, number == CLASSES.index("tag")
         if board:
             rim = half * self.random.uniform(1.0, 1.12)
             geoms = geom("box", (half, half, _PLATE), (0, 0, -_PLATE), name)
-            geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), paint(self.random))
+            geoms += geom("box", (rim, rim, 0.02), (0, 0, -2 * _PLATE - 0.02), gray(self.random))
         else:
             is_pad = number == CLASSES.index("helipad")
             self._cut_out(name, drawn, half, is_pad and not drawn.framed)
             geoms = geom("mesh", (), (0, 0, 0), name, f'mesh="{name}"')
         z = np.full((len(drawn.outline_xy), 1), 0 if board else 2 * _PLATE)
         outline = np.hstack([drawn.outline_xy * half, z])
-        self._add_body(name, geoms, number, (outline,), board)
+        facing = (0.0, 0.0, 1.0) if board else None
+        self._add_body(geoms, Named(name, number, (outline,), board, facing))
 
     def _add_board(self, name: str, drawn: Print) -> None:
         """A board that stands on a gray pole."""
@@ -217,7 +229,8 @@ class _Writer:
         radius = self.random.uniform(0.02, 0.05)
         pole = geom("cylinder", (radius, middle / 2), (0, radius, middle / 2), gray(self.random))
         turned = f'mesh="{name}" euler="90 0 0"'
-        self._add_body(name, pole + geom("mesh", (), (0, 0, middle), name, turned), OTHER)
+        plate = geom("mesh", (), (0, 0, middle), name, turned)
+        self._add_body(pole + plate, Named(name, OTHER, facing=(0.0, -1.0, 0.0)))
 
     def _cut_out(self, name: str, drawn: Print, half: float, along: bool) -> None:
         """A mesh of a drawing, along its outline or as a sheet of paper."""
@@ -227,11 +240,9 @@ class _Writer:
             edge = _sheet(drawn.outline_xy, self.random.uniform(*_PAPER))
         self._definitions.append(_flat_mesh(name, np.clip(edge, -1, 1), half))
 
-    def _add_body(
-        self, name: str, geoms: str, number: int, parts: Parts | None = None, free: bool = False
-    ) -> None:
-        self._bodies.append(f'<body name="{name}">{geoms}</body>')
-        self.things.append((name, number, parts, free))
+    def _add_body(self, geoms: str, thing: Named) -> None:
+        self._bodies.append(f'<body name="{thing.name}">{geoms}</body>')
+        self.things.append(thing)
 
     def _add_material(self, name: str, picture: Canvas, repeat: float | None = None) -> None:
         self._store(name, picture)

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from outlines import View, body_parts, box_of, clip_parts, turned_sides, visible_share
+from outlines import View, body_parts, box_of, clip_parts, hull_of, turned_sides, visible_share
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -111,3 +111,9 @@ def test_sides_are_those_of_the_thing_however_it_is_turned(degrees: float):
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     bar = np.array([[-30, -2], [30, -2], [30, 2], [-30, 2]]) @ np.array([[c, s], [-s, c]])
     np.testing.assert_allclose(turned_sides([bar[:3], bar[2:]]), [60, 4], atol=0.01)
+
+
+def test_a_hull_goes_around_all_polygons():
+    squares = [np.array([[x, 0], [x + 1, 0], [x + 1, 1], [x, 1]], float) for x in (0, 4)]
+    hull = hull_of(squares)
+    assert {tuple(corner) for corner in hull} == {(0, 0), (5, 0), (5, 1), (0, 1)}

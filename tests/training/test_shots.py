@@ -48,6 +48,31 @@ def test_a_board_stands_on_a_gray_pole_and_is_no_landmark(world):
         assert red == green == blue
 
 
+def test_no_board_is_seen_from_the_side(world):
+    """From there its thin coloured edge would look like a post."""
+    random, cosines = np.random.default_rng(2), []
+    boards = [each for each in world.things if each.kind == OTHER and each.facing is not None]
+    assert len(boards) > 1
+    for _ in range(100):
+        view, _ = take_shot(world, random, SIZE)
+        for board in boards:
+            shown = world.model.geom_group[world.model.geom_bodyid == board.body] == 0
+            if shown.all():
+                ahead = view.position_xyz - world.data.xpos[board.body]
+                R = world.data.xmat[board.body].reshape(3, 3)
+                cosines.append(abs(R @ board.facing @ ahead) / np.linalg.norm(ahead))
+    assert len(cosines) > 10
+    assert min(cosines) > 0.35
+
+
+def test_the_edge_of_a_tags_board_is_gray(world):
+    model = world.model
+    for board in (each for each in world.things if each.free):
+        edges = model.geom_rgba[(model.geom_bodyid == board.body) & (model.geom_matid < 0)]
+        assert len(edges) == 1
+        assert len(set(edges[0, :3])) == 1
+
+
 def test_labels_are_in_the_picture_and_about_three_of_ten_have_none(world):
     random = np.random.default_rng(1)
     shots = [take_shot(world, random, SIZE) for _ in range(200)]

@@ -14,12 +14,14 @@ _SIDE = 160
 _RED = 220, 40, 30
 
 
-def seen(name, box, point=None, sides=None):
+def seen(name, box, point=None, sides=None, hull=None):
     box = np.array(box, float)
     middle = (box[:2] + box[2:]) / 2
     point = middle if point is None else np.array(point)
     sides = np.sort(box[2:] - box[:2])[::-1] if sides is None else np.array(sides)
-    return Seen(CLASSES.index(name), box, point, sides, 1.0)
+    x0, y0, x1, y1 = box
+    corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]] if hull is None else hull, float)
+    return Seen(CLASSES.index(name), box, corners, point, sides, 1.0)
 
 
 @pytest.fixture
@@ -79,6 +81,16 @@ def test_a_print_counts_where_its_pattern_can_be_seen(bare, name):
     box = 40, 40, 100, 100
     assert judge(seen(name, box), lettered(bare, box), bare).share == 1
     assert judge(seen(name, box), painted(bare, box, 230), bare).share == 0
+
+
+def test_what_is_beside_a_triangle_is_not_its_pattern(bare):
+    """The middle of its box has some ground in it, the middle of its outline has none."""
+    triangle = np.array([[70, 40], [100, 100], [40, 100]])
+    pad = seen("helipad", (40, 40, 100, 100), point=(70.0, 80.0), hull=triangle)
+    picture = cv2.fillConvexPoly(bare.copy(), triangle, (230, 230, 230))
+    assert judge(pad, picture, bare).share == 0
+    cv2.putText(picture, "H", (62, 90), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (20, 20, 20), 2)
+    assert judge(pad, picture, bare).share == 1
 
 
 def test_a_pad_needs_its_letter(bare):
