@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from loss import Truth
+from processor import FORMAT
 
 Canvas = npt.NDArray[np.uint8]
 Rows = npt.NDArray[np.float32]
@@ -62,7 +63,7 @@ def make_batch(
         pictures.append(picture)
         truths.append(to_truth(rows))
     stack = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2)
-    return stack.contiguous(memory_format=torch.channels_last).float() / 255, truths
+    return stack.contiguous(memory_format=FORMAT).float() / 255, truths
 
 
 def load(example: Example, random: np.random.Generator, crop: int) -> tuple[Canvas, Rows]:

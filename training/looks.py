@@ -13,6 +13,7 @@ import torch
 from dataset import Example, find_examples, read
 from loss import iou
 from network import Network, decode, enlarge, halve, make_grid
+from processor import FORMAT
 from second import CHANNELS, SIDE, cut_both, parts_about
 from torch import Tensor
 
@@ -188,7 +189,7 @@ def _recoloured(parts: Tensor, random: np.random.Generator) -> Tensor:
         torch.from_numpy(one.astype(np.float32))[:, None, None, None] for one in (gain, lift)
     )
     varied = ((parts - 0.5) * gain + 0.5 + lift).clamp(0, 1)
-    return varied.contiguous(memory_format=torch.channels_last)
+    return varied.contiguous(memory_format=FORMAT)
 
 
 def _hue_turns(shares: npt.NDArray[np.float64]) -> Tensor:

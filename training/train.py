@@ -28,6 +28,7 @@ from looks import collect
 from loss import Truth, detection_loss
 from network import Network, follow, make_grid, make_optimizer
 from pictures import add_arguments
+from processor import FORMAT, precision
 from second import Second
 from start import read_start, start_first, start_second
 from torch import Tensor
@@ -66,7 +67,7 @@ class Trainer:
         steps: int = 0,
     ) -> None:
         self.classes, self.minutes, self.seed, self.rate = classes, minutes, seed, rate
-        self.network = network.to(memory_format=torch.channels_last)
+        self.network = network.to(memory_format=FORMAT)
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
         self.optimizer = make_optimizer(self.network, _DECAY)
         self.steps, self.seconds = steps, 0.0
@@ -79,7 +80,7 @@ class Trainer:
             group["lr"] = self._rate()
         size = (pictures.shape[2], pictures.shape[3])
         grid = self._grids.setdefault(size, make_grid(*size))
-        with torch.autocast("cpu", dtype=torch.bfloat16):
+        with precision():
             raw = self.network(pictures)
         losses = detection_loss(raw, truths, grid, len(self.classes))
         total = sum(weight * loss for weight, loss in zip(_WEIGHTS, losses, strict=True))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import torch
 from looks import NONE, Looks, vary
 from network import follow, make_optimizer
+from processor import FORMAT, precision
 from second import Second, decode_parts
 from torch import Tensor
 from torch.nn import functional
@@ -49,7 +50,7 @@ def train_second(
         highest: learning rate.
     """
     random = np.random.default_rng((seed, 2))
-    network = network.to(memory_format=torch.channels_last)
+    network = network.to(memory_format=FORMAT)
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = make_optimizer(network, _DECAY)
     groups = _groups(looks, network.classes)
@@ -60,7 +61,7 @@ def train_second(
             group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
         chosen = np.concatenate([random.choice(group, count) for group, count in groups])
         pixels, halves, shares, labels, wanted = vary(looks, chosen, _FLAT, random)
-        with torch.autocast("cpu", dtype=torch.bfloat16):
+        with precision():
             raw = network(pixels, halves, shares)
         losses = second_loss(raw.float(), shares, labels, wanted)
         optimizer.zero_grad()
