@@ -12,10 +12,22 @@ from grounds import Canvas, draw_surface, random_colour, smooth_noise
 
 SIDE = 288
 """Pixels along a drawing's edge."""
-FRAMES = ("circle", "octagon", "square", "triangle", "rounded", "cross", "none")
-HELD_OUT_FRAMES = ("hexagon", "double_circle", "ellipse")
-LETTERS = ("plain", "round", "stencil", "wide", "edged")
-HELD_OUT_LETTERS = ("serif", "hollow")
+FRAMES = (
+    *("circle", "double_circle", "ellipse", "hexagon", "octagon"),
+    *("square", "triangle", "rounded", "cross", "none"),
+)
+HELD_OUT_FRAMES = ("pentagon", "diamond")
+LETTERS = ("plain", "round", "stencil", "wide", "edged", "serif", "hollow")
+HELD_OUT_LETTERS = ("slanted", "flared")
+_SIDES = {"triangle": 3, "square": 4, "diamond": 4, "pentagon": 5, "hexagon": 6, "octagon": 8}
+_TURNS = {
+    "triangle": math.pi / 2,
+    "square": math.pi / 4,
+    "pentagon": math.pi / 2,
+    "octagon": math.pi / 8,
+}
+_ROOM = {"triangle": 0.6, "diamond": 0.75}
+"""What of a letter's usual size is in a frame with sharp corners."""
 _LEGIBLE = 1.5  # standard deviations
 _ONE = 1 << 4  # of cv2's fixed point, 4 bits
 
@@ -60,9 +72,8 @@ def _draw_some_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, 
     radius = random.uniform(0.55, 0.93)
     paint = under.copy()
     outline = _draw_frame(random, paint, frame, radius, fill, ink)
-    reach = radius * (0.62 if frame not in ("none", "cross") else 1.0) * random.uniform(0.6, 1.0)
-    if frame == "triangle":
-        reach *= 0.6
+    usual = radius * (0.62 if frame not in ("none", "cross") else 1.0) * _ROOM.get(frame, 1.0)
+    reach = usual * random.uniform(0.6, 1.0)
     second = random_colour(random, away_from=ground) if random.random() < 0.3 else ink
     mask, corners = _draw_letter(random, letter, reach)
     if letter == "edged":
@@ -127,15 +138,15 @@ def _draw_cross(
 
 
 def _polygon(frame: str, radius: float, random: np.random.Generator) -> npt.NDArray[np.float64]:
-    sides = {"octagon": 8, "square": 4, "triangle": 3, "hexagon": 6}.get(frame, 72)
-    turn = {"octagon": math.pi / 8, "square": math.pi / 4, "triangle": math.pi / 2}.get(frame, 0.0)
+    sides = _SIDES.get(frame, 72)
+    turn = _TURNS.get(frame, 0.0)
     angle = turn + 2 * math.pi * np.arange(sides) / sides
     shape = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     if frame == "rounded":  # a superellipse
         shape = np.sign(shape) * np.abs(shape) ** random.uniform(0.3, 0.6)
     if frame == "square":
         shape *= math.sqrt(2) * 0.9
-    if frame == "ellipse":
+    if frame in ("ellipse", "diamond"):
         shape *= (1.0, random.uniform(0.7, 0.9))
     if frame == "triangle":
         shape = shape - np.array([0, 0.1])
@@ -149,31 +160,51 @@ def _draw_letter(
     up = reach * 0.85
     aside = up * (random.uniform(0.9, 1.15) if letter == "wide" else random.uniform(0.5, 0.85))
     stroke = min(up * random.uniform(0.14, 0.34), 0.42 * aside)
-    bars = [
-        ((-aside, -up), (-aside + 2 * stroke * 0.8, up)),
-        ((aside - 2 * stroke * 0.8, -up), (aside, up)),
-        ((-aside, -stroke * 0.7), (aside, stroke * 0.7)),
-    ]
+    inner = aside - 2 * stroke * 0.8
+    stems = [_rectangle(-aside, -up, -inner, up), _rectangle(inner, -up, aside, up)]
+    bar = _rectangle(-aside, -stroke * 0.7, aside, stroke * 0.7)
     if letter == "serif":
-        for x in (-aside, aside - 1.6 * stroke):
+        for x in (-aside, inner):
             for y in (-up, up - 0.5 * stroke):
-                bars.append(((x - 0.5 * stroke, y), (x + 2.1 * stroke, y + 0.5 * stroke)))
+                stems.append(_rectangle(x - 0.5 * stroke, y, x + 2.1 * stroke, y + 0.5 * stroke))
         aside += 0.5 * stroke
+    if letter == "flared":
+        wider = random.uniform(0.3, 0.6) * stroke
+        stems = [_flared(stem, wider) for stem in stems]
+        aside += wider
+    lean = random.uniform(0.15, 0.35) if letter == "slanted" else 0.0
     mask = np.zeros((SIDE, SIDE), np.uint8)
-    for (x0, y0), (x1, y1) in bars:
-        _fill(mask, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), (255,))
+    for shape in (*stems, bar):
+        _fill(mask, _leant(shape, lean), (255,))
     if letter == "round":
         size = max(3, round(0.5 * stroke * SIDE / 2)) | 1
         mask = cv2.threshold(cv2.GaussianBlur(mask, (0, 0), size / 2), 127, 255, 0)[1]
     if letter == "hollow":
-        rim = max(2, round(0.45 * stroke * SIDE / 2))
-        mask = mask - cv2.erode(mask, np.ones((rim, rim), np.uint8))
+        rim = max(1, round(0.45 * stroke * SIDE / 2))
+        mask = mask - cv2.erode(mask, np.ones((2 * rim + 1, 2 * rim + 1), np.uint8))
     if letter == "stencil":
         gap = round(0.12 * stroke * SIDE / 2) + 2
         for x in (-aside + 1.6 * stroke, aside - 1.6 * stroke):
             at = round((1 + x) * SIDE / 2)
             mask[:, at - gap // 2 : at + gap // 2 + 1] = 0
-    return mask, np.array([[-aside, -up], [aside, -up], [aside, up], [-aside, up]])
+    return mask, _leant(_rectangle(-aside, -up, aside, up), lean)
+
+
+def _rectangle(x0: float, y0: float, x1: float, y1: float) -> npt.NDArray[np.float64]:
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def _flared(stem: npt.NDArray[np.float64], wider: float) -> npt.NDArray[np.float64]:
+    """A stem that becomes wider towards both ends, on each side by so much."""
+    (x0, y0), (x1, y1) = stem[0], stem[2]
+    right = [(x1 + wider, y0), (x1, 0.4 * y0), (x1, 0.4 * y1), (x1 + wider, y1)]
+    left = [(x0 - wider, y1), (x0, 0.4 * y1), (x0, 0.4 * y0), (x0 - wider, y0)]
+    return np.array(right + left)
+
+
+def _leant(shape: npt.NDArray[np.float64], lean: float) -> npt.NDArray[np.float64]:
+    """Its upper parts further to the right, as in italics."""
+    return shape @ np.array([[1.0, 0.0], [lean, 1.0]])
 
 
 def _widened(mask: Canvas, edge: float) -> Canvas:
