@@ -143,7 +143,7 @@ def measure(path: str, width: int, height: int, rounds: int) -> list[float | Non
     run = milliseconds(lambda: plain.run(blob), rounds)
     ours = milliseconds(lambda: network.detect(image, "BGR", CHOICE), rounds)
     before = milliseconds(lambda: prepare(image, "BGR", to, blob), rounds)
-    network._run = lambda names: outputs  # type: ignore[method-assign]
+    network._run = lambda *_: outputs  # type: ignore[method-assign]
     after = milliseconds(lambda: network.detect(image, "BGR", CHOICE), rounds) - before
     by_hand = None
     if "YOLOv8" in network.layout.name and size == (SIDE, SIDE):

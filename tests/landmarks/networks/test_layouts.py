@@ -1,7 +1,9 @@
 """Each layout, by a network that finds a bright spot: place, colours, class, score."""
 
 import numpy as np
+import onnx
 import pytest
+from onnx import TensorProto, helper, numpy_helper
 
 pytest.importorskip("cv2")
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
@@ -105,6 +107,21 @@ def test_own_networks_tell_ground_points_in_pixels_of_the_image(tmp_path):
     assert found.points_uv[0] - center == pytest.approx(np.array(made.POINT) / 2, abs=1e-4)
     want = np.diag(made.VARIANCES) / 4
     np.testing.assert_allclose(found.covariances, [want], atol=1e-5)
+
+
+@pytest.mark.parametrize(("shape", "told"), [([1], 0.1), ([], 0.0)])
+def test_a_network_that_may_be_told_the_least_score_is_told(shape, told, tmp_path):
+    """This one adds it to its own scores; one of another shape is something else."""
+    path = made.own(tmp_path / "n.onnx", 128, 96)
+    model = onnx.load(path)
+    graph = model.graph
+    (scores,) = (node for node in graph.node if node.output[0] == "scores")
+    scores.CopyFrom(helper.make_node("Add", [scores.input[0], "min_score"], ["scores"]))
+    graph.initializer.append(numpy_helper.from_array(np.zeros(shape, np.float32), "min_score"))
+    graph.input.append(helper.make_tensor_value_info("min_score", TensorProto.FLOAT, shape))
+    onnx.save(model, path)
+    found = find(Network(path), spot(128, 96, 20, 30), min_score=0.1)
+    assert found.scores == pytest.approx([made.SCORE + told])
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -13,7 +13,7 @@ from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.landmarks.networks import layouts
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choose
 from ros_visualise.landmarks.networks.layouts import Layout, Signature
-from ros_visualise.landmarks.networks.layouts.layout import SIZES_INPUT
+from ros_visualise.landmarks.networks.layouts.layout import MIN_SCORE_INPUT, SIZES_INPUT
 from ros_visualise.landmarks.networks.names import names_in
 from ros_visualise.landmarks.networks.preparation import CELL, Fit, Size, fitting_size, prepare
 from ros_visualise.landmarks.networks.session import Port, Provider, Session
@@ -22,6 +22,7 @@ _TYPES: dict[str, np.dtype[Any]] = {
     "tensor(float)": np.dtype(np.float32),
     "tensor(float16)": np.dtype(np.float16),
 }
+_MIN_SCORE = Port(MIN_SCORE_INPUT, "tensor(float)", (1,))
 _USUAL_SIDE = 640
 _LARGEST_SIDE = 8192
 _MOST_OF_EACH = 6  # inputs or outputs that are told of
@@ -79,7 +80,7 @@ class Network:
         self._blob = self._blob_of(fitting_size(image, self._longest, fit, self._cell))
         placement = prepare(pixels, order, self.layout.preparation, self._blob)
         size = _size_of(self._blob)
-        outputs = self._run(self._outputs)
+        outputs = self._run(self._outputs, choice.min_score)
         try:
             with np.errstate(all="ignore"):  # what is no number is left out
                 found = self.layout.decode(outputs, size, choice.min_score)
@@ -96,8 +97,10 @@ class Network:
             return blob
         return np.zeros((1, 3, height, width), self._dtype)
 
-    def _run(self, names: list[str]) -> dict[str, Any]:
+    def _run(self, names: list[str], min_score: float = 0.0) -> dict[str, Any]:
         inputs: dict[str, Any] = {self._image: self._blob}
+        if _MIN_SCORE in self._session.optional:
+            inputs[MIN_SCORE_INPUT] = np.array([min_score], np.float32)
         if any(one.name == SIZES_INPUT for one in self._session.inputs):
             inputs[SIZES_INPUT] = np.array([_size_of(self._blob)], np.int64)
         outputs = zip(names, self._session.run(inputs, names), strict=True)

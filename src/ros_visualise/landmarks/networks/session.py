@@ -50,6 +50,12 @@ class Session:
         provider: what it is run on.
         threads: how many threads work on one image.
 
+    Attributes:
+        inputs: what must be given.
+        optional: what may be given, too.
+        outputs: what comes out.
+        metadata: what the file says of itself.
+
     Raises:
         OpenError: there is no such file, it is not ONNX or too large, onnxruntime is not installed,
             or cannot run it.
@@ -66,6 +72,7 @@ class Session:
                 self._session = self._runtime.InferenceSession(path, options, providers)
             self.metadata: dict[str, str] = self._session.get_modelmeta().custom_metadata_map
             self.inputs = tuple(map(_port, self._session.get_inputs()))
+            self.optional = tuple(map(_port, self._session.get_overridable_initializers()))
             self.outputs = tuple(map(_port, self._session.get_outputs()))
         except _errors() as error:  # of which one says that a name is no text
             raise OpenError(f"{path}: {_short(error)}; give an ONNX file") from None

@@ -16,6 +16,9 @@ Outputs = Mapping[str, Floats]
 SIZES_INPUT = "orig_target_sizes"
 """The second input that some networks have: (1, 2) width and height that their boxes are for."""
 
+MIN_SCORE_INPUT = "min_score"
+"""An input (1,) that may be given: the least score of what is wanted, to save work on the rest."""
+
 
 @dataclass(frozen=True)
 class Signature:
