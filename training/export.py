@@ -1,6 +1,6 @@
 """Write the trained networks as an ONNX file that gives boxes and ground points in pixels.
 
-python training/export.py OUT/checkpoint.pt OUT/second.pt aerial.onnx
+python training/export.py OUT/checkpoint.pt OUT/second.pt OUT/pictures aerial.onnx
 """
 
 from __future__ import annotations
@@ -11,19 +11,23 @@ import json
 import sys
 import tempfile
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import onnx
 import torch
+from dataset import find_examples, read
+from integers import Images, to_integers
 from looks import LEAST_SCORE, MOST, OVERLAP
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
 from second import Second, cut_both, decode_parts, parts_about
 from torch import Tensor, nn
 
+MIN_SCORE = "min_score"
+"""The second input, which nobody needs to give."""
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
@@ -146,12 +150,15 @@ def write_onnx(
     classes: tuple[str, ...],
     path: Path,
     about: dict[str, str],
+    pictures: Iterable[Images],
     widen: float = 1.0,
 ) -> None:
     """Write the file, for images of any size: the network, the choice of boxes, the second look.
 
     Args:
         about: more lines for its metadata.
+        pictures: as `to_integers` takes them.
+        widen: factor for the variances of the points, as `evaluate.py` measures it.
     """
     image = torch.zeros(1, 3, 256, 320)
     cells = sum((256 // each) * (320 // each) for s in STRIDES for each in (s, 2 * s))
@@ -183,7 +190,9 @@ def write_onnx(
         "stride": str(2 * STRIDES[-1]),
         "imgsz": f"[{_SIDE}, {_SIDE}]",
     }
-    helper.set_model_props(model, {**lines, **first_layer(model), **about})
+    lines |= first_layer(model)
+    model = to_integers(model, pictures)
+    helper.set_model_props(model, {**lines, **about})
     _store_as_halves(model.graph)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))
@@ -216,20 +225,36 @@ def _export(
 
 
 def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
-    """One model of both, with the choice of boxes between them."""
+    """One model of both, with the choice of boxes between them.
+
+    Who wants only what has a score of ``min_score`` may say so: boxes that cannot reach it are not
+    looked at again. The score is at most the root of that of the box, as `Last` has it.
+    """
     first, last = (
         onnx.compose.add_prefix(each, prefix, rename_inputs=False, rename_outputs=False)
         for each, prefix in ((first, "first/"), (last, "last/"))
     )
-    limits = {"most": np.int64([MOST]), "overlap": np.float32([OVERLAP])}
-    limits["least"] = np.float32([LEAST_SCORE])
-    choice = helper.make_node(
-        "NonMaxSuppression", ["cell_boxes", "cell_scores", *limits], ["chosen"], "choice"
-    )
+    limits = {
+        "most": np.int64([MOST]),
+        "overlap": np.float32([OVERLAP]),
+        "usual": np.float32([LEAST_SCORE]),
+        MIN_SCORE: np.float32([0]),
+    }
+    choice = [
+        helper.make_node("Mul", [MIN_SCORE, MIN_SCORE], ["squared"], "squared"),
+        helper.make_node("Max", ["squared", "usual"], ["least"], "least"),
+        helper.make_node(
+            "NonMaxSuppression",
+            ["cell_boxes", "cell_scores", "most", "overlap", "least"],
+            ["chosen"],
+            "choice",
+        ),
+    ]
+    asked = helper.make_tensor_value_info(MIN_SCORE, TensorProto.FLOAT, [1])
     graph = helper.make_graph(
-        [*first.graph.node, choice, *last.graph.node],
+        [*first.graph.node, *choice, *last.graph.node],
         "aerial",
-        first.graph.input,
+        [*first.graph.input, asked],
         last.graph.output,
         [
             *first.graph.initializer,
@@ -266,6 +291,14 @@ def first_layer(model: onnx.ModelProto) -> dict[str, str]:
     return {"first_kernels": kernels, "first_biases": biases}
 
 
+def some_pictures(folder: Path, seed: int) -> Iterator[Images]:
+    """Pictures (1, 3, H, W) of the worlds in a folder, RGB in 0 to 1, in a random order."""
+    examples = find_examples(folder)[0]
+    for number in np.random.default_rng(seed).permutation(len(examples)):
+        picture = read(examples[number].path)
+        yield np.ascontiguousarray(picture.transpose(2, 0, 1)[None] / np.float32(255))
+
+
 def save_second(second: Second, path: Path) -> None:
     """Write the weights of the second look."""
     state = {"classes": second.classes, "width": second.width, "weights": second.state_dict()}
@@ -277,6 +310,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("second", type=Path)
+    parser.add_argument("pictures", type=Path, help="folder of worlds, to measure ranges by")
     parser.add_argument("onnx", type=Path)
     parser.add_argument("--widen", type=float, default=1.0, help="factor for points' variances")
     asked = parser.parse_args()
@@ -286,7 +320,8 @@ def main() -> int:
     second = Second(again["classes"], again["width"])
     second.load_state_dict(again["weights"])
     about = {"seed": str(state["seed"]), "steps": str(state["steps"])}
-    write_onnx(network, second, state["classes"], asked.onnx, about, asked.widen)
+    pictures = some_pictures(asked.pictures, state["seed"])
+    write_onnx(network, second, state["classes"], asked.onnx, about, pictures, asked.widen)
     return 0
 
 

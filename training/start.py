@@ -9,9 +9,10 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import onnx
 import torch
 from export import LAYOUT, VERSION
@@ -79,13 +80,25 @@ def start_second(
 
 def _layers(graph: onnx.GraphProto, prefix: str) -> Iterator[Layer]:
     """The layers of one network; after its last one may come those of its second run."""
-    values = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
-    halves = {each.output[0]: each.input[0] for each in graph.node if each.op_type == "Cast"}
+    values = _weights(graph)
     for node in graph.node:
-        names = [halves.get(name, name) for name in node.input[1:]]
+        names = node.input[1:]
         known = node.op_type in ("Conv", "Gemm") and all(name in values for name in names)
         if known and node.name.startswith(prefix):
             yield Layer(*(torch.from_numpy(values[name].astype(np.float32)) for name in names))
+
+
+def _weights(graph: onnx.GraphProto) -> dict[str, npt.NDArray[Any]]:
+    """What the file has, and what becomes of it where it is stored as halves or whole numbers."""
+    values = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
+    for node in graph.node:
+        if node.op_type == "Cast" and node.input[0] in values:
+            values[node.output[0]] = values[node.input[0]]
+        elif node.op_type == "DequantizeLinear" and node.input[0] in values:
+            numbers, scale, zero = (values[name] for name in node.input)
+            shape = (-1, *[1] * (numbers.ndim - 1))
+            values[node.output[0]] = (numbers - zero.reshape(shape)) * scale.reshape(shape)
+    return values
 
 
 def _rows(theirs: tuple[str, ...], ours: tuple[str, ...]) -> dict[int, int]:

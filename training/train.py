@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from dataset import Example, find_examples, make_batch
-from export import save_second, write_onnx
+from export import save_second, some_pictures, write_onnx
 from looks import collect
 from loss import Truth, detection_loss
 from network import Network, follow, make_grid, make_optimizer
@@ -207,7 +207,8 @@ def look_again(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namesp
     second = train_second(second, looks, asked.second_minutes, seed, rate)
     save_second(second, out / "second.pt")
     about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
-    write_onnx(trainer.average, second, trainer.classes, out / "aerial.onnx", about)
+    pictures = some_pictures(folder, asked.seed)
+    write_onnx(trainer.average, second, trainer.classes, out / "aerial.onnx", about, pictures)
 
 
 def main() -> int:

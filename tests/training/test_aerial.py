@@ -27,14 +27,20 @@ def network():
 
 
 @pytest.fixture(scope="module")
-def matched(network):
-    """For each landmark that is large and all in view: what it is, and what was found of it."""
+def views():
+    """Pictures of styles that it was not trained on, and what is to be seen in them."""
     try:
         choose_backend()
     except OpenError as error:
         pytest.skip(str(error))
+    return [some[:2] for some in render_world((77, 0), 40, (640, 480), held_out=True)]
+
+
+@pytest.fixture(scope="module")
+def matched(network, views):
+    """For each landmark that is large and all in view: what it is, and what was found of it."""
     pairs = []
-    for picture, seen, _ in render_world((77, 0), 40, (640, 480), held_out=True):
+    for picture, seen in views:
         found = network.detect(picture, "RGB", Choice(min_score=0.3))
         for one in seen:
             if one.share > 0.95 and (one.box[2:] - one.box[:2]).max() >= _LEAST_PX:
@@ -53,6 +59,19 @@ def test_the_file_tells_what_it_is(network):
 def test_it_finds_what_it_never_saw(matched):
     assert len(matched) > 20
     assert np.mean([len(good) > 0 for _, good in matched]) > 0.7
+
+
+def test_what_is_not_wanted_changes_nothing_else(network, views):
+    """Who wants sure things alone gets those that all others would get, too."""
+    count = 0
+    for picture, _ in views:
+        every = network.detect(picture, "RGB", Choice(min_score=0.02))
+        sure = network.detect(picture, "RGB", Choice(min_score=0.6))
+        among = every.take(every.scores >= 0.6)
+        np.testing.assert_allclose(sure.boxes_xyxy, among.boxes_xyxy, atol=0.01)
+        np.testing.assert_allclose(sure.scores, among.scores, atol=1e-4)
+        count += len(every) - len(sure)
+    assert count > 20
 
 
 def test_points_of_pads_and_tags_are_where_their_variances_say(matched):
