@@ -183,16 +183,14 @@ def write_onnx(
             **{name: {1: "found"} for name in OUTPUTS},
         },
     )
-    model = _joined(first, last)
+    model = _joined(to_integers(first, pictures), last)
     lines = {"layout": LAYOUT, "version": VERSION, "license": "BSD-3-Clause"}
     lines |= {
         "names": str(dict(enumerate(classes))),
         "stride": str(2 * STRIDES[-1]),
         "imgsz": f"[{_SIDE}, {_SIDE}]",
     }
-    lines |= first_layer(model)
-    model = to_integers(model, pictures)
-    helper.set_model_props(model, {**lines, **about})
+    helper.set_model_props(model, {**lines, **first_layer(model), **about})
     _store_as_halves(model.graph)
     onnx.checker.check_model(model)
     onnx.save(model, str(path))

@@ -13,8 +13,8 @@ from integers import to_integers
 SIDE, WIDTH = 32, 8
 
 
-def made_network(threshold: float) -> onnx.ModelProto:
-    """Layers named as in our networks; ``scores`` are those answers above the threshold."""
+def made_network() -> onnx.ModelProto:
+    """A few layers, named as those of our network."""
     random = np.random.default_rng(3)
     weights, nodes = [], []
 
@@ -27,30 +27,21 @@ def made_network(threshold: float) -> onnx.ModelProto:
             nodes.append(helper.make_node("Identity", [weight.name], [f"{name}.{kind}.copy"]))
             given.append(f"{name}.{kind}.copy")
         pads = {"kernel_shape": [3, 3], "pads": [1] * 4}
-        nodes.append(helper.make_node("Conv", given, [name], f"first//network/{name}/Conv", **pads))
-        output, relu = f"{name}.relu", f"first//network/{name}/Relu"
+        nodes.append(helper.make_node("Conv", given, [name], f"/network/{name}/Conv", **pads))
+        output, relu = f"{name}.relu", f"/network/{name}/Relu"
         nodes.append(helper.make_node("Relu", [name], [output], relu))
         return output
 
     seen = conv("stem.0", "images", 3)
     body = conv("stages.0.0", seen, WIDTH)
-    nodes.append(helper.make_node("Add", [seen, body], ["sum"], "first//network/stages.0/Add"))
+    nodes.append(helper.make_node("Add", [seen, body], ["sum"], "/network/stages.0/Add"))
     answer = conv("heads.0", conv("towers.0.0", "sum", WIDTH), WIDTH)
-    weights.append(numpy_helper.from_array(np.float32(threshold), "threshold"))
-    nodes += [
-        helper.make_node("Identity", [answer], ["answer"], "answer"),
-        helper.make_node("ReduceMax", [answer], ["most"], "most", axes=[1, 2, 3], keepdims=0),
-        helper.make_node("Greater", ["most", "threshold"], ["is_over"], "is_over"),
-        helper.make_node("Compress", ["most", "is_over"], ["scores"], "scores", axis=0),
-    ]
+    nodes.append(helper.make_node("Identity", [answer], ["answer"], "answer"))
     graph = helper.make_graph(
         nodes,
         "made",
         [helper.make_tensor_value_info("images", TensorProto.FLOAT, [1, 3, SIDE, SIDE])],
-        [
-            helper.make_tensor_value_info("answer", TensorProto.FLOAT, [1, WIDTH, SIDE, SIDE]),
-            helper.make_tensor_value_info("scores", TensorProto.FLOAT, ["found"]),
-        ],
+        [helper.make_tensor_value_info("answer", TensorProto.FLOAT, [1, WIDTH, SIDE, SIDE])],
         weights,
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 16)], ir_version=8)
@@ -76,12 +67,12 @@ def takers(model: onnx.ModelProto, kind: int) -> set[str]:
     }
     known = weights | handed
     convs = [node for node in model.graph.node if node.op_type == "Conv"]
-    return {node.name.split("/")[3] for node in convs if known[node.input[1]] == kind}
+    return {node.name.split("/")[2] for node in convs if known[node.input[1]] == kind}
 
 
 @pytest.fixture(scope="module")
 def both() -> tuple[onnx.ModelProto, onnx.ModelProto]:
-    return made_network(0.0), to_integers(made_network(0.0), pictures(8))
+    return made_network(), to_integers(made_network(), pictures(8))
 
 
 def test_it_answers_as_before_but_for_a_little(both):
@@ -107,12 +98,3 @@ def test_layers_stay_in_their_order(both):
         [node.name for node in model.graph.node if node.op_type == "Conv"] for model in both
     )
     assert after == before
-
-
-def test_where_nothing_is_found_it_stays_in_floats():
-    model = to_integers(made_network(1e9), pictures(4))
-    assert takers(model, TensorProto.FLOAT) == {"stem.0", "stages.0.0", "towers.0.0", "heads.0"}
-    picture = pictures(1)[0]
-    np.testing.assert_allclose(
-        answer(model, picture), answer(made_network(0.0), picture), rtol=1e-5
-    )
