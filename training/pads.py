@@ -53,13 +53,13 @@ def draw_pad(random: np.random.Generator, held_out: bool = False) -> Print:
         held_out: take the styles that are never trained on.
     """
     while True:
-        pad, letter = _draw_some_pad(random, held_out)
+        pad, letter = draw_any_pad(random, held_out)
         if _stands_out(pad.picture, letter) > _LEGIBLE:
             return pad
 
 
-def _draw_some_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Canvas]:
-    """A helipad, and where its letter is: 255 in (SIDE, SIDE)."""
+def draw_any_pad(random: np.random.Generator, held_out: bool) -> tuple[Print, Canvas]:
+    """A helipad, legible or not, and where its letter is: 255 in (SIDE, SIDE)."""
     frame = str(random.choice(HELD_OUT_FRAMES if held_out else FRAMES))
     letter = str(random.choice(HELD_OUT_LETTERS if held_out else LETTERS))
     under = draw_surface(random, SIDE)
