@@ -20,7 +20,7 @@ import onnx
 import torch
 from dataset import find_examples, read
 from integers import Images, to_integers
-from looks import LEAST_SCORE, MOST, OVERLAP
+from looks import LEAST_SCORE
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
 from second import Second, cut_both, decode_parts, parts_about
@@ -32,6 +32,8 @@ OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
 _OPSET = 16  # has GridSample
+_MOST, _OVERLAP = 24, 0.7
+"""Of one image, the best so many boxes are looked at, which do not overlap more than that."""
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more
 _WITHIN = 0.8  # of a box in another one: it shows a part of the same thing
 _LARGE = 1000  # numbers from which on weights are stored as halves
@@ -233,8 +235,8 @@ def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
         for each, prefix in ((first, "first/"), (last, "last/"))
     )
     limits = {
-        "most": np.int64([MOST]),
-        "overlap": np.float32([OVERLAP]),
+        "most": np.int64([_MOST]),
+        "overlap": np.float32([_OVERLAP]),
         "usual": np.float32([LEAST_SCORE]),
         MIN_SCORE: np.float32([0]),
     }

@@ -17,8 +17,10 @@ from processor import FORMAT
 from second import CHANNELS, SIDE, cut_both, parts_about
 from torch import Tensor
 
-MOST, LEAST_SCORE, OVERLAP = 12, 0.1, 0.6
-"""Of one picture, the best so many are looked at, which do not overlap more than that."""
+LEAST_SCORE = 0.1
+"""Of boxes that are looked at."""
+_MOST, _OVERLAP = 12, 0.6
+"""Of one picture, the best so many are learned from, which do not overlap more than that."""
 WIDE, WIDE_SIDE = 1.2, 76
 """Parts are kept larger than they are looked at, so that they can be moved and scaled a little."""
 NONE, UNSURE = -1, -2
@@ -44,7 +46,7 @@ class Looks(NamedTuple):
 
 
 def propose(network: Network, pictures: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """For each picture (B, 3, H, W) the boxes (n, 4) and scores (n,) that are looked at again."""
+    """For each picture (B, 3, H, W) the boxes (n, 4) and scores (n,) to learn from."""
     boxes, scores = _cells(network, pictures)
     large, surely = _cells(network, halve(pictures))
     boxes, scores = torch.cat([boxes, enlarge(large)], 1), torch.cat([scores, surely], 1)
@@ -64,8 +66,8 @@ def _choose(boxes: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
     good = scores > LEAST_SCORE
     boxes, scores = boxes[good], scores[good]
     sides = torch.cat([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], dim=1)
-    kept = cv2.dnn.NMSBoxes(sides.tolist(), scores.tolist(), LEAST_SCORE, OVERLAP)
-    chosen = torch.from_numpy(np.asarray(kept, np.int64).reshape(-1))[:MOST]
+    kept = cv2.dnn.NMSBoxes(sides.tolist(), scores.tolist(), LEAST_SCORE, _OVERLAP)
+    chosen = torch.from_numpy(np.asarray(kept, np.int64).reshape(-1))[:_MOST]
     return boxes[chosen], scores[chosen]
 
 
