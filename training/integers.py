@@ -55,8 +55,9 @@ def to_integers(model: onnx.ModelProto, pictures: Iterable[Images]) -> onnx.Mode
     """
     measured = list(islice(pictures, _MEASURED))
     with tempfile.TemporaryDirectory() as folder:
-        plain, whole = Path(folder) / "plain.onnx", Path(folder) / "whole.onnx"
-        quant_pre_process(model, plain, skip_symbolic_shape=True)
+        made, plain, whole = (Path(folder) / f"{name}.onnx" for name in ("made", "plain", "whole"))
+        onnx.save(model, made)
+        quant_pre_process(str(made), str(plain), skip_symbolic_shape=True)
         quantize_static(
             plain,
             whole,
