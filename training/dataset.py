@@ -43,6 +43,14 @@ def find_examples(folder: Path) -> tuple[list[Example], tuple[str, ...]]:
     return examples, classes
 
 
+def some_pictures(folder: Path, seed: int) -> Iterator[npt.NDArray[np.float32]]:
+    """Pictures (1, 3, H, W) of the worlds in a folder, RGB in 0 to 1, in a random order."""
+    examples = find_examples(folder)[0]
+    for number in np.random.default_rng(seed).permutation(len(examples)):
+        picture = read(examples[number].path)
+        yield np.ascontiguousarray(picture.transpose(2, 0, 1)[None] / np.float32(255))
+
+
 def make_batch(
     examples: Iterator[Example], count: int, random: np.random.Generator, crop: int = 0
 ) -> tuple[torch.Tensor, list[Truth]]:

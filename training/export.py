@@ -11,14 +11,14 @@ import json
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import onnx
 import torch
-from dataset import find_examples, read
+from dataset import some_pictures
 from integers import Images, to_integers
 from looks import LEAST_SCORE
 from network import STRIDES, Network, decode, enlarge, halve
@@ -26,8 +26,8 @@ from onnx import TensorProto, helper, numpy_helper
 from second import Second, cut_both, decode_parts, parts_about
 from torch import Tensor, nn
 
-MIN_SCORE = "min_score"
-"""The second input, which nobody needs to give."""
+from ros_visualise.landmarks.networks.layouts.layout import MIN_SCORE_INPUT
+
 OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
@@ -238,10 +238,10 @@ def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
         "most": np.int64([_MOST]),
         "overlap": np.float32([_OVERLAP]),
         "usual": np.float32([LEAST_SCORE]),
-        MIN_SCORE: np.float32([0]),
+        MIN_SCORE_INPUT: np.float32([0]),
     }
     choice = [
-        helper.make_node("Mul", [MIN_SCORE, MIN_SCORE], ["squared"], "squared"),
+        helper.make_node("Mul", [MIN_SCORE_INPUT, MIN_SCORE_INPUT], ["squared"], "squared"),
         helper.make_node("Max", ["squared", "usual"], ["least"], "least"),
         helper.make_node(
             "NonMaxSuppression",
@@ -250,7 +250,7 @@ def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
             "choice",
         ),
     ]
-    asked = helper.make_tensor_value_info(MIN_SCORE, TensorProto.FLOAT, [1])
+    asked = helper.make_tensor_value_info(MIN_SCORE_INPUT, TensorProto.FLOAT, [1])
     graph = helper.make_graph(
         [*first.graph.node, *choice, *last.graph.node],
         "aerial",
@@ -289,14 +289,6 @@ def first_layer(model: onnx.ModelProto) -> dict[str, str]:
     weights = {one.name: numpy_helper.to_array(one) for one in model.graph.initializer}
     kernels, biases = (json.dumps(weights[name].tolist()) for name in first.input[1:])
     return {"first_kernels": kernels, "first_biases": biases}
-
-
-def some_pictures(folder: Path, seed: int) -> Iterator[Images]:
-    """Pictures (1, 3, H, W) of the worlds in a folder, RGB in 0 to 1, in a random order."""
-    examples = find_examples(folder)[0]
-    for number in np.random.default_rng(seed).permutation(len(examples)):
-        picture = read(examples[number].path)
-        yield np.ascontiguousarray(picture.transpose(2, 0, 1)[None] / np.float32(255))
 
 
 def save_second(second: Second, path: Path) -> None:

@@ -51,7 +51,7 @@ def to_integers(model: onnx.ModelProto, pictures: Iterable[Images]) -> onnx.Mode
 
     Args:
         model: of the first network, as `export` writes it.
-        pictures: (1, 3, H, W), RGB in 0 to 1; some hundred of them are taken.
+        pictures: (1, 3, H, W), RGB in 0 to 1; the first hundred are taken.
     """
     measured = list(islice(pictures, _MEASURED))
     with tempfile.TemporaryDirectory() as folder:

@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from dataset import Example, find_examples, make_batch
-from export import save_second, some_pictures, write_onnx
+from dataset import Example, find_examples, make_batch, some_pictures
+from export import save_second, write_onnx
 from looks import collect
 from loss import Truth, detection_loss
 from network import Network, follow, make_grid, make_optimizer
