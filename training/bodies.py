@@ -53,16 +53,16 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
     """A car, van, truck or the like; x is ahead.
 
     Returns:
-        Its cabin as a MJCF mesh that is called ``name``, and its geoms.
+        Two MJCF meshes, of its cabin, called ``name``, and of its body, and its geoms.
     """
     long = random.uniform(3.2, 5.2) if random.random() < 0.75 else random.uniform(5.5, 9)
     wide = long * random.uniform(0.36, 0.46) if long < 5.5 else random.uniform(2, 2.6)
     clear = random.uniform(0.15, 0.4)
     body_high = random.uniform(0.45, 0.8) * (1 if long < 5.5 else 1.4)
-    colour, glass = paint(random), gray(random, 0.02, 0.16)
-    middle = clear + body_high / 2
-    parts = [geom("box", (long / 2, wide / 2, body_high / 2), (0, 0, middle), colour)]
-    top = clear + body_high
+    colour = paint(random)
+    glass = gray(random, 0.02, 0.16) if random.random() < 0.6 else gray(random, 0.1, 0.6)
+    middle, top = clear + body_high / 2, clear + body_high
+    parts = [f'<geom type="mesh" mesh="{name}_body" rgba="{colour} 1"/>']
     cabin_high = random.uniform(0.45, 0.8) * (1 if long < 5.5 else 1.3)
     kinds = ("sedan", "hatch", "van", "truck", "pickup")
     kind = "tank" if held_out and random.random() < 0.2 else str(random.choice(kinds))
@@ -75,11 +75,12 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
         "tank": (-0.2, 0.2),
     }[kind]
     start, end = start * long, end * long
-    slope = cabin_high * random.uniform(0.15, 0.9)
+    slope = cabin_high * random.uniform(0.15, 1.5)
     narrow = wide / 2 * random.uniform(0.72, 0.96)
-    inset = min(slope, (end - start) * 0.3)
+    inset = min(slope, (end - start) * 0.36)
     steep = inset * random.uniform(0.2, 1.0)
-    corners = [(x, y, top) for x in (start, end) for y in (-wide * 0.485, wide * 0.485)]
+    body = _body_corners(random, (long / 2, wide / 2), (clear, top), (start, end))
+    corners = [(x, y, top) for x in (start, end) for y in (-wide * 0.46, wide * 0.46)]
     corners += [
         (x, y, top + cabin_high) for x in (start + steep, end - inset) for y in (-narrow, narrow)
     ]
@@ -99,18 +100,59 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
     if kind == "pickup":
         size = ((start + long / 2) / 2 - 0.1, wide / 2 - 0.12, 0.02)
         parts.append(geom("box", size, ((start - long / 2) / 2, 0, top), gray(random, 0.05, 0.3)))
-    parts += _wheels(random, long, wide, clear) + _lamps(random, long, wide, middle)
-    vertices = " ".join(_text(corner) for corner in corners)
-    return f'<mesh name="{name}" vertex="{vertices}"/>', "".join(parts)
+    parts += _wheels(random, long, wide, (clear, body_high)) + _lamps(random, long, wide, middle)
+    parts += _mirrors(random, wide / 2, (end - inset / 2, top), colour)
+    return _hull(name, corners) + _hull(f"{name}_body", body), "".join(parts)
 
 
-def _wheels(random: Random, long: float, wide: float, clear: float) -> list[str]:
-    radius = clear + random.uniform(0.12, 0.3)
+def _body_corners(
+    random: Random,
+    half: tuple[float, float],
+    z: tuple[float, float],
+    cabin: tuple[float, float],
+) -> list[tuple[float, float, float]]:
+    """What a vehicle's body is the convex hull of: round or sharp, level or falling to its ends.
+
+    Args:
+        half: of its length and width.
+        z: of its lower and upper side.
+        cabin: where that begins and ends, along x.
+    """
+    (x, y), (low, high) = half, z
+    tall = high - low
+    cut_x, cut_y = random.uniform(0.02, 0.22) * y, random.uniform(0.02, 0.35) * y
+    drop = random.uniform(0, 0.35) * tall
+    shoulder = random.uniform(0, 0.12) * y
+    ends = [(x, y - cut_y), (x - cut_x, y)]
+    outline = [(a * along, b * side) for a, b in ends for along in (-1, 1) for side in (-1, 1)]
+    corners = [(0.98 * a, 0.96 * b, low) for a, b in outline]
+    corners += [(a, b, low + 0.4 * tall) for a, b in outline]
+    corners += [(0.98 * a, b - math.copysign(shoulder, b), high - drop) for a, b in outline]
+    reach = x - cut_x
+    level = (max(cabin[0], -reach), min(cabin[1], reach))
+    return corners + [(a, side * (y - shoulder), high) for a in level for side in (-1, 1)]
+
+
+def _hull(name: str, corners: Sequence[Sequence[float]]) -> str:
+    """The convex hull of some corners as a MJCF mesh."""
+    return f'<mesh name="{name}" vertex="{" ".join(_text(corner) for corner in corners)}"/>'
+
+
+def _mirrors(random: Random, y: float, at: tuple[float, float], colour: str) -> list[str]:
+    """Two beside the cabin, at an x and a z, or none."""
+    size = tuple(random.uniform((0.03, 0.08, 0.05), (0.09, 0.16, 0.1)))
+    places = ((at[0], side * (y + size[1] / 2), at[1] + size[2]) for side in (-1, 1))
+    return [geom("box", size, place, colour) for place in places] if random.random() < 0.5 else []
+
+
+def _wheels(random: Random, long: float, wide: float, z: tuple[float, float]) -> list[str]:
+    """Four, below a body that begins at a height and has another one."""
+    radius = (z[0] + random.uniform(0.35, 0.75) * z[1]) / 2
     turned = 'euler="90 0 0"'
     black = gray(random, 0.02, 0.12)
     ends = (-long * random.uniform(0.28, 0.36), long * random.uniform(0.28, 0.36))
     return [
-        geom("cylinder", (radius, 0.12), (x, side * (wide / 2 - 0.08), radius), black, turned)
+        geom("cylinder", (radius, 0.1), (x, side * (wide / 2 - 0.13), radius), black, turned)
         for x in ends
         for side in (-1, 1)
     ]
@@ -168,7 +210,8 @@ def _build_person(random: Random) -> str:
     hip, neck = 0.48 * tall, 0.82 * tall
     wide = tall * random.uniform(0.1, 0.14)
     skin, hair = paint(random), gray(random, 0.02, 0.4)
-    coat, trousers = paint(random), paint(random)
+    coat = paint(random)
+    trousers = gray(random, 0.02, 0.6) if random.random() < 0.7 else paint(random)
     stride = random.uniform(0, 25) if random.random() < 0.7 else 0.0
     parts = []
     for side in (-1, 1):

@@ -87,7 +87,7 @@ def _notice(random: np.random.Generator, canvas: Canvas) -> Outline:
     if random.random() < 0.6:
         rim = to_pixels(outline * random.uniform(0.85, 0.97))
         cv2.polylines(canvas, [rim], True, ink, int(random.integers(2, 10)), cv2.LINE_AA, 4)
-    below = random.uniform(0, 1)  # this share is for the words
+    below = random.uniform(0, 1) if random.random() < 0.7 else 0.0  # this share is for the words
     if below < 0.8:
         room = min(0.85 * half[0], (1 - below) * half[1])
         _figure(random, canvas, np.array([0, below * half[1]]), room, ink)

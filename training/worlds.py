@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -221,14 +222,15 @@ class _Writer:
         self._add_body(geoms, Named(name, number, (outline,), board, facing))
 
     def _add_board(self, name: str, drawn: Print) -> None:
-        """A board that stands on a gray pole."""
+        """A board that stands on a gray pole, some of them askew."""
         self._add_material(name, drawn.picture)
         half = self.random.uniform(0.2, 0.8)
         self._cut_out(name, drawn, half, False)
-        middle = half + self.random.uniform(0.1, 2)
+        askew = self.random.uniform(-45, 45) if self.random.random() < 0.3 else 0.0
+        middle = math.hypot(half, half if askew else 0) + self.random.uniform(0.1, 2)
         radius = self.random.uniform(0.02, 0.05)
         pole = geom("cylinder", (radius, middle / 2), (0, radius, middle / 2), gray(self.random))
-        turned = f'mesh="{name}" euler="90 0 0"'
+        turned = f'mesh="{name}" euler="90 0 {askew:.0f}"'
         plate = geom("mesh", (), (0, 0, middle), name, turned)
         self._add_body(pole + plate, Named(name, OTHER, facing=(0.0, -1.0, 0.0)))
 
