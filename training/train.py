@@ -91,7 +91,7 @@ class Trainer:
         self.steps += 1
         follow(self.average, self.network, self.steps)
         self.seconds += time.monotonic() - start
-        return [float(each) for each in losses]
+        return [each.item() for each in losses]
 
     @property
     def done(self) -> float:

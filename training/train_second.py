@@ -69,7 +69,7 @@ def train_second(
         optimizer.step()
         step += 1
         follow(average, network, step)
-        sums += [*(float(each) for each in losses), 1]
+        sums += [*(each.item() for each in losses), 1]
         if time.monotonic() - said > SAY_S:
             told = ", ".join(f"{each:.3f}" for each in sums[:3] / sums[3])
             print(f"second look: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
