@@ -53,7 +53,7 @@ def build_vehicle(random: Random, name: str, held_out: bool = False) -> tuple[st
     """A car, van, truck or the like; x is ahead.
 
     Returns:
-        Two MJCF meshes, of its cabin, called ``name``, and of its body, and its geoms.
+        Two MJCF meshes, ``name`` for the cabin and ``name_body`` for the body; then all geoms.
     """
     long = random.uniform(3.2, 5.2) if random.random() < 0.75 else random.uniform(5.5, 9)
     wide = long * random.uniform(0.36, 0.46) if long < 5.5 else random.uniform(2, 2.6)
@@ -111,12 +111,12 @@ def _body_corners(
     z: tuple[float, float],
     cabin: tuple[float, float],
 ) -> list[tuple[float, float, float]]:
-    """What a vehicle's body is the convex hull of: round or sharp, level or falling to its ends.
+    """Corners of a vehicle's body, a convex hull: round or sharp, level or falling to its ends.
 
     Args:
         half: of its length and width.
         z: of its lower and upper side.
-        cabin: where that begins and ends, along x.
+        cabin: where the cabin begins and ends, along x.
     """
     (x, y), (low, high) = half, z
     tall = high - low
@@ -139,14 +139,14 @@ def _hull(name: str, corners: Sequence[Sequence[float]]) -> str:
 
 
 def _mirrors(random: Random, y: float, at: tuple[float, float], colour: str) -> list[str]:
-    """Two beside the cabin, at an x and a z, or none."""
+    """Two mirrors beside the cabin, or none; ``at`` is their x and z, ``y`` half the width."""
     size = tuple(random.uniform((0.03, 0.08, 0.05), (0.09, 0.16, 0.1)))
     places = ((at[0], side * (y + size[1] / 2), at[1] + size[2]) for side in (-1, 1))
     return [geom("box", size, place, colour) for place in places] if random.random() < 0.5 else []
 
 
 def _wheels(random: Random, long: float, wide: float, z: tuple[float, float]) -> list[str]:
-    """Four, below a body that begins at a height and has another one."""
+    """Four wheels; ``z`` is where the body's lower side is, and how tall the body is."""
     radius = (z[0] + random.uniform(0.35, 0.75) * z[1]) / 2
     turned = 'euler="90 0 0"'
     black = gray(random, 0.02, 0.12)

@@ -38,13 +38,13 @@ def test_a_vehicle_stands_on_four_wheels(vehicle):
 
 def test_a_vehicle_is_longer_than_wide_and_the_same_on_both_sides(vehicle):
     model, parts = vehicle
-    low, high = (np.min, np.max)
     points = np.concatenate([parts[number] for number in mesh_numbers(model)])
-    size = high(points, axis=0) - low(points, axis=0)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = high - low
     assert 3 < size[0] < 9.5
     assert 1.1 < size[1] < 2.7
     assert size[0] > 1.8 * size[1]
-    np.testing.assert_allclose(low(points, axis=0)[1], -high(points, axis=0)[1], atol=1e-3)
+    assert low[1] == pytest.approx(-high[1], abs=1e-3)
 
 
 def test_ends_of_a_vehicle_are_no_wider_or_higher_than_its_middle(vehicle):
