@@ -1,160 +1,122 @@
-"""Batches of the pictures on disk, varied a little each time."""
+"""Batches of parts of the pictures, varied a little each time."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
-from functools import lru_cache
-from pathlib import Path
-from typing import NamedTuple
-
-import cv2
-import numpy as np
-import numpy.typing as npt
 import torch
+from colours import Recolouring, recolour
+from device import DEVICE, FORMAT, Random
 from loss import Truth
-from processor import FORMAT
+from store import ABSENT, Store
+from torch import Tensor
+from torch.nn.functional import pad
 
-Canvas = npt.NDArray[np.uint8]
-Rows = npt.NDArray[np.float32]
 _QUARTERED = 0.6
 """Of the pictures, those that are made of four parts."""
-_KEPT = 18_000  # pictures in memory, 5.5 GB: to decode them takes as long as to learn from them
-_GRAY = 114  # what a letterbox is filled with
+_AROUND = 0.9
+"""Of the parts, those around a landmark, where there is one."""
+_EMPTY = 0.5
+"""How often a picture without a landmark is taken, by one with."""
+_SHRUNK, _LEAST_SCALE = 0.15, 0.5
+"""Of the parts, those of a picture at another scale, in a gray frame as a letterbox makes it."""
+_HALF_BELOW = 0.75  # at smaller scales the picture of half the size is looked at
+_GRAY = 114 / 255
 _LEAST_SHARE, _LEAST_PX = 0.3, 5.0
 """What shows less, or is smaller, is neither landmark nor background to the training."""
+_COLOURS = Recolouring(turned=0.2, contrast=0.5, gain=(0.7, 1.3), brightness=0.5, lift=0.1)
 
 
-class Example(NamedTuple):
-    """A picture's file, and the rows of its labels, (n, 8)."""
-
-    path: Path
-    rows: Rows
-
-
-def find_examples(folder: Path) -> tuple[list[Example], tuple[str, ...]]:
-    """All pictures of the worlds in a folder that are whole, and the names of the classes."""
-    examples, classes = [], ()
-    for path in sorted(folder.glob("*/labels.json")):
-        labels = json.loads(path.read_text())
-        classes = tuple(labels["classes"])
-        for name, rows in labels["pictures"].items():
-            examples.append(Example(path.parent / name, np.array(rows, np.float32).reshape(-1, 8)))
-    return examples, classes
-
-
-def some_pictures(folder: Path, seed: int) -> Iterator[npt.NDArray[np.float32]]:
-    """Pictures (1, 3, H, W) of the worlds in a folder, RGB in 0 to 1, in a random order."""
-    examples = find_examples(folder)[0]
-    for number in np.random.default_rng(seed).permutation(len(examples)):
-        picture = read(examples[number].path)
-        yield np.ascontiguousarray(picture.transpose(2, 0, 1)[None] / np.float32(255))
-
-
-def make_batch(
-    examples: Iterator[Example], count: int, random: np.random.Generator, crop: int = 0
-) -> tuple[torch.Tensor, list[Truth]]:
+def make_batch(store: Store, count: int, random: Random, crop: int = 0) -> tuple[Tensor, Truth]:
     """Pictures (B, 3, H, W) in 0 to 1, and their landmarks.
 
     Args:
-        examples: as many as are needed are taken.
         count: of pictures.
         crop: side of the part that is cut out of each, mostly around a landmark; many pictures
             are four smaller parts then, so that one step shows more landmarks. 0: all of it.
     """
-    pictures, truths = [], []
-    for _ in range(count):
-        if crop and random.random() < _QUARTERED:
-            picture, rows = join([load(next(examples), random, crop // 2) for _ in range(4)])
-        else:
-            picture, rows = load(next(examples), random, crop)
-        pictures.append(picture)
-        truths.append(to_truth(rows))
-    stack = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2)
-    return stack.contiguous(memory_format=FORMAT).float() / 255, truths
-
-
-def load(example: Example, random: np.random.Generator, crop: int) -> tuple[Canvas, Rows]:
-    """One picture from the disk, varied, or a part of it."""
-    picture, rows = _read(example.path), example.rows.copy()
-    if random.random() < 0.15:
-        picture, rows = _shrink(picture, rows, random)
     if crop:
-        picture, rows = cut_out(picture, rows, crop, random)
-    return vary(picture, rows, random)
+        joined = round(_QUARTERED * count)
+        pictures, rows = _join(*_cut(store, 4 * joined, crop // 2, random))
+        more, few = _cut(store, count - joined, crop, random)
+        few = pad(few, (0, 0, 0, rows.shape[1] - few.shape[1]), value=ABSENT)
+        pictures, rows = torch.cat([pictures, more]), torch.cat([rows, few])
+    else:
+        pictures, rows = _cut(store, count, store.side, random)
+    pictures = recolour(pictures.permute(0, 3, 1, 2).contiguous(), _COLOURS, random)
+    return pictures.contiguous(memory_format=FORMAT), to_truth(rows)
 
 
-def read(path: Path) -> Canvas:
-    """A picture, RGB."""
-    data = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    return np.asarray(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), np.uint8)
+def _cut(store: Store, count: int, side: int, random: Random) -> tuple[Tensor, Tensor]:
+    """Square parts (P, side, side, 3), some mirrored, and their rows (P, n, 8)."""
+    weights = torch.where(store.rows[:, 0, 0] == ABSENT, _EMPTY, 1.0)
+    which = random.choice(weights, count)
+    shrunk = random.chance(_SHRUNK, count)
+    scale = torch.where(shrunk, random.uniform(count, low=_LEAST_SCALE), 1.0)[:, None]
+    mirrored = random.chance(0.5, count)[:, None]
+    rows = store.rows[which]
+    first = _choose_place(rows, scale, side, store.side, random)
+    steps = (torch.arange(side, device=DEVICE) + 0.5) / scale - 0.5
+    x, y = first[:, :1] + steps, first[:, 1:] + steps
+    x = torch.where(mirrored, x.flip(1), x)
+    parts = store.cut(which, x, y, scale[:, 0] < _HALF_BELOW)
+    within_x, within_y = ((at > -0.5) & (at < store.side - 0.5) for at in (x, y))
+    within = within_y[:, :, None, None] & within_x[:, None, :, None]
+    return torch.where(within, parts, _GRAY), cut_rows(rows, first, scale, side, mirrored)
 
 
-_read = lru_cache(_KEPT)(read)
+def _choose_place(rows: Tensor, scale: Tensor, side: int, whole: int, random: Random) -> Tensor:
+    """The first pixel (P, 2) of each part: mostly such that a landmark is in it, if it fits."""
+    count, span = len(rows), side / scale
+    frame = whole / scale  # how wide the picture is with its gray frame, which begins at `low`
+    low = (whole - frame) * random.uniform(count, 2)
+    high = low + frame - span
+    fits = (rows[..., 3:5] - rows[..., 1:3]).amax(dim=2) < span
+    fits &= (rows[..., 0] != ABSENT) & (rows[..., 7] >= _LEAST_SHARE)
+    value, own = torch.where(fits, random.uniform(*fits.shape), -1.0).max(dim=1)
+    around = ((value >= 0) & random.chance(_AROUND, count))[:, None]
+    box = rows[torch.arange(count, device=DEVICE), own, 1:5]
+    low = torch.where(around, torch.maximum(low, box[:, 2:] + 1 - span), low)
+    high = torch.where(around, torch.minimum(high, box[:, :2]), high)
+    at = low + (high - low).clamp(min=0) * random.uniform(count, 2)
+    return torch.where(scale < 1, at, at.round())
 
 
-def join(parts: list[tuple[Canvas, Rows]]) -> tuple[Canvas, Rows]:
-    """Four square parts as one picture, row by row."""
-    (a, b, c, d), side = (picture for picture, _ in parts), len(parts[0][0])
-    whole = np.vstack([np.hstack([a, b]), np.hstack([c, d])])
-    rows = []
-    for number, (_, some) in enumerate(parts):
-        y, x = divmod(number, 2)
-        rows.append(some + side * np.array([0, x, y, x, y, x, y, 0], np.float32))
-    return whole, np.vstack(rows)
+def cut_rows(rows: Tensor, first: Tensor, scale: Tensor, side: int, mirrored: Tensor) -> Tensor:
+    """The rows (P, n, 8) of parts: what is cut off shows less, and what is outside is absent.
+
+    Args:
+        first: (P, 2) pixel of the picture where each part begins.
+        scale, mirrored: (P, 1).
+    """
+    start = first.repeat(1, 3)[:, None]
+    at = (rows[..., 1:7] - start + 0.5) * scale[..., None] - 0.5
+    x, y = at[..., 0::2], at[..., 1::2]
+    x = torch.where(mirrored[..., None], side - 1 - x[..., [1, 0, 2]], x)
+    at = torch.stack([x, y], dim=-1).flatten(2)
+    boxes = at[..., :4].clamp(-0.5, side - 0.5)
+    before, after = ((b[..., 2:] - b[..., :2]).prod(dim=2) for b in (at[..., :4], boxes))
+    kinds = torch.where(after > 0, rows[..., 0], float(ABSENT))
+    share = rows[..., 7] * after / before.clamp(min=1e-6)
+    return torch.cat([kinds[..., None], boxes, at[..., 4:], share[..., None]], dim=2)
 
 
-def to_truth(rows: Rows) -> Truth:
-    """Rows of ``labels.json`` as tensors."""
-    boxes = torch.from_numpy(rows[:, 1:5])
-    side = (boxes[:, 2:] - boxes[:, :2]).amax(dim=1) if len(rows) else torch.zeros(0)
-    ignored = (torch.from_numpy(rows[:, 7]) < _LEAST_SHARE) | (side < _LEAST_PX)
-    kinds = torch.from_numpy(rows[:, 0]).long()
-    return Truth(kinds, boxes, torch.from_numpy(rows[:, 5:7]), ignored)
+def _join(parts: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Four square parts each as one picture, row by row."""
+    side, channels = parts.shape[2:]
+    tiles = parts.reshape(-1, 2, 2, side, side, channels).transpose(2, 3)
+    y, x = (side * (torch.arange(4, device=DEVICE) // by % 2).float() for by in (2, 1))
+    zero = torch.zeros_like(x)
+    offset = torch.stack([zero, x, y, x, y, x, y, zero], dim=1)[:, None]
+    moved = rows.reshape(-1, 4, *rows.shape[1:]) + offset
+    return tiles.reshape(-1, 2 * side, 2 * side, channels), moved.flatten(1, 2)
 
 
-def vary(picture: Canvas, rows: Rows, random: np.random.Generator) -> tuple[Canvas, Rows]:
-    """Mirror, exchange colours, change the contrast."""
-    if random.random() < 0.5:
-        picture = picture[:, ::-1]
-        last = picture.shape[1] - 1
-        rows[:, [1, 3, 5]] = last - rows[:, [3, 1, 5]]
-    if random.random() < 0.2:
-        picture = picture[..., random.permutation(3)]
-    if random.random() < 0.5:
-        gain, lift = random.uniform(0.7, 1.3), random.uniform(-25, 25)
-        table = np.clip(np.arange(256) * gain + lift, 0, 255).astype(np.uint8)
-        picture = cv2.LUT(picture, table)
-    return np.ascontiguousarray(picture), rows
-
-
-def cut_out(
-    picture: Canvas, rows: Rows, side: int, random: np.random.Generator
-) -> tuple[Canvas, Rows]:
-    """A square part, mostly one with a landmark in it; what is cut off shows less."""
-    low, high = np.zeros(2), np.array(picture.shape[1::-1]) - side
-    good = rows[(rows[:, 7] >= _LEAST_SHARE) & ((rows[:, 3:5] - rows[:, 1:3]).max(axis=1) < side)]
-    if len(good) and random.random() < 0.9:
-        box = good[random.integers(len(good)), 1:5]
-        low, high = np.maximum(low, box[2:] + 1 - side), np.minimum(high, box[:2])
-    x, y = (int(each) for each in np.floor(random.uniform(low, np.maximum(high, low) + 1)))
-    x, y = (min(at, most - side) for at, most in zip((x, y), picture.shape[1::-1], strict=True))
-    rows = rows - np.array([0, x, y, x, y, x, y, 0], np.float32)
-    before = np.prod(rows[:, 3:5] - rows[:, 1:3], axis=1)
-    rows[:, 1:5] = np.clip(rows[:, 1:5], -0.5, side - 0.5)
-    after = np.prod(rows[:, 3:5] - rows[:, 1:3], axis=1)
-    rows[:, 7] *= after / np.maximum(before, 1e-6)
-    return np.ascontiguousarray(picture[y : y + side, x : x + side]), rows[after > 0]
-
-
-def _shrink(picture: Canvas, rows: Rows, random: np.random.Generator) -> tuple[Canvas, Rows]:
-    """Another scale within a gray frame, as a letterbox makes it."""
-    height, width = picture.shape[:2]
-    scale = random.uniform(0.5, 1.0)
-    h, w = round(height * scale), round(width * scale)
-    y, x = int(random.integers(0, height - h + 1)), int(random.integers(0, width - w + 1))
-    frame = np.full_like(picture, _GRAY)
-    frame[y : y + h, x : x + w] = cv2.resize(picture, (w, h), interpolation=cv2.INTER_AREA)
-    for columns, start, ratio in (([1, 3, 5], x, w / width), ([2, 4, 6], y, h / height)):
-        rows[:, columns] = (rows[:, columns] + 0.5) * ratio - 0.5 + start
-    return frame, rows
+def to_truth(rows: Tensor) -> Truth:
+    """Rows (B, n, 8) as the loss takes them, without most that are absent."""
+    there = rows[..., 0] != ABSENT
+    most = max(int(there.sum(dim=1).max()), 1)
+    order = there.int().argsort(dim=1, descending=True)[:, :most, None]
+    rows = rows.gather(1, order.expand(-1, -1, rows.shape[2]))
+    boxes = rows[..., 1:5]
+    small = (boxes[..., 2:] - boxes[..., :2]).amax(dim=2) < _LEAST_PX
+    ignored = (rows[..., 0] != ABSENT) & (small | (rows[..., 7] < _LEAST_SHARE))
+    return Truth(rows[..., 0].long(), boxes, rows[..., 5:7], ignored)

@@ -18,12 +18,12 @@ from typing import NamedTuple
 import numpy as np
 import onnx
 import torch
-from dataset import some_pictures
 from integers import Images, to_integers
 from looks import LEAST_SCORE
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
 from second import Second, cut_both, decode_parts, parts_about
+from store import some_pictures
 from torch import Tensor, nn
 
 from ros_visualise.landmarks.networks.layouts.layout import MIN_SCORE_INPUT
@@ -200,7 +200,7 @@ def write_onnx(
 
 def _plain(module: nn.Module) -> nn.Module:
     """A copy to run, with channels first: with them last, as in training, torch 1.13 fails here."""
-    return copy.deepcopy(module).eval().to(memory_format=torch.contiguous_format)
+    return copy.deepcopy(module).cpu().eval().to(memory_format=torch.contiguous_format)
 
 
 def _export(
@@ -306,7 +306,7 @@ def main() -> int:
     parser.add_argument("onnx", type=Path)
     parser.add_argument("--widen", type=float, default=1.0, help="factor for points' variances")
     asked = parser.parse_args()
-    state, again = torch.load(asked.checkpoint), torch.load(asked.second)
+    state, again = (torch.load(path, "cpu") for path in (asked.checkpoint, asked.second))
     network = Network(len(state["classes"]), state["width"])
     network.load_state_dict(state["average"])
     second = Second(again["classes"], again["width"])

@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-import cv2
-import numpy as np
-import numpy.typing as npt
 import torch
-from dataset import Example, find_examples, read
+from colours import Recolouring, recolour
+from device import DEVICE, FORMAT, Random, precision
 from loss import iou
 from network import Network, decode, enlarge, halve, make_grid
-from processor import FORMAT
-from second import CHANNELS, SIDE, cut_both, parts_about
+from second import SIDE, WIDER, parts_about
+from store import ABSENT, Store
 from torch import Tensor
 
 LEAST_SCORE = 0.1
 """Of boxes that are looked at."""
-_MOST, _OVERLAP = 12, 0.6
-"""Of one picture, the best so many are learned from, which do not overlap more than that."""
-WIDE, WIDE_SIDE = 1.2, 76
-"""Parts are kept larger than they are looked at, so that they can be moved and scaled a little."""
+_LEAST_SCORE, _MOST, _OVERLAP = 0.05, 24, 0.6
+"""It learns from more: of a picture, the best so many, which do not overlap more than that."""
+_CELLS = 200  # of a picture, the best, among which these are chosen
+_BATCH = 128
 NONE, UNSURE = -1, -2
 """Labels of what is no landmark, and of what nobody could tell."""
 _RIGHT, _WRONG = 0.3, 0.2
@@ -31,172 +28,151 @@ badly placed is placed anew."""
 _LEAST_SHARE, _LEAST_PX = 0.4, 8.0
 _SHIFT = 0.1  # of a true box's sides, of the parts about landmarks that are there in any case
 _DOUBTFUL, _OF_DOUBTFUL = 0.2, 0.25  # of those with less score than that only so many are kept
+_MOVED = 0.05  # of a part's half sides, by how much it is moved and scaled
+_COLOURS = Recolouring(
+    turned=0.5, contrast=0.6, gain=(0.65, 1.35), brightness=0.6, lift=0.12, inverted=0.05
+)
 
 
 class Looks(NamedTuple):
-    """Parts (N, WIDE_SIDE, WIDE_SIDE, CHANNELS), labels (N,), boxes (N, 4) and what is true.
+    """N boxes to look at: the numbers of their pictures, labels, boxes (N, 4) and what is true.
 
     ``truth`` (N, 6) is a box and a ground point, in pixels of the picture.
     """
 
-    parts: npt.NDArray[np.uint8]
-    labels: npt.NDArray[np.int8]
-    boxes: npt.NDArray[np.float32]
-    truth: npt.NDArray[np.float32]
+    which: Tensor
+    labels: Tensor
+    boxes: Tensor
+    truth: Tensor
 
 
-def propose(network: Network, pictures: Tensor) -> list[tuple[Tensor, Tensor]]:
-    """For each picture (B, 3, H, W) the boxes (n, 4) and scores (n,) to learn from."""
+class Seen(NamedTuple):
+    """Parts as they are looked at, and what is true of them."""
+
+    pixels: Tensor
+    """(B, CHANNELS, SIDE, SIDE)."""
+    halves: Tensor
+    shares: Tensor
+    """Both as `Parts` has them."""
+    labels: Tensor
+    wanted: Tensor
+    """(B, 6) box and ground point, from the part's middle, in half sides."""
+
+
+def collect(network: Network, store: Store, random: Random) -> Looks:
+    """What is learned from in all pictures."""
+    network = network.to(DEVICE, memory_format=FORMAT).eval()
+    found = []
+    for start in range(0, store.count, _BATCH):
+        which = torch.arange(start, min(start + _BATCH, store.count), device=DEVICE)
+        at = torch.arange(store.side, device=DEVICE).float().expand(len(which), -1)
+        pictures = store.cut(which, at, at, torch.zeros_like(which, dtype=torch.bool))
+        boxes, scores = propose(network, pictures.permute(0, 3, 1, 2))
+        found.append(_looks(which, store.rows[which], boxes, scores, random))
+        if start % (40 * _BATCH) == 0:
+            print(f"second look: {start} of {store.count} pictures", flush=True)
+    return Looks(*(torch.cat(parts) for parts in zip(*found, strict=True)))
+
+
+def propose(network: Network, pictures: Tensor) -> tuple[Tensor, Tensor]:
+    """Boxes (B, n, 4) and scores (B, n) to learn from in pictures (B, 3, H, W); 0 where none is."""
     boxes, scores = _cells(network, pictures)
     large, surely = _cells(network, halve(pictures))
-    boxes, scores = torch.cat([boxes, enlarge(large)], 1), torch.cat([scores, surely], 1)
-    return [_choose(some, sure) for some, sure in zip(boxes, scores, strict=True)]
+    return _choose(torch.cat([boxes, enlarge(large)], 1), torch.cat([scores, surely], 1))
 
 
 def _cells(network: Network, pictures: Tensor) -> tuple[Tensor, Tensor]:
     """Boxes (B, cells, 4) and scores (B, cells)."""
     grid = make_grid(pictures.shape[2], pictures.shape[3])
-    with torch.no_grad():
-        raw = network(pictures)
-    boxes = decode(raw[..., network.classes :], *grid)[0]
+    with torch.no_grad(), precision():
+        raw = network(pictures.contiguous(memory_format=FORMAT)).float()
+    boxes = decode(raw[..., network.classes :], *(each.to(DEVICE) for each in grid))[0]
     return boxes, raw[..., : network.classes].amax(dim=2).sigmoid()
 
 
 def _choose(boxes: Tensor, scores: Tensor) -> tuple[Tensor, Tensor]:
-    good = scores > LEAST_SCORE
-    boxes, scores = boxes[good], scores[good]
-    sides = torch.cat([boxes[:, :2], boxes[:, 2:] - boxes[:, :2]], dim=1)
-    kept = cv2.dnn.NMSBoxes(sides.tolist(), scores.tolist(), LEAST_SCORE, _OVERLAP)
-    chosen = torch.from_numpy(np.asarray(kept, np.int64).reshape(-1))[:_MOST]
-    return boxes[chosen], scores[chosen]
+    """The best ones, again and again, without those that overlap one of them: (B, _MOST, 4)."""
+    scores, best = scores.topk(min(_CELLS, scores.shape[1]), dim=1)
+    boxes = boxes.gather(1, best[..., None].expand(-1, -1, 4))
+    scores = torch.where(scores > _LEAST_SCORE, scores, 0 * scores)
+    number, chosen = torch.arange(len(boxes), device=DEVICE), []
+    for _ in range(_MOST):
+        score, at = scores.max(dim=1)
+        box = boxes[number, at]
+        chosen.append((box, score))
+        scores = scores * (iou(boxes, box[:, None]) <= _OVERLAP)
+        scores[number, at] = 0
+    found, surely = zip(*chosen, strict=True)
+    return torch.stack(found, dim=1), torch.stack(surely, dim=1)
 
 
-def collect(network: Network, folder: Path, seed: int) -> Looks:
-    """Parts of all pictures of the worlds in a folder."""
-    random = np.random.default_rng(seed)
-    found = []
-    examples = find_examples(folder)[0]
-    for start in range(0, len(examples), 8):
-        some = examples[start : start + 8]
-        stack = torch.from_numpy(np.stack([read(one.path) for one in some]))
-        pictures = stack.permute(0, 3, 1, 2).float() / 255
-        for number, (boxes, scores) in enumerate(propose(network, pictures)):
-            looks = _looks(some[number], pictures[number : number + 1], boxes, scores, random)
-            found += [looks] if len(looks.labels) else []
-        if start % 2400 == 0:
-            print(f"second look: {start} of {len(examples)} pictures", flush=True)
-    return Looks(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-
-
-def _looks(
-    example: Example, picture: Tensor, boxes: Tensor, scores: Tensor, random: np.random.Generator
-) -> Looks:
-    """Of one picture: what was proposed, and parts about its landmarks."""
-    rows = torch.from_numpy(example.rows)
-    sides = rows[:, 3:5] - rows[:, 1:3]
-    seen = (rows[:, 7] >= _LEAST_SHARE) & (sides.amax(dim=1) >= _LEAST_PX)
-    shift = torch.from_numpy(random.normal(0, _SHIFT, (len(rows), 4)).astype(np.float32))
-    about = rows[:, 1:5] + shift * sides.repeat(1, 2)
-    about = about[seen & (about[:, 2:] > about[:, :2] + 2).all(dim=1)]
-    scores = torch.cat([scores, torch.ones(len(about))])
-    boxes = torch.cat([boxes, about])
+def _looks(which: Tensor, rows: Tensor, boxes: Tensor, scores: Tensor, random: Random) -> Looks:
+    """What was proposed in pictures, and what is about their landmarks."""
+    sides = rows[..., 3:5] - rows[..., 1:3]
+    seen = (rows[..., 7] >= _LEAST_SHARE) & (sides.amax(dim=2) >= _LEAST_PX)
+    seen &= rows[..., 0] != ABSENT
+    shift = random.normal(*rows.shape[:2], 4, deviation=_SHIFT)
+    about = rows[..., 1:5] + shift * sides.repeat(1, 1, 2)
+    good = seen & (about[..., 2:] > about[..., :2] + 2).all(dim=2)
+    boxes, scores = torch.cat([boxes, about], dim=1), torch.cat([scores, good.float()], dim=1)
     labels, own = _labels(boxes, rows, seen)
-    kept = scores > _DOUBTFUL
-    kept |= torch.from_numpy(random.random(len(boxes)) < _OF_DOUBTFUL)
-    kept = (labels >= 0) | ((labels == NONE) & kept)
-    truth = rows[own][:, 1:7] if len(rows) else torch.zeros(len(boxes), 6)
-    middles, halves, _ = parts_about(boxes[kept])
-    pixels = (cut_both(picture, middles, halves * WIDE, WIDE_SIDE) * 255).round().byte()
-    return Looks(
-        pixels.permute(0, 2, 3, 1).numpy(),
-        labels[kept].to(torch.int8).numpy(),
-        boxes[kept].numpy(),
-        truth[kept].float().numpy(),
-    )
+    kept = (scores > _DOUBTFUL) | random.chance(_OF_DOUBTFUL, *scores.shape)
+    kept = (scores > 0) & ((labels >= 0) | ((labels == NONE) & kept))
+    truth = rows[..., 1:7].gather(1, own[..., None].expand(-1, -1, 6))
+    pictures = which[:, None].expand(labels.shape)
+    return Looks(pictures[kept], labels[kept], boxes[kept], truth[kept])
 
 
 def _labels(boxes: Tensor, rows: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
     """The class of each box, `NONE` or `UNSURE`, and the row of the landmark it is nearest to."""
-    none = torch.zeros(len(boxes), dtype=torch.long)
-    if not len(rows) or not len(boxes):
-        return none + NONE, none
-    overlap, own = iou(boxes[:, None], rows[None, :, 1:5]).max(dim=1)
-    labels = torch.where(seen[own], rows[own, 0].long(), none + UNSURE)
-    labels = torch.where(overlap < _RIGHT, none + UNSURE, labels)
-    return torch.where(overlap < _WRONG, none + NONE, labels), own
+    overlap = iou(boxes[:, :, None], rows[:, None, :, 1:5])
+    overlap = torch.where(rows[:, None, :, 0] == ABSENT, 0 * overlap, overlap)
+    overlap, own = overlap.max(dim=2)
+    labels = torch.where(seen.gather(1, own), rows[..., 0].gather(1, own).long(), UNSURE)
+    labels = torch.where(overlap < _RIGHT, UNSURE, labels)
+    return torch.where(overlap < _WRONG, NONE, labels), own
 
 
 def vary(
-    looks: Looks, chosen: npt.NDArray[np.intp], turning: Sequence[int], random: np.random.Generator
-) -> tuple[Tensor, Tensor, Tensor, Tensor, Tensor]:
-    """Parts as they are looked at, moved, scaled, mirrored, turned, and in other colours.
+    looks: Looks, store: Store, chosen: Tensor, turning: Sequence[int], random: Random
+) -> Seen:
+    """Parts moved, scaled, mirrored, turned, and in other colours.
 
     Args:
-        chosen: numbers of the parts, (B,).
+        chosen: (B,) numbers of the looks.
         turning: classes of what lies flat, so that no side of it is up.
-
-    Returns:
-        Their pixels (B, CHANNELS, SIDE, SIDE), half sides and shares as `Parts` has them, labels
-        (B,), and boxes with points (B, 6) from the parts' middles in half sides.
     """
-    count, labels = len(chosen), looks.labels[chosen].astype(np.int64)
-    flat = np.isin(labels, turning) | ((labels == NONE) & (random.random(count) < 0.6))
-    signs = np.where(random.random((count, 2)) < 0.5, -1.0, 1.0)
-    signs[:, 1] = np.where(flat, signs[:, 1], 1.0)
-    swapped = flat & (random.random(count) < 0.5)
-    scale = np.exp(random.normal(0, 0.05, (count, 2)))
-    shift = random.normal(0, 0.05, (count, 2))
-    # where a point of the new part, in its half sides, lies in the old one of margin 1
-    A = np.zeros((count, 2, 2))
-    A[:, 0, 0], A[:, 1, 1] = (signs * scale).T
-    A[swapped] = A[swapped][:, :, ::-1]
-    pixels = _sample(looks.parts[chosen], A / WIDE, shift / WIDE)
-    about = parts_about(torch.from_numpy(looks.boxes[chosen]))
-    middles, halves, shares = (one.numpy() for one in about)
-    points = (looks.truth[chosen].reshape(count, 3, 2) - middles[:, None]) / halves[:, None]
-    points = (points - shift[:, None]) @ np.linalg.inv(A).transpose(0, 2, 1)
-    corners = np.sort(points[:, :2], axis=1).reshape(count, 4)
-    wanted = np.hstack([corners, points[:, 2]]).astype(np.float32)
-    sizes = np.stack([halves * scale, shares])
-    sizes[:, swapped] = sizes[:, swapped][..., ::-1]
-    return (
-        _recoloured(pixels, random),
-        *torch.from_numpy(sizes.astype(np.float32)),
-        torch.from_numpy(labels),
-        torch.from_numpy(wanted),
-    )
+    which, labels, boxes, truth = (each[chosen] for each in looks)
+    count = len(chosen)
+    flat = (labels == NONE) & random.chance(0.6, count)
+    for kind in turning:
+        flat |= labels == kind
+    mirrored = random.chance(0.5, count, 2)
+    mirrored[:, 1] &= flat
+    swapped = (flat & random.chance(0.5, count))[:, None]  # x for y
+    middles, halves, shares = parts_about(_moved(boxes, random))
+    reach = torch.where(mirrored, -halves, halves)
+    pixels = torch.cat([_cut(store, which, middles, by * reach, by > 1) for by in (1.0, WIDER)], 3)
+    pixels = torch.where(swapped[..., None, None], pixels.transpose(1, 2), pixels)
+    pixels = recolour(pixels.permute(0, 3, 1, 2).contiguous(), _COLOURS, random)
+    points = (truth.reshape(count, 3, 2) - middles[:, None]) / reach[:, None]
+    corners = points[:, :2].sort(dim=1).values
+    points = torch.cat([corners, points[:, 2:]], dim=1)
+    points = torch.where(swapped[..., None], points.flip(2), points).flatten(1)
+    halves, shares = (torch.where(swapped, each.flip(1), each) for each in (halves, shares))
+    return Seen(pixels.contiguous(memory_format=FORMAT), halves, shares, labels, points)
 
 
-def _sample(
-    parts: npt.NDArray[np.uint8], A: npt.NDArray[np.float64], shift: npt.NDArray[np.float64]
-) -> Tensor:
-    theta = np.concatenate([A, shift[:, :, None]], axis=2).astype(np.float32)
-    size = [len(parts), CHANNELS, SIDE, SIDE]
-    grid = torch.nn.functional.affine_grid(torch.from_numpy(theta), size, align_corners=False)
-    stack = torch.from_numpy(parts).permute(0, 3, 1, 2).float() / 255
-    return torch.nn.functional.grid_sample(stack, grid, padding_mode="border", align_corners=False)
+def _moved(boxes: Tensor, random: Random) -> Tensor:
+    """Boxes (N, 4) placed and scaled a little differently."""
+    middles, halves, _ = parts_about(boxes)
+    middles = middles + halves * random.normal(len(boxes), 2, deviation=_MOVED)
+    own = (boxes[:, 2:] - boxes[:, :2]) / 2 * random.normal(len(boxes), 2, deviation=_MOVED).exp()
+    return torch.cat([middles - own, middles + own], dim=1)
 
 
-def _recoloured(parts: Tensor, random: np.random.Generator) -> Tensor:
-    """Some with other hues, more or less contrast and light, a few inverted."""
-    count = len(parts)
-    turns = _hue_turns(np.where(random.random(count) < 0.5, random.uniform(0, 1, count), 0.0))
-    pictures = parts.reshape(count, CHANNELS // 3, 3, SIDE * SIDE)
-    parts = (turns[:, None] @ pictures).reshape(parts.shape)
-    some = random.random((2, count)) < 0.6
-    gain = np.where(some[0], random.uniform(0.65, 1.35, count), 1.0)
-    gain = np.where(random.random(count) < 0.05, -gain, gain)
-    lift = np.where(some[1], random.uniform(-0.12, 0.12, count), 0.0)
-    gain, lift = (
-        torch.from_numpy(one.astype(np.float32))[:, None, None, None] for one in (gain, lift)
-    )
-    varied = ((parts - 0.5) * gain + 0.5 + lift).clamp(0, 1)
-    return varied.contiguous(memory_format=FORMAT)
-
-
-def _hue_turns(shares: npt.NDArray[np.float64]) -> Tensor:
-    """Matrices (N, 3, 3) that turn colours about the gray ones, by shares (N,) of a whole turn."""
-    angles = 2 * np.pi * (shares[:, None] + np.arange(3) / 3)
-    weights = (1 + 2 * np.cos(angles)) / 3  # of a channel itself, and of the two others
-    turned = np.stack([np.roll(weights, by, axis=1) for by in range(3)], axis=1)
-    return torch.from_numpy(turned.astype(np.float32))
+def _cut(store: Store, which: Tensor, middles: Tensor, reach: Tensor, half: bool) -> Tensor:
+    """Parts (B, SIDE, SIDE, 3) about middles; with a reach below zero mirrored."""
+    steps = (torch.arange(SIDE, device=DEVICE) + 0.5) * (2 / SIDE) - 1
+    x, y = (middles[:, n : n + 1] + reach[:, n : n + 1] * steps for n in (0, 1))
+    return store.cut(which, x, y, torch.full_like(which, half, dtype=torch.bool))

@@ -19,78 +19,87 @@ _CELLS = 10
 
 
 class Truth(NamedTuple):
-    """The landmarks of one picture: (n,) classes, (n, 4) boxes, (n, 2) points, (n,) bool."""
+    """The landmarks of B pictures, at most n in each."""
 
     kinds: Tensor
+    """(B, n) classes; -1 where there is none."""
     boxes: Tensor
+    """(B, n, 4)."""
     points: Tensor
+    """(B, n, 2)."""
     ignored: Tensor
+    """(B, n) bool; what is there is neither landmark nor background."""
+
+
+class Taken(NamedTuple):
+    """The M cells that answer for a landmark."""
+
+    pictures: Tensor
+    cells: Tensor
+    things: Tensor
+    """(M,) which landmark of the picture."""
+    quality: Tensor
+    """(M,) the score in 0 to 1 that the cell should give."""
 
 
 def detection_loss(
-    raw: Tensor, truths: list[Truth], grid: tuple[Tensor, Tensor], classes: int
+    raw: Tensor, truth: Truth, grid: tuple[Tensor, Tensor], classes: int
 ) -> tuple[Tensor, Tensor, Tensor]:
     """The losses of classes, boxes and points of a batch, each by the sum of what is assigned."""
     logits = raw[..., :classes].float()
     boxes, points, spread = decode(raw[..., classes:].float(), *grid)
-    wanted, weight = torch.zeros_like(logits), torch.ones_like(logits[..., :1])
-    of_box, of_point = [], []
-    for number, truth in enumerate(truths):
-        score = logits[number].detach().sigmoid()
-        cells, things, quality = assign(score, boxes[number].detach(), truth, grid)
-        wanted[number, cells, truth.kinds[things]] = quality
-        weight[number, _inside(grid[0], truth.boxes[truth.ignored]).any(dim=1)] = 0
-        weight[number, cells] = 1
-        of_box.append(quality * (1 - giou(boxes[number, cells], truth.boxes[things])))
-        gap = (points[number, cells] - truth.points[things]) / grid[1][cells]
-        of_point.append(quality * _point_loss(gap, spread[number, cells] - grid[1][cells].log()))
-    focus = (logits.sigmoid() - wanted).abs().pow(2).detach() * weight
+    taken = assign(logits.detach().sigmoid(), boxes.detach(), truth, grid)
+    own, things, strides = taken[:2], (taken.pictures, taken.things), grid[1][taken.cells]
+    wanted = torch.zeros_like(logits)
+    wanted[(*own, truth.kinds[things])] = taken.quality
+    weight = 1 - (_inside(grid[0], truth.boxes) & truth.ignored[:, None]).any(dim=2).float()
+    weight[own] = 1
+    focus = (logits.sigmoid() - wanted).abs().pow(2).detach() * weight[..., None]
     cost = functional.binary_cross_entropy_with_logits(logits, wanted, reduction="none")
+    of_box = taken.quality * (1 - giou(boxes[own], truth.boxes[things]))
+    gap = (points[own] - truth.points[things]) / strides
+    of_point = taken.quality * _point_loss(gap, spread[own] - strides.log())
     total = wanted.sum().clamp(min=1)
-    return (
-        (focus * cost).sum() / total,
-        torch.cat(of_box).sum() / total,
-        (torch.cat(of_point).sum() / total),
-    )
+    return (focus * cost).sum() / total, of_box.sum() / total, of_point.sum() / total
 
 
-def assign(
-    score: Tensor, boxes: Tensor, truth: Truth, grid: tuple[Tensor, Tensor]
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Cells, the landmark that each answers for, and the score in 0 to 1 that it should give."""
-    things = torch.nonzero(~truth.ignored)[:, 0]
-    none = torch.zeros(0, dtype=torch.long)
-    if len(things) == 0:
-        return none, none, torch.zeros(0)
-    centres, strides = grid
-    target = truth.boxes[things]
-    overlap = iou(boxes[:, None], target[None]).clamp(min=1e-3)
-    fit = score[:, truth.kinds[things]] * overlap**4
-    fit = torch.where(_candidates(centres, strides, target), fit + 1e-12, torch.zeros_like(fit))
-    best, cells = fit.topk(min(_CELLS, len(fit)), dim=0)
-    chosen = torch.zeros_like(fit).scatter(0, cells, best)
-    value, own = chosen.max(dim=1)
-    taken = torch.nonzero(value > 0)[:, 0]
-    own = own[taken]
-    top_fit, top_overlap = chosen.amax(dim=0), torch.where(chosen > 0, overlap, 0 * fit).amax(dim=0)
-    quality = value[taken] / top_fit[own] * top_overlap[own]
-    return taken, things[own], quality.clamp(min=0.02)
+def assign(score: Tensor, boxes: Tensor, truth: Truth, grid: tuple[Tensor, Tensor]) -> Taken:
+    """Which cells answer for which landmark.
+
+    Args:
+        score: (B, cells, classes).
+        boxes: (B, cells, 4) that they tell.
+    """
+    overlap = iou(boxes[:, :, None], truth.boxes[:, None]).clamp(min=1e-3)  # (B, cells, n)
+    kinds = truth.kinds.clamp(min=0)[:, None].expand(overlap.shape)
+    fit = score.gather(2, kinds) * overlap**4 + 1e-12
+    counted = (truth.kinds >= 0) & ~truth.ignored
+    fit = torch.where(_candidates(*grid, truth.boxes) & counted[:, None], fit, 0 * fit)
+    best, cells = fit.topk(min(_CELLS, fit.shape[1]), dim=1)
+    chosen = torch.zeros_like(fit).scatter(1, cells, best)
+    value, own = chosen.max(dim=2)
+    taken = torch.nonzero(value > 0, as_tuple=True)
+    things = own[taken]
+    top_overlap = torch.where(chosen > 0, overlap, 0 * fit).amax(dim=1)[taken[0], things]
+    quality = value[taken] / chosen.amax(dim=1)[taken[0], things] * top_overlap
+    return Taken(*taken, things, quality.clamp(min=0.02))
 
 
 def _candidates(centres: Tensor, strides: Tensor, target: Tensor) -> Tensor:
-    """(cells, n): the cells within a box of the fitting size, or close to its middle."""
-    side = (target[:, 2:] - target[:, :2]).prod(dim=1).sqrt()
-    fits = torch.zeros(len(centres), len(target), dtype=torch.bool)
+    """(B, cells, n): the cells within a box of the fitting size, or close to its middle."""
+    side = (target[..., 2:] - target[..., :2]).clamp(min=0).prod(dim=2).sqrt()[:, None]
+    fits = torch.zeros_like(side, dtype=torch.bool)
     for stride, (low, high) in _REACH.items():
-        fits |= (strides == stride) & (side >= low) & (side <= high)
-    middle = (target[:, :2] + target[:, 2:]) / 2
-    close = (centres[:, None] - middle[None]).abs().amax(dim=2) < strides * 0.8
+        fits = fits | ((strides == stride) & (side >= low) & (side <= high))
+    middle = (target[..., :2] + target[..., 2:]) / 2
+    close = (centres[:, None] - middle[:, None]).abs().amax(dim=3) < strides * 0.8
     return fits & (close | _inside(centres, target))
 
 
 def _inside(centres: Tensor, boxes: Tensor) -> Tensor:
-    at = centres[:, None]
-    return ((at > boxes[None, :, :2]) & (at < boxes[None, :, 2:])).all(dim=2)
+    """(B, cells, n): which cells are in which box of (B, n, 4)."""
+    at, boxes = centres[:, None], boxes[:, None]
+    return ((at > boxes[..., :2]) & (at < boxes[..., 2:])).all(dim=3)
 
 
 def _point_loss(gap: Tensor, spread: Tensor) -> Tensor:

@@ -96,6 +96,7 @@ def row(seen: Seen) -> list[float]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """What pictures and training both take."""
     parser.add_argument("--seed", type=int, default=0, help="of the worlds")
+    parser.add_argument("--per-world", type=int, default=PER_WORLD, help="pictures of each world")
     parser.add_argument(
         "--body",
         type=Path,
@@ -112,7 +113,6 @@ def main() -> int:
     parser.add_argument("out", type=Path, help="folder to write to")
     parser.add_argument("--worlds", type=int, default=10, help="how many (default: %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
-    parser.add_argument("--per-world", type=int, default=PER_WORLD, help="pictures of each")
     parser.add_argument("--side", type=int, default=SIZE[0], help="pixels (default: %(default)s)")
     parser.add_argument("--held-out", action="store_true", help="styles never trained on")
     add_arguments(parser)

@@ -21,7 +21,8 @@ MARGIN = 1.4
 """By how much the part is larger than the box."""
 CHANNELS = 6
 """Of what is looked at: the part, RGB, then the wider one."""
-_WIDER = 2.0  # by how much its sides are longer
+WIDER = 2.0
+"""By how much the sides of the wider part are longer."""
 _NARROWEST = 0.5
 """A part's shorter side by its longer one: beside a thin post there is something to see, too."""
 _LEAST_PX = 4.0  # of a box
@@ -105,7 +106,7 @@ def parts_about(boxes: Tensor) -> Parts:
 
 def cut_both(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:
     """Parts and the wider ones (N, CHANNELS, side, side), as `cut` has them."""
-    wider = cut(halve(picture), (middles - 0.5) / 2, _WIDER / 2 * halves, side)
+    wider = cut(halve(picture), (middles - 0.5) / 2, WIDER / 2 * halves, side)
     return torch.cat([cut(picture, middles, halves, side), wider], dim=1)
 
 

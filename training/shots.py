@@ -16,6 +16,8 @@ from ros_visualise.geometry import rotations
 Array = npt.NDArray[np.float64]
 EMPTY_SHARE = 0.3
 """Of the pictures, those without a landmark."""
+MOST_THINGS = 14
+"""In a picture."""
 _HEIGHTS_M = 0.6, 60.0
 _TILT_DEGREES = 75.0
 _SIZES_PX = 6.0, 400.0
@@ -57,7 +59,7 @@ def take_shot(
     view, first, spot = _aim(world, random, size, kinds)
     placed = [(first, spot)]
     _place(world, random, first, spot)
-    for _ in range(random.integers(0, 14)):
+    for _ in range(random.integers(0, MOST_THINGS)):
         kind = OTHER if empty or random.random() < 0.4 else int(random.choice(kinds))
         thing = _pick(world, random, kind)
         where = _ground_at(view, random.uniform(0, 1, 2) * size)

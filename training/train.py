@@ -12,30 +12,32 @@ from __future__ import annotations
 import argparse
 import copy
 import math
+import os
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import numpy as np
 import torch
-from dataset import Example, find_examples, make_batch, some_pictures
+from dataset import make_batch
+from device import DEVICE, FORMAT, Random, precision
 from export import save_second, write_onnx
 from looks import collect
 from loss import Truth, detection_loss
 from network import Network, follow, make_grid, make_optimizer
 from pictures import add_arguments
-from processor import FORMAT, precision
 from second import Second
 from start import read_start, start_first, start_second
+from store import Store, some_pictures
 from torch import Tensor
-from train_second import RATE, RATE_ON, SAY_S, some_parts, train_second
+from train_second import BATCH, RATE, RATE_ON, SAY_S, some_parts, train_second
 
 _FIRST_WORLDS = 3
-_SAVE_S = 240.0
+_BATCH = 24  # pictures, for which the rates are
+_LARGER = 1 if DEVICE.type == "cpu" else 8  # steps of a graphics card, by those of a processor
+_SAVE_S, _REFRESH_S = 240.0, 5.0
 _RATE, _RATE_ON = 2e-3, 1e-3  # from nothing, and from a network that has learned
 _DECAY = 0.03
 _WARM = 0.01  # of the time
@@ -67,36 +69,38 @@ class Trainer:
         steps: int = 0,
     ) -> None:
         self.classes, self.minutes, self.seed, self.rate = classes, minutes, seed, rate
-        self.network = network.to(memory_format=FORMAT)
+        self.network = network.to(DEVICE, memory_format=FORMAT)
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
         self.optimizer = make_optimizer(self.network, _DECAY)
         self.steps, self.seconds = steps, 0.0
         self._grids: dict[tuple[int, int], tuple[Tensor, Tensor]] = {}
 
-    def step(self, pictures: Tensor, truths: list[Truth]) -> list[float]:
-        """Learn from one batch; its losses of classes, boxes and points."""
-        start = time.monotonic()
+    def step(self, pictures: Tensor, truth: Truth) -> Tensor:
+        """Learn from one batch; its losses of classes, boxes and points, (3,)."""
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
-        size = (pictures.shape[2], pictures.shape[3])
-        grid = self._grids.setdefault(size, make_grid(*size))
         with precision():
             raw = self.network(pictures)
-        losses = detection_loss(raw, truths, grid, len(self.classes))
-        total = sum(weight * loss for weight, loss in zip(_WEIGHTS, losses, strict=True))
+        grid = self._grid(pictures.shape[2], pictures.shape[3])
+        losses = torch.stack(detection_loss(raw, truth, grid, len(self.classes)))
         self.optimizer.zero_grad()
-        total.backward()
+        (torch.tensor(_WEIGHTS, device=DEVICE) * losses).sum().backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
         self.optimizer.step()
         self.steps += 1
         follow(self.average, self.network, self.steps)
-        self.seconds += time.monotonic() - start
-        return [each.item() for each in losses]
+        return losses.detach()
 
     @property
     def done(self) -> float:
         """The share of the time that is over, 0 to 1."""
         return min(self.seconds / 60 / self.minutes, 1.0)
+
+    def _grid(self, height: int, width: int) -> tuple[Tensor, Tensor]:
+        if (height, width) not in self._grids:
+            centres, strides = make_grid(height, width)
+            self._grids[height, width] = centres.to(DEVICE), strides.to(DEVICE)
+        return self._grids[height, width]
 
     def save(self, path: Path) -> None:
         """Write all that is needed to go on."""
@@ -109,7 +113,7 @@ class Trainer:
 
     def load(self, path: Path) -> None:
         """Go on from a checkpoint."""
-        state = torch.load(path)
+        state = torch.load(path, DEVICE)
         for name in _PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.steps, self.seconds = state["steps"], state["seconds"]
@@ -122,92 +126,92 @@ class Trainer:
 _PARTS = "network", "average", "optimizer"
 
 
-def start_rendering(out: Path, asked: argparse.Namespace) -> subprocess.Popen[bytes]:
-    """Render worlds in a process of its own, if there are not enough of them yet."""
-    command = [sys.executable, str(Path(__file__).with_name("pictures.py")), str(out / "pictures")]
-    command += ["--worlds", str(asked.worlds), "--seed", str(asked.seed)]
-    for path in asked.body:
-        command += ["--body", str(path)]
-    return subprocess.Popen(command)
+def start_rendering(out: Path, asked: argparse.Namespace) -> list[subprocess.Popen[bytes]]:
+    """Render worlds in processes of their own, if there are not enough of them yet."""
+    share = -(-asked.worlds // asked.processes)
+    return [
+        subprocess.Popen(
+            [sys.executable, str(Path(__file__).with_name("pictures.py")), str(out / "pictures")]
+            + ["--first", str(first), "--worlds", str(min(share, asked.worlds - first))]
+            + ["--seed", str(asked.seed), "--per-world", str(asked.per_world)]
+            + [word for path in asked.body for word in ("--body", str(path))]
+        )
+        for first in range(0, asked.worlds, share)
+    ]
 
 
-def wait_for_pictures(folder: Path, rendering: subprocess.Popen[bytes]) -> tuple[str, ...]:
-    """Wait until the first worlds are whole; the names of the classes."""
-    while len(list(folder.glob("*/labels.json"))) < _FIRST_WORLDS and rendering.poll() is None:
+def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]]) -> None:
+    """Wait until the first worlds are whole."""
+    while store.refresh() < _FIRST_WORLDS and any(each.poll() is None for each in rendering):
         time.sleep(1)
-    classes = find_examples(folder)[1]
-    if not classes:
-        raise SystemExit(f"no pictures in {folder}: see what the rendering said above")
-    return classes
+    if not store.count:
+        raise SystemExit(f"no pictures in {store.folder}: see what the rendering said above")
 
 
-def make_trainer(classes: tuple[str, ...], folder: Path, asked: argparse.Namespace) -> Trainer:
+def make_trainer(store: Store, asked: argparse.Namespace) -> Trainer:
     """The trainer of a fresh network, or of one that goes on from a file."""
+    classes, more = store.classes, math.sqrt(asked.batch / _BATCH)
     if asked.start is None:
-        return Trainer(Network(len(classes), asked.width), classes, asked.minutes, asked.seed)
+        network = Network(len(classes), asked.width)
+        return Trainer(network, classes, asked.minutes, asked.seed, more * _RATE)
     start = read_start(asked.start)
     network = Network(len(classes), start.widths[0])
-    examples = _shuffled(folder, np.random.default_rng(asked.seed))
-    pictures, _ = make_batch(examples, _MEASURED, np.random.default_rng(asked.seed), _CROP)
-    start_first(network, start, classes, pictures)
-    return Trainer(network, classes, asked.minutes, asked.seed, _RATE_ON, start.steps)
+    pictures, _ = make_batch(store, _MEASURED, Random(asked.seed, 1), _CROP)
+    start_first(network, start, classes, pictures.cpu())
+    return Trainer(network, classes, asked.minutes, asked.seed, more * _RATE_ON, start.steps)
 
 
-def train(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
-    """Train until the time is over."""
-    random = np.random.default_rng((asked.seed, trainer.steps))
-    sums, count, said, saved = np.zeros(3), 0, time.monotonic(), time.monotonic()
-    examples = _shuffled(folder, random)
-    with ThreadPoolExecutor(1) as pool:
-        upcoming = None
+def train(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) -> None:
+    """Train until the time is over; worlds that become whole meanwhile are taken in."""
+    random, before = Random(asked.seed, trainer.steps), trainer.seconds
+    sums, count = torch.zeros(3, device=DEVICE), 0
+    start = said = saved = refreshed = time.monotonic()
+    with ThreadPoolExecutor(1) as batches, ThreadPoolExecutor(1) as worlds:
+        upcoming = batches.submit(make_batch, store, asked.batch, random, _CROP)
+        refreshing = worlds.submit(store.refresh)
         while trainer.done < 1:
             crop = _CROP if trainer.done < _WHOLE_FROM else 0
-            batch = pool.submit(make_batch, examples, asked.batch, random, crop)
-            ready, upcoming = upcoming, batch
-            if ready is None:
-                continue
-            sums, count = sums + trainer.step(*ready.result()), count + 1
-            if time.monotonic() - said > SAY_S:
-                _say(trainer, sums / count)
-                sums, count, said = np.zeros(3), 0, time.monotonic()
-            if time.monotonic() - saved > _SAVE_S:
+            ready = upcoming.result()
+            upcoming = batches.submit(make_batch, store, asked.batch, random, crop)
+            sums, count = sums + trainer.step(*ready), count + 1
+            now = time.monotonic()
+            trainer.seconds = before + now - start
+            if refreshing.done() and now - refreshed > _REFRESH_S:
+                refreshing.result()
+                refreshing, refreshed = worlds.submit(store.refresh), now
+            if now - said > SAY_S:
+                _say(trainer, store, (sums / count).tolist())
+                sums, count, said = torch.zeros_like(sums), 0, now
+            if now - saved > _SAVE_S:
                 trainer.save(out / "checkpoint.pt")
-                saved = time.monotonic()
+                saved = now
     trainer.save(out / "checkpoint.pt")
 
 
-def _shuffled(folder: Path, random: np.random.Generator) -> Iterator[Example]:
-    """All pictures that are there by then, again and again; of those without a landmark half."""
-    queue: list[Example] = []
-    while True:
-        before, queue = len(queue), find_examples(folder)[0]
-        if len(queue) != before:
-            print(f"{len(queue)} pictures", flush=True)
-        for number in random.permutation(len(queue)):
-            if len(queue[number].rows) or random.random() < _EMPTY:
-                yield queue[number]
-
-
-def _say(trainer: Trainer, losses: np.ndarray) -> None:
+def _say(trainer: Trainer, store: Store, losses: list[float]) -> None:
     names = ("classes", "boxes", "points")
     text = ", ".join(f"{name} {each:.3f}" for name, each in zip(names, losses, strict=True))
-    print(f"{100 * trainer.done:.0f}%, step {trainer.steps}: loss of {text}", flush=True)
+    done = f"{100 * trainer.done:.0f}%, {store.count} pictures"
+    print(f"{done}, step {trainer.steps}: loss of {text}", flush=True)
 
 
-def look_again(trainer: Trainer, folder: Path, out: Path, asked: argparse.Namespace) -> None:
+def look_again(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) -> None:
     """Train the second look, and write the network."""
-    looks = collect(trainer.average, folder, asked.seed)
-    count, seed = len(trainer.classes), asked.seed
+    looks = collect(trainer.average, store, Random(asked.seed, 2))
+    print(f"second look: at {len(looks.labels)} parts", flush=True)
+    random, count = Random(asked.seed, 3), len(trainer.classes)
     if asked.start is None:
         second, rate = Second(count, asked.second_width), RATE
     else:
         start = read_start(asked.start)
         second, rate = Second(count, start.widths[1]), RATE_ON
-        start_second(second, start, trainer.classes, some_parts(looks, seed))
-    second = train_second(second, looks, asked.second_minutes, seed, rate)
+        start_second(second, start, trainer.classes, some_parts(looks, store, random))
+    rate *= math.sqrt(asked.second_batch / BATCH)
+    minutes, batch = asked.second_minutes, asked.second_batch
+    second = train_second(second, looks, store, minutes, random, rate, batch)
     save_second(second, out / "second.pt")
     about = {"seed": str(asked.seed), "steps": str(trainer.steps)}
-    pictures = some_pictures(folder, asked.seed)
+    pictures = some_pictures(store.folder, asked.seed)
     write_onnx(trainer.average, second, trainer.classes, out / "aerial.onnx", about, pictures)
 
 
@@ -218,12 +222,15 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s")
     parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
-    parser.add_argument("--batch", type=int, default=24, help="default: %(default)s")
+    parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help="pictures in one step")
+    parser.add_argument("--second-batch", type=int, default=_LARGER * BATCH, help="parts in one")
     fresh = "channels; with --start, those of the file count (default: %(default)s)"
     parser.add_argument("--width", type=int, default=16, help=fresh)
     parser.add_argument("--second-width", type=int, default=24, help=fresh)
     parser.add_argument("--start", type=Path, help="ONNX file of such a network to go on from")
     parser.add_argument("--threads", type=int, default=1, help="of the processor")
+    cores = max((os.cpu_count() or 1) - 1, 1)
+    parser.add_argument("--processes", type=int, default=cores, help="that render (%(default)s)")
     add_arguments(parser)
     asked = parser.parse_args()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the rendering ends, too
@@ -232,16 +239,20 @@ def main() -> int:
     asked.out.mkdir(parents=True, exist_ok=True)
     rendering = start_rendering(asked.out, asked)
     try:
-        folder = asked.out / "pictures"
-        trainer = make_trainer(wait_for_pictures(folder, rendering), folder, asked)
+        store = Store(asked.out / "pictures", asked.worlds)
+        wait_for_pictures(store, rendering)
+        trainer = make_trainer(store, asked)
         if (asked.out / "checkpoint.pt").exists():
             trainer.load(asked.out / "checkpoint.pt")
-        train(trainer, folder, asked.out, asked)
-        rendering.wait()
-        look_again(trainer, folder, asked.out, asked)
+        train(trainer, store, asked.out, asked)
+        for each in rendering:
+            each.wait()
+        store.refresh()
+        look_again(trainer, store, asked.out, asked)
     finally:
-        rendering.terminate()
-        rendering.wait()
+        for each in rendering:
+            each.terminate()
+            each.wait()
     return 0
 
 

@@ -5,21 +5,22 @@ from __future__ import annotations
 import copy
 import math
 import time
+from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-import numpy.typing as npt
 import torch
-from looks import NONE, Looks, vary
+from device import DEVICE, FORMAT, Random, precision
+from looks import NONE, Looks, Seen, vary
 from network import follow, make_optimizer
-from processor import FORMAT, precision
 from second import Second, decode_parts
+from store import Store
 from torch import Tensor
 from torch.nn import functional
 from worlds import CLASSES
 
 SAY_S = 15.0
 """Between two lines about the losses."""
-_BATCH = 128
+BATCH = 128
+"""Parts in one step."""
 _OF_NONE = 0.42  # of a batch; the rest is shared alike by the classes
 RATE, RATE_ON = 3e-3, 1.5e-3
 """The highest learning rates, from nothing and from a network that has learned."""
@@ -32,60 +33,69 @@ _FLAT = tuple(CLASSES.index(name) for name in ("helipad", "tag"))
 _FAR = 2.0  # half sides; a ground point beyond is not looked for in this part
 
 
-def some_parts(looks: Looks, seed: int) -> tuple[Tensor, Tensor, Tensor]:
+def some_parts(looks: Looks, store: Store, random: Random) -> tuple[Tensor, Tensor, Tensor]:
     """A few as `Second` takes them."""
-    random = np.random.default_rng(seed)
-    pixels, halves, shares, *_ = vary(
-        looks, random.integers(0, len(looks.labels), _MEASURED), _FLAT, random
-    )
-    return pixels, halves, shares
+    seen = vary(looks, store, random.index(len(looks.labels), _MEASURED), _FLAT, random)
+    return seen.pixels.cpu(), seen.halves.cpu(), seen.shares.cpu()
 
 
 def train_second(
-    network: Second, looks: Looks, minutes: float, seed: int, highest: float = RATE
+    network: Second,
+    looks: Looks,
+    store: Store,
+    minutes: float,
+    random: Random,
+    highest: float = RATE,
+    batch: int = BATCH,
 ) -> Second:
-    """Train for so many minutes of the processor's time; the slow average of the network.
+    """Train for so many minutes; the slow average of the network.
 
     Args:
         highest: learning rate.
+        batch: parts in one step.
     """
-    random = np.random.default_rng((seed, 2))
-    network = network.to(memory_format=FORMAT)
+    network = network.to(DEVICE, memory_format=FORMAT)
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = make_optimizer(network, _DECAY)
-    groups = _groups(looks, network.classes)
-    sums, step, start, said = np.zeros(4), 0, time.process_time(), time.monotonic()
-    while (done := (time.process_time() - start) / 60 / minutes) < 1:
-        rate = highest * min(1.0, done / _WARM + 0.01)
-        for group in optimizer.param_groups:
-            group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
-        chosen = np.concatenate([random.choice(group, count) for group, count in groups])
-        pixels, halves, shares, labels, wanted = vary(looks, chosen, _FLAT, random)
-        with precision():
-            raw = network(pixels, halves, shares)
-        losses = second_loss(raw.float(), shares, labels, wanted)
-        optimizer.zero_grad()
-        sum(weight * loss for weight, loss in zip(_WEIGHTS, losses, strict=True)).backward()
-        optimizer.step()
-        step += 1
-        follow(average, network, step)
-        sums += [*(each.item() for each in losses), 1]
-        if time.monotonic() - said > SAY_S:
-            told = ", ".join(f"{each:.3f}" for each in sums[:3] / sums[3])
-            print(f"second look: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
-            sums[:], said = 0, time.monotonic()
+    groups = _groups(looks, network.classes, batch)
+    weights = torch.tensor(_WEIGHTS, device=DEVICE)
+
+    def make_batch() -> Seen:
+        chosen = torch.cat([group[random.index(len(group), some)] for group, some in groups])
+        return vary(looks, store, chosen, _FLAT, random)
+
+    sums, count, step = torch.zeros(3, device=DEVICE), 0, 0
+    start = said = time.monotonic()
+    with ThreadPoolExecutor(1) as batches:
+        upcoming = batches.submit(make_batch)
+        while (done := (time.monotonic() - start) / 60 / minutes) < 1:
+            rate = highest * min(1.0, done / _WARM + 0.01)
+            for group in optimizer.param_groups:
+                group["lr"] = rate * max((1 + math.cos(math.pi * done)) / 2, 0.003)
+            seen, upcoming = upcoming.result(), batches.submit(make_batch)
+            with precision():
+                raw = network(seen.pixels, seen.halves, seen.shares)
+            losses = torch.stack(second_loss(raw.float(), seen))
+            optimizer.zero_grad()
+            (weights * losses).sum().backward()
+            optimizer.step()
+            step += 1
+            follow(average, network, step)
+            sums, count = sums + losses.detach(), count + 1
+            if time.monotonic() - said > SAY_S:
+                told = ", ".join(f"{each:.3f}" for each in (sums / count).tolist())
+                print(f"second look: {100 * done:.0f}%, step {step}: losses {told}", flush=True)
+                sums, count, said = torch.zeros_like(sums), 0, time.monotonic()
     return average
 
 
-def second_loss(
-    raw: Tensor, shares: Tensor, labels: Tensor, wanted: Tensor
-) -> tuple[Tensor, Tensor, Tensor]:
-    """The losses of classes, boxes and points; arguments as `Second` and `looks.vary` give them."""
-    classes = raw.shape[1] - 9
-    kinds = torch.where(labels == NONE, torch.full_like(labels, classes), labels)
+def second_loss(raw: Tensor, seen: Seen) -> tuple[Tensor, Tensor, Tensor]:
+    """The losses of classes, boxes and points; ``raw`` as `Second` gives it."""
+    classes, labels, wanted = raw.shape[1] - 9, seen.labels, seen.wanted
+    kinds = torch.where(labels == NONE, classes, labels)
     of_class = functional.cross_entropy(raw[:, : classes + 1], kinds, label_smoothing=0.02)
     there = labels != NONE
-    boxes, points, spread = decode_parts(raw[there, classes + 1 :], shares[there])
+    boxes, points, spread = decode_parts(raw[there, classes + 1 :], seen.shares[there])
     of_box = functional.smooth_l1_loss(boxes, wanted[there, :4].clamp(-1.6, 1.6), beta=0.05)
     gap = wanted[there, 4:] - points
     near = (wanted[there, 4:].abs() < _FAR).all(dim=1, keepdim=True)
@@ -94,12 +104,12 @@ def second_loss(
     return of_class, of_box, of_point
 
 
-def _groups(looks: Looks, classes: int) -> list[tuple[npt.NDArray[np.intp], int]]:
-    """The parts of each label that there is, and how many of them a batch has."""
+def _groups(looks: Looks, classes: int, batch: int) -> list[tuple[Tensor, int]]:
+    """The looks of each label that there is, and how many of them a batch has."""
     shares = {NONE: _OF_NONE, **dict.fromkeys(range(classes), (1 - _OF_NONE) / classes)}
     found = []
     for label, share in shares.items():
-        group = np.flatnonzero(looks.labels == label)
+        group = torch.nonzero(looks.labels == label)[:, 0]
         if len(group):
-            found.append((group, max(1, round(share * _BATCH))))
+            found.append((group, max(1, round(share * batch))))
     return found
