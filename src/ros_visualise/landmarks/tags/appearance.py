@@ -13,6 +13,8 @@ import numpy as np
 
 from ros_visualise.data import Floats
 
+_FAR = 7.0  # deviations; the densities beyond are so small that processors compute slowly with them
+
 
 class Appearance(NamedTuple):
     """Of T tags at N places in the image each."""
@@ -38,8 +40,8 @@ def appearance(H: Floats, places_uv: Floats, blur_px2: Floats, patterns: Floats)
         blur_px2: (T, 3) the variances uu, uv and vv of a Gaussian blur, in square pixels.
         patterns: (T, C, C) by x, then by y upwards; 1 is white. The outermost cells go on for ever.
     """
-    u, v = _single(np.moveaxis(places_uv, 2, 0))
-    h = _single(np.moveaxis(H, 0, 2)[..., None])
+    u, v = _single(places_uv.transpose(2, 0, 1))
+    h = _single(H.transpose(1, 2, 0)[..., None])
     depth = h[2, 0] * u + h[2, 1] * v + h[2, 2]
     x = (h[0, 0] * u + h[0, 1] * v + h[0, 2]) / depth
     y = (h[1, 0] * u + h[1, 1] * v + h[1, 2]) / depth
@@ -109,6 +111,7 @@ def _normal(z: Floats) -> tuple[Floats, Floats]:
 
     Source: Page, Approximations to the cumulative normal function, 1977; within 0.0002.
     """
+    z = np.clip(z, -_FAR, _FAR)
     square = z * z
     step = 0.5 + 0.5 * np.tanh(z * (0.7988 + 0.03528 * square))
     return step, np.exp(-0.5 * square) / math.sqrt(2 * math.pi)

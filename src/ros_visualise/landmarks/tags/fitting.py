@@ -24,7 +24,7 @@ from ros_visualise.landmarks.tags.appearance import Appearance, appearance
 from ros_visualise.landmarks.tags.samples import LEAST, Samples, homographies, sample_tags
 
 _ROUNDS = 8
-_SETTLED_PX, _SETTLED = 5e-3, 0.3  # steps that are no more: in pixels, or deviations
+_SETTLED_PX, _SETTLED = 5e-3, 0.5  # steps that are no more: in pixels, or deviations
 _RESTLESS_PX = 0.1  # the last step of what has not settled
 _STEP_PX, _MOST_PX = 1.0, 3.0  # of a corner in one round, and in all
 _BLUR_PX2, _LEAST_BLUR, _MOST_BLUR = 0.4, 0.08, 6.0  # variances
@@ -139,14 +139,15 @@ def _linearised(state: _State, samples: Samples, patterns: Floats, square: Float
     H = homographies(state.corners, square)
     seen = appearance(H, samples.places, state.blur, patterns)
     size = np.abs(state.corners).max(axis=(1, 2))[:, None, None]
-    u, v = np.moveaxis(samples.places / size, 2, 0)
+    places = samples.places / size
+    u, v = places.transpose(2, 0, 1)
     levels = _levels(seen, u, v) * samples.weight[:, None]
     gray = samples.gray * samples.weight
     weights = _solved(levels, gray)[0]
-    first, second, third, by_u, by_v = np.moveaxis(weights[:, 1:6, None], 1, 0)
+    first, second, third, by_u, by_v = weights[:, 1:6, None].transpose(1, 0, 2)
     m = seen.white
     gain = (first + 2 * second * m + 3 * third * m * m + by_u * u + by_v * v) * samples.weight
-    by_warps = _warped(samples.places / size, seen.slope)
+    by_warps = _warped(places, seen.slope)
     by_corners = -np.linalg.inv(_warps(state.corners / size)) @ by_warps
     moving = np.concatenate([by_corners, seen.by_blur], axis=1) * gain[:, None]
     J = np.concatenate([moving, levels], axis=1)
@@ -171,7 +172,7 @@ def _warps(corners: Floats) -> Floats:
 
 def _warped(places: Floats, slope: Floats) -> Floats:
     """(T, 8, N) how what has that slope (T, 2, N) changes at places that homographies move."""
-    (u, v), (by_u, by_v) = np.moveaxis(places, 2, 0), np.moveaxis(slope, 1, 0)
+    (u, v), (by_u, by_v) = places.transpose(2, 0, 1), slope.transpose(1, 0, 2)
     inward = u * by_u + v * by_v
     warped = [by_u, u * by_u, v * by_u, by_v, u * by_v, v * by_v, u * inward, v * inward]
     return np.stack(warped, axis=1)
@@ -199,7 +200,8 @@ def _solved(J: Floats, residual: Floats) -> tuple[Floats, Floats]:
 def _moved(state: _State, step: Floats) -> _State:
     shift = np.clip(step[:, :8], -_STEP_PX, _STEP_PX).reshape(-1, 4, 2)
     blur = state.blur + np.clip(step[:, 8:11], -0.5, 0.5)
-    uu, vv = (np.clip(blur[:, axis], _LEAST_BLUR, _MOST_BLUR) for axis in (0, 2))
+    least = np.maximum(state.blur / 2, _LEAST_BLUR)  # what has become sharp at once comes back late
+    uu, vv = (np.clip(blur[:, axis], least[:, axis], _MOST_BLUR) for axis in (0, 2))
     most = 0.9 * np.sqrt(uu * vv)
     uv = np.clip(blur[:, 1], -most, most)
     return _State(state.corners + shift, np.stack([uu, uv, vv], axis=1))
