@@ -18,10 +18,11 @@ class Recolouring(NamedTuple):
     contrast: float
     """More or less contrast."""
     gain: tuple[float, float]
+    """The least and the most, by which differences from the middle gray are multiplied."""
     brightness: float
     """Lighter or darker."""
     lift: float
-    """At most, of the range from black to white."""
+    """By how much at most; 1 is from black to white."""
     exchanged: float = 0.1
     """Red for blue."""
     inverted: float = 0.0

@@ -29,12 +29,12 @@ def make_batch(store: Store, count: int, random: Random, crop: int = 0) -> tuple
     """Pictures (B, 3, H, W) in 0 to 1, and their landmarks.
 
     Args:
-        count: of pictures.
+        count: of pictures, at least 2.
         crop: side of the part that is cut out of each, mostly around a landmark; many pictures
             are four smaller parts then, so that one step shows more landmarks. 0: all of it.
     """
     if crop:
-        joined = round(_QUARTERED * count)
+        joined = int(_QUARTERED * count)
         pictures, rows = _join(*_cut(store, 4 * joined, crop // 2, random))
         more, few = _cut(store, count - joined, crop, random)
         few = pad(few, (0, 0, 0, rows.shape[1] - few.shape[1]), value=ABSENT)

@@ -19,7 +19,6 @@ import numpy as np
 import onnx
 import torch
 from integers import Images, to_integers
-from looks import LEAST_SCORE
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
 from second import Second, cut_both, decode_parts, parts_about
@@ -32,6 +31,7 @@ OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
 _OPSET = 16  # has GridSample
+_LEAST_SCORE = 0.1
 _MOST, _OVERLAP = 24, 0.7
 """Of one image, the best so many boxes are looked at, which do not overlap more than that."""
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more
@@ -237,7 +237,7 @@ def _joined(first: onnx.ModelProto, last: onnx.ModelProto) -> onnx.ModelProto:
     limits = {
         "most": np.int64([_MOST]),
         "overlap": np.float32([_OVERLAP]),
-        "usual": np.float32([LEAST_SCORE]),
+        "usual": np.float32([_LEAST_SCORE]),
         MIN_SCORE_INPUT: np.float32([0]),
     }
     choice = [

@@ -9,15 +9,13 @@ import torch
 from colours import Recolouring, recolour
 from device import DEVICE, FORMAT, Random, precision
 from loss import iou
-from network import Network, decode, enlarge, halve, make_grid
+from network import Network, decode, enlarge, grid_of, halve
 from second import SIDE, WIDER, parts_about
 from store import ABSENT, Store
 from torch import Tensor
 
-LEAST_SCORE = 0.1
-"""Of boxes that are looked at."""
 _LEAST_SCORE, _MOST, _OVERLAP = 0.05, 24, 0.6
-"""It learns from more: of a picture, the best so many, which do not overlap more than that."""
+"""Of a picture, the best so many boxes are learned from, which do not overlap more than that."""
 _CELLS = 200  # of a picture, the best, among which these are chosen
 _BATCH = 128
 NONE, UNSURE = -1, -2
@@ -46,7 +44,7 @@ class Looks(NamedTuple):
     truth: Tensor
 
 
-class Seen(NamedTuple):
+class Views(NamedTuple):
     """Parts as they are looked at, and what is true of them."""
 
     pixels: Tensor
@@ -83,10 +81,9 @@ def propose(network: Network, pictures: Tensor) -> tuple[Tensor, Tensor]:
 
 def _cells(network: Network, pictures: Tensor) -> tuple[Tensor, Tensor]:
     """Boxes (B, cells, 4) and scores (B, cells)."""
-    grid = make_grid(pictures.shape[2], pictures.shape[3])
     with torch.no_grad(), precision():
         raw = network(pictures.contiguous(memory_format=FORMAT)).float()
-    boxes = decode(raw[..., network.classes :], *(each.to(DEVICE) for each in grid))[0]
+    boxes = decode(raw[..., network.classes :], *grid_of(pictures))[0]
     return boxes, raw[..., : network.classes].amax(dim=2).sigmoid()
 
 
@@ -135,7 +132,7 @@ def _labels(boxes: Tensor, rows: Tensor, seen: Tensor) -> tuple[Tensor, Tensor]:
 
 def vary(
     looks: Looks, store: Store, chosen: Tensor, turning: Sequence[int], random: Random
-) -> Seen:
+) -> Views:
     """Parts moved, scaled, mirrored, turned, and in other colours.
 
     Args:
@@ -160,7 +157,7 @@ def vary(
     points = torch.cat([corners, points[:, 2:]], dim=1)
     points = torch.where(swapped[..., None], points.flip(2), points).flatten(1)
     halves, shares = (torch.where(swapped, each.flip(1), each) for each in (halves, shares))
-    return Seen(pixels.contiguous(memory_format=FORMAT), halves, shares, labels, points)
+    return Views(pixels.contiguous(memory_format=FORMAT), halves, shares, labels, points)
 
 
 def _moved(boxes: Tensor, random: Random) -> Tensor:

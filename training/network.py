@@ -7,6 +7,7 @@ likelihood of Kendall and Gal, What Uncertainties Do We Need, 2017.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import torch
 from torch import Tensor, nn
@@ -107,7 +108,13 @@ def follow(average: nn.Module, network: nn.Module, steps: int) -> None:
                 value.mul_(keep).add_(theirs[name], alpha=1 - keep)
 
 
-def make_grid(height: int, width: int) -> tuple[Tensor, Tensor]:
+def grid_of(pictures: Tensor) -> tuple[Tensor, Tensor]:
+    """Of the cells of pictures (B, 3, H, W): see `make_grid`."""
+    return make_grid(pictures.shape[2], pictures.shape[3], pictures.device)
+
+
+@lru_cache
+def make_grid(height: int, width: int, device: torch.device) -> tuple[Tensor, Tensor]:
     """Centres (cells, 2) in pixels and strides (cells, 1); pixel centres are whole numbers."""
     centres, strides = [], []
     for stride in STRIDES:
@@ -117,7 +124,7 @@ def make_grid(height: int, width: int) -> tuple[Tensor, Tensor]:
         at = torch.stack([x, y], dim=-1).reshape(-1, 2).float()
         centres.append((at + 0.5) * stride - 0.5)
         strides.append(torch.full((len(at), 1), float(stride)))
-    return torch.cat(centres), torch.cat(strides)
+    return torch.cat(centres).to(device), torch.cat(strides).to(device)
 
 
 def decode(raw: Tensor, centres: Tensor, strides: Tensor) -> tuple[Tensor, Tensor, Tensor]:

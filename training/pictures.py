@@ -84,7 +84,9 @@ def write_world(
         cv2.imwrite(str(folder / file), picture[..., ::-1], setting)
         labels[file] = [row(one) for one in seen]
     written = json.dumps({"classes": classes, "pictures": labels})
-    (folder / "labels.json").write_text(written)
+    fresh = folder / "labels.new"
+    fresh.write_text(written)
+    fresh.replace(folder / "labels.json")
 
 
 def row(seen: Seen) -> list[float]:
@@ -113,16 +115,20 @@ def main() -> int:
     parser.add_argument("out", type=Path, help="folder to write to")
     parser.add_argument("--worlds", type=int, default=10, help="how many (default: %(default)s)")
     parser.add_argument("--first", type=int, default=0, help="number of the first")
+    parser.add_argument("--step", type=int, default=1, help="1: all; 2: every second one; ...")
     parser.add_argument("--side", type=int, default=SIZE[0], help="pixels (default: %(default)s)")
     parser.add_argument("--held-out", action="store_true", help="styles never trained on")
     add_arguments(parser)
     asked = parser.parse_args()
-    for number in range(asked.first, asked.first + asked.worlds):
+    for number in range(asked.first, asked.first + asked.worlds, asked.step):
         folder = asked.out / f"world_{asked.seed}_{number}"
         if not (folder / "labels.json").exists():
             size = asked.side, asked.side
             seed = asked.seed, number
-            write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
+            try:
+                write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
+            except KeyboardInterrupt:
+                return 130
     return 0
 
 

@@ -104,23 +104,23 @@ def parts_about(boxes: Tensor) -> Parts:
     return Parts((low + high) / 2, halves, own / halves)
 
 
-def cut_both(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:
-    """Parts and the wider ones (N, CHANNELS, side, side), as `cut` has them."""
-    wider = cut(halve(picture), (middles - 0.5) / 2, WIDER / 2 * halves, side)
-    return torch.cat([cut(picture, middles, halves, side), wider], dim=1)
+def cut_both(picture: Tensor, middles: Tensor, halves: Tensor) -> Tensor:
+    """Parts and the wider ones (N, CHANNELS, SIDE, SIDE), as `cut` has them."""
+    wider = cut(halve(picture), (middles - 0.5) / 2, WIDER / 2 * halves)
+    return torch.cat([cut(picture, middles, halves), wider], dim=1)
 
 
-def cut(picture: Tensor, middles: Tensor, halves: Tensor, side: int = SIDE) -> Tensor:
-    """Parts (N, 3, side, side) of a picture (1, 3, H, W), each stretched to a square.
+def cut(picture: Tensor, middles: Tensor, halves: Tensor) -> Tensor:
+    """Parts (N, 3, SIDE, SIDE) of a picture (1, 3, H, W), each stretched to a square.
 
     Beyond the picture's edge its last pixels go on. Pixel centres are at whole numbers.
     """
-    steps = (torch.arange(side) + 0.5) * (2 / side) - 1
+    steps = (torch.arange(SIDE) + 0.5) * (2 / SIDE) - 1
     across = middles[:, :1] + halves[:, :1] * steps  # (N, side)
     down = middles[:, 1:] + halves[:, 1:] * steps
     width, height = picture.shape[3], picture.shape[2]
     x = ((across + 0.5) * 2 / width - 1)[:, None, :] + 0 * down[:, :, None]
     y = ((down + 0.5) * 2 / height - 1)[:, :, None] + 0 * across[:, None, :]
-    grid = torch.stack([x, y], dim=-1).reshape(1, -1, side, 2)
+    grid = torch.stack([x, y], dim=-1).reshape(1, -1, SIDE, 2)
     sampled = nn.functional.grid_sample(picture, grid, padding_mode="border", align_corners=False)
-    return sampled[0].reshape(3, -1, side, side).transpose(0, 1)
+    return sampled[0].reshape(3, -1, SIDE, SIDE).transpose(0, 1)

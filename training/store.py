@@ -17,7 +17,6 @@ from shots import MOST_THINGS
 from torch import Tensor
 
 Canvas = npt.NDArray[np.uint8]
-Rows = npt.NDArray[np.float32]
 ABSENT = -1
 """The class of a row that is none."""
 
@@ -27,13 +26,15 @@ class Store:
 
     Args:
         folder: of worlds, as `pictures.py` writes them. All pictures are square and equally large.
-        worlds: there is room for so many; those of 160 pictures of 320 pixels take 61 MB each.
+        worlds: there is room for so many, and for all that are there already; those of 160 pictures
+            of 320 pixels take 61 MB each.
     """
 
     def __init__(self, folder: Path, worlds: int) -> None:
         self.folder, self.count, self.side = folder, 0, 0
         self.classes: tuple[str, ...] = ()
-        self._room, self._worlds = worlds, set[Path]()
+        self._room = max(worlds, len(list(folder.glob("*/labels.json"))))
+        self._worlds: set[Path] = set()
         self._pixels = self._rows = torch.empty(0)
 
     @property
@@ -51,12 +52,16 @@ class Store:
 
     def _add(self, path: Path) -> None:
         labels = json.loads(path.read_text())
+        classes = tuple(labels["classes"])
+        if self.classes not in ((), classes):
+            told = f"{', '.join(classes)}, where other worlds have {', '.join(self.classes)}"
+            raise SystemExit(f"{path.parent}: has the classes {told}: give a folder of its own")
         with ThreadPoolExecutor() as pool:
             files = [path.parent / name for name in labels["pictures"]]
             pictures = np.stack(list(pool.map(_read_both, files)))
         count = len(files)
         if not self._worlds:
-            self._make_room(pictures.shape[:2], tuple(labels["classes"]))
+            self._make_room(pictures.shape[:2], classes)
         if pictures.shape[1] != self._pixels.shape[1] or self.count + count > len(self._rows):
             raise SystemExit(f"{path.parent}: not as many or as large pictures as in other worlds")
         rows = np.full((count, MOST_THINGS, 8), ABSENT, np.float32)
@@ -71,7 +76,11 @@ class Store:
     def _make_room(self, world: tuple[int, ...], classes: tuple[str, ...]) -> None:
         count, pixels = self._room * world[0], world[1]
         self.side, self.classes = math.isqrt(pixels * 4 // 5), classes
-        self._pixels = torch.empty(count, pixels, 3, dtype=torch.uint8, device=DEVICE)
+        try:
+            self._pixels = torch.empty(count, pixels, 3, dtype=torch.uint8, device=DEVICE)
+        except RuntimeError as error:
+            need = f"{count} pictures need {3e-9 * count * pixels:.1f} GB"
+            raise SystemExit(f"{need} of memory: ask for fewer --worlds") from error
         self._rows = torch.empty(count, MOST_THINGS, 8, device=DEVICE)
 
     def cut(self, which: Tensor, x: Tensor, y: Tensor, half: Tensor) -> Tensor:
@@ -116,12 +125,18 @@ def _read_both(path: Path) -> Canvas:
 def read(path: Path) -> Canvas:
     """A picture, RGB."""
     data = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if data is None:
+        raise SystemExit(f"{path}: no picture; remove its folder, and it is rendered again")
     return np.asarray(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), np.uint8)
 
 
 def some_pictures(folder: Path, seed: int) -> Iterator[npt.NDArray[np.float32]]:
     """Pictures (1, 3, H, W) of the worlds in a folder, RGB in 0 to 1, in a random order."""
-    paths = sorted(folder.glob("*/*.jpg"))
+    paths = [
+        whole.parent / name
+        for whole in sorted(folder.glob("*/labels.json"))
+        for name in json.loads(whole.read_text())["pictures"]
+    ]
     for number in np.random.default_rng(seed).permutation(len(paths)):
         picture = read(paths[number])
         yield np.ascontiguousarray(picture.transpose(2, 0, 1)[None] / np.float32(255))

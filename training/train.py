@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from pathlib import Path
 
 import torch
@@ -26,7 +27,7 @@ from device import DEVICE, FORMAT, Random, precision
 from export import save_second, write_onnx
 from looks import collect
 from loss import Truth, detection_loss
-from network import Network, follow, make_grid, make_optimizer
+from network import Network, follow, grid_of, make_optimizer
 from pictures import add_arguments
 from second import Second
 from start import read_start, start_first, start_second
@@ -36,14 +37,13 @@ from train_second import BATCH, RATE, RATE_ON, SAY_S, some_parts, train_second
 
 _FIRST_WORLDS = 3
 _BATCH = 24  # pictures, for which the rates are
-_LARGER = 1 if DEVICE.type == "cpu" else 8  # steps of a graphics card, by those of a processor
+_LARGER = 1 if DEVICE.type == "cpu" else 8  # batches of a graphics card
 _SAVE_S, _REFRESH_S = 240.0, 5.0
 _RATE, _RATE_ON = 2e-3, 1e-3  # from nothing, and from a network that has learned
 _DECAY = 0.03
 _WARM = 0.01  # of the time
 _WEIGHTS = 8.0, 1.0, 0.1
 """Of classes, boxes and points, such that classes move the shared layers most: they learn last."""
-_EMPTY = 0.5
 _MEASURED = 96  # pictures by which a network that goes on from a file is normalised
 _CROP, _WHOLE_FROM = 192, 0.85
 """Most of the time it learns from parts of pictures, which takes a third of the time of a whole."""
@@ -73,7 +73,6 @@ class Trainer:
         self.average = copy.deepcopy(self.network).eval().requires_grad_(False)
         self.optimizer = make_optimizer(self.network, _DECAY)
         self.steps, self.seconds = steps, 0.0
-        self._grids: dict[tuple[int, int], tuple[Tensor, Tensor]] = {}
 
     def step(self, pictures: Tensor, truth: Truth) -> Tensor:
         """Learn from one batch; its losses of classes, boxes and points, (3,)."""
@@ -81,8 +80,7 @@ class Trainer:
             group["lr"] = self._rate()
         with precision():
             raw = self.network(pictures)
-        grid = self._grid(pictures.shape[2], pictures.shape[3])
-        losses = torch.stack(detection_loss(raw, truth, grid, len(self.classes)))
+        losses = torch.stack(detection_loss(raw, truth, grid_of(pictures), len(self.classes)))
         self.optimizer.zero_grad()
         (torch.tensor(_WEIGHTS, device=DEVICE) * losses).sum().backward()
         torch.nn.utils.clip_grad_norm_(self.network.parameters(), 10.0)
@@ -96,12 +94,6 @@ class Trainer:
         """The share of the time that is over, 0 to 1."""
         return min(self.seconds / 60 / self.minutes, 1.0)
 
-    def _grid(self, height: int, width: int) -> tuple[Tensor, Tensor]:
-        if (height, width) not in self._grids:
-            centres, strides = make_grid(height, width)
-            self._grids[height, width] = centres.to(DEVICE), strides.to(DEVICE)
-        return self._grids[height, width]
-
     def save(self, path: Path) -> None:
         """Write all that is needed to go on."""
         state = {name: getattr(self, name).state_dict() for name in _PARTS}
@@ -113,7 +105,12 @@ class Trainer:
 
     def load(self, path: Path) -> None:
         """Go on from a checkpoint."""
-        state = torch.load(path, DEVICE)
+        state = torch.load(path, "cpu")
+        if tuple(state["classes"]) != self.classes:
+            told = (
+                f"of {', '.join(state['classes'])}, and the pictures of {', '.join(self.classes)}"
+            )
+            raise SystemExit(f"{path}: is {told}: give a folder of its own, or remove the file")
         for name in _PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.steps, self.seconds = state["steps"], state["seconds"]
@@ -127,17 +124,26 @@ _PARTS = "network", "average", "optimizer"
 
 
 def start_rendering(out: Path, asked: argparse.Namespace) -> list[subprocess.Popen[bytes]]:
-    """Render worlds in processes of their own, if there are not enough of them yet."""
-    share = -(-asked.worlds // asked.processes)
+    """Render the worlds that are not there yet, in processes of their own."""
+    processes = min(asked.processes, asked.worlds)
     return [
         subprocess.Popen(
             [sys.executable, str(Path(__file__).with_name("pictures.py")), str(out / "pictures")]
-            + ["--first", str(first), "--worlds", str(min(share, asked.worlds - first))]
-            + ["--seed", str(asked.seed), "--per-world", str(asked.per_world)]
+            + ["--first", str(first), "--worlds", str(asked.worlds - first)]
+            + ["--step", str(processes), "--seed", str(asked.seed)]
+            + ["--per-world", str(asked.per_world)]
             + [word for path in asked.body for word in ("--body", str(path))]
         )
-        for first in range(0, asked.worlds, share)
+        for first in range(processes)
     ]
+
+
+def stop(rendering: list[subprocess.Popen[bytes]]) -> None:
+    """End what still renders."""
+    for each in rendering:
+        each.terminate()
+    for each in rendering:
+        each.wait()
 
 
 def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]]) -> None:
@@ -166,7 +172,9 @@ def train(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) 
     random, before = Random(asked.seed, trainer.steps), trainer.seconds
     sums, count = torch.zeros(3, device=DEVICE), 0
     start = said = saved = refreshed = time.monotonic()
-    with ThreadPoolExecutor(1) as batches, ThreadPoolExecutor(1) as worlds:
+    with ExitStack() as stack:
+        stack.callback(trainer.save, out / "checkpoint.pt")  # when it is broken off, too
+        batches, worlds = (stack.enter_context(ThreadPoolExecutor(1)) for _ in range(2))
         upcoming = batches.submit(make_batch, store, asked.batch, random, _CROP)
         refreshing = worlds.submit(store.refresh)
         while trainer.done < 1:
@@ -185,7 +193,6 @@ def train(trainer: Trainer, store: Store, out: Path, asked: argparse.Namespace) 
             if now - saved > _SAVE_S:
                 trainer.save(out / "checkpoint.pt")
                 saved = now
-    trainer.save(out / "checkpoint.pt")
 
 
 def _say(trainer: Trainer, store: Store, losses: list[float]) -> None:
@@ -199,6 +206,8 @@ def look_again(trainer: Trainer, store: Store, out: Path, asked: argparse.Namesp
     """Train the second look, and write the network."""
     looks = collect(trainer.average, store, Random(asked.seed, 2))
     print(f"second look: at {len(looks.labels)} parts", flush=True)
+    if not (looks.labels >= 0).any():
+        raise SystemExit("there is no landmark in the pictures: ask for more --worlds")
     random, count = Random(asked.seed, 3), len(trainer.classes)
     if asked.start is None:
         second, rate = Second(count, asked.second_width), RATE
@@ -222,17 +231,23 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=90, help="default: %(default)s")
     parser.add_argument("--second-minutes", type=float, default=40, help="default: %(default)s")
     parser.add_argument("--worlds", type=int, default=200, help="default: %(default)s")
-    parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help="pictures in one step")
-    parser.add_argument("--second-batch", type=int, default=_LARGER * BATCH, help="parts in one")
+    many = "%(default)s pictures are learned from in one step"
+    parser.add_argument("--batch", type=int, default=_LARGER * _BATCH, help=many)
+    parts = "%(default)s parts in one step of the second look"
+    parser.add_argument("--second-batch", type=int, default=_LARGER * BATCH, help=parts)
     fresh = "channels; with --start, those of the file count (default: %(default)s)"
     parser.add_argument("--width", type=int, default=16, help=fresh)
     parser.add_argument("--second-width", type=int, default=24, help=fresh)
     parser.add_argument("--start", type=Path, help="ONNX file of such a network to go on from")
-    parser.add_argument("--threads", type=int, default=1, help="of the processor")
+    threads = "of the processor, for each step (default: %(default)s)"
+    parser.add_argument("--threads", type=int, default=1, help=threads)
     cores = max((os.cpu_count() or 1) - 1, 1)
-    parser.add_argument("--processes", type=int, default=cores, help="that render (%(default)s)")
+    renderers = "that render worlds (default: all cores but one, %(default)s)"
+    parser.add_argument("--processes", type=int, default=cores, help=renderers)
     add_arguments(parser)
     asked = parser.parse_args()
+    if asked.batch < 2 or asked.second_batch < 1 or asked.worlds < 0 or asked.processes < 1:
+        parser.error("give --batch from 2, --second-batch and --processes from 1, --worlds from 0")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the rendering ends, too
     torch.set_num_threads(asked.threads)
     torch.manual_seed(asked.seed)
@@ -247,12 +262,13 @@ def main() -> int:
         train(trainer, store, asked.out, asked)
         for each in rendering:
             each.wait()
-        store.refresh()
+        if (there := store.refresh()) < asked.worlds:
+            print(f"only {there} of {asked.worlds} worlds are there: see above why", flush=True)
         look_again(trainer, store, asked.out, asked)
+    except KeyboardInterrupt:
+        return 130
     finally:
-        for each in rendering:
-            each.terminate()
-            each.wait()
+        stop(rendering)
     return 0
 
 

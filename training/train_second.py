@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import torch
 from device import DEVICE, FORMAT, Random, precision
-from looks import NONE, Looks, Seen, vary
+from looks import NONE, Looks, Views, vary
 from network import follow, make_optimizer
 from second import Second, decode_parts
 from store import Store
@@ -60,7 +60,7 @@ def train_second(
     groups = _groups(looks, network.classes, batch)
     weights = torch.tensor(_WEIGHTS, device=DEVICE)
 
-    def make_batch() -> Seen:
+    def make_batch() -> Views:
         chosen = torch.cat([group[random.index(len(group), some)] for group, some in groups])
         return vary(looks, store, chosen, _FLAT, random)
 
@@ -89,7 +89,7 @@ def train_second(
     return average
 
 
-def second_loss(raw: Tensor, seen: Seen) -> tuple[Tensor, Tensor, Tensor]:
+def second_loss(raw: Tensor, seen: Views) -> tuple[Tensor, Tensor, Tensor]:
     """The losses of classes, boxes and points; ``raw`` as `Second` gives it."""
     classes, labels, wanted = raw.shape[1] - 9, seen.labels, seen.wanted
     kinds = torch.where(labels == NONE, classes, labels)
