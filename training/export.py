@@ -293,7 +293,7 @@ def first_layer(model: onnx.ModelProto) -> dict[str, str]:
 
 def save_second(second: Second, path: Path) -> None:
     """Write the weights of the second look."""
-    state = {"classes": second.classes, "width": second.width, "weights": second.state_dict()}
+    state = {"classes": second.classes, "width": second.width, "weights": second.cpu().state_dict()}
     torch.save(state, path)
 
 
