@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +18,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from metrics import Found, average_precision, gather, match, recall_at
+from running import run
 
+from ros_visualise.errors import OpenError
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.network import Network
 
@@ -186,7 +187,7 @@ def _of_kind(
 def _read(path: Path) -> npt.NDArray[np.uint8]:
     picture = cv2.imread(str(path))
     if picture is None:
-        raise SystemExit(f"{path}: no picture")
+        raise OpenError(f"{path}: no picture")
     return np.asarray(picture, np.uint8)
 
 
@@ -222,4 +223,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import copy
 import json
-import sys
 import tempfile
 import warnings
 from collections.abc import Iterable, Sequence
@@ -21,6 +20,7 @@ import torch
 from integers import Images, to_integers
 from network import STRIDES, Network, decode, enlarge, halve
 from onnx import TensorProto, helper, numpy_helper
+from running import run
 from second import Second, cut_both, decode_parts, parts_about
 from store import some_pictures
 from torch import Tensor, nn
@@ -31,7 +31,7 @@ OUTPUTS = ["boxes", "scores", "classes", "points", "point_variances"]
 LAYOUT, VERSION = "ros_visualise", "3"
 _SIDE = 640
 _OPSET = 16  # has GridSample
-_LEAST_SCORE = 0.1
+_LEAST_SCORE = 0.1  # of boxes that are looked at
 _MOST, _OVERLAP = 24, 0.7
 """Of one image, the best so many boxes are looked at, which do not overlap more than that."""
 _LIKELY = 0.1  # probability of a class from which on a box is looked at once more
@@ -318,4 +318,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

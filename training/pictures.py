@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import copy
 import json
-import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -20,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from degrade import degrade
 from grounds import Canvas
+from running import run
 from shots import Seen, hide_landmarks, take_shot
 from visibility import judge
 from worlds import build_world
@@ -125,12 +125,9 @@ def main() -> int:
         if not (folder / "labels.json").exists():
             size = asked.side, asked.side
             seed = asked.seed, number
-            try:
-                write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
-            except KeyboardInterrupt:
-                return 130
+            write_world(folder, seed, asked.per_world, size, asked.held_out, asked.body)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

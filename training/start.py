@@ -22,6 +22,8 @@ from onnx import numpy_helper
 from second import Second
 from torch import Tensor, nn
 
+from ros_visualise.errors import OpenError
+
 _SCALE = 2.0  # of a layer's weights, by those of a fresh one: what follows makes up for it
 
 
@@ -51,10 +53,10 @@ def read_start(path: Path) -> Start:
     try:
         model = onnx.load(str(path))
     except (OSError, DecodeError) as error:
-        raise SystemExit(f"{path}: no ONNX file to start from: {error}") from error
+        raise OpenError(f"{path}: no ONNX file to start from: {error}") from error
     told = {each.key: each.value for each in model.metadata_props}
     if (told.get("layout"), told.get("version")) != (LAYOUT, VERSION):
-        raise SystemExit(f"{path}: to start from, it takes a file that this train.py wrote")
+        raise OpenError(f"{path}: to start from, it takes a file that this train.py wrote")
     names = ast.literal_eval(told["names"])
     first, second = (list(_layers(model.graph, prefix)) for prefix in ("first/", "last/"))
     return Start(first, second, tuple(names[key] for key in sorted(names)), int(told["steps"]))

@@ -16,6 +16,8 @@ from device import DEVICE
 from shots import MOST_THINGS
 from torch import Tensor
 
+from ros_visualise.errors import OpenError
+
 Canvas = npt.NDArray[np.uint8]
 ABSENT = -1
 """The class of a row that is none."""
@@ -55,7 +57,7 @@ class Store:
         classes = tuple(labels["classes"])
         if self.classes not in ((), classes):
             told = f"{', '.join(classes)}, where other worlds have {', '.join(self.classes)}"
-            raise SystemExit(f"{path.parent}: has the classes {told}: give a folder of its own")
+            raise OpenError(f"{path.parent}: has the classes {told}: give a folder of its own")
         with ThreadPoolExecutor() as pool:
             files = [path.parent / name for name in labels["pictures"]]
             pictures = np.stack(list(pool.map(_read_both, files)))
@@ -63,7 +65,7 @@ class Store:
         if not self._worlds:
             self._make_room(pictures.shape[:2], classes)
         if pictures.shape[1] != self._pixels.shape[1] or self.count + count > len(self._rows):
-            raise SystemExit(f"{path.parent}: not as many or as large pictures as in other worlds")
+            raise OpenError(f"{path.parent}: not as many or as large pictures as in other worlds")
         rows = np.full((count, MOST_THINGS, 8), ABSENT, np.float32)
         for number, some in enumerate(labels["pictures"].values()):
             rows[number, : len(some)] = np.reshape(some, (-1, 8))
@@ -80,7 +82,7 @@ class Store:
             self._pixels = torch.empty(count, pixels, 3, dtype=torch.uint8, device=DEVICE)
         except RuntimeError as error:
             need = f"{count} pictures need {3e-9 * count * pixels:.1f} GB"
-            raise SystemExit(f"{need} of memory: ask for fewer --worlds") from error
+            raise OpenError(f"{need} of memory: ask for fewer --worlds") from error
         self._rows = torch.empty(count, MOST_THINGS, 8, device=DEVICE)
 
     def cut(self, which: Tensor, x: Tensor, y: Tensor, half: Tensor) -> Tensor:
@@ -126,7 +128,7 @@ def read(path: Path) -> Canvas:
     """A picture, RGB."""
     data = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if data is None:
-        raise SystemExit(f"{path}: no picture; remove its folder, and it is rendered again")
+        raise OpenError(f"{path}: no picture; remove its folder, and it is rendered again")
     return np.asarray(cv2.cvtColor(data, cv2.COLOR_BGR2RGB), np.uint8)
 
 

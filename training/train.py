@@ -29,11 +29,14 @@ from looks import collect
 from loss import Truth, detection_loss
 from network import Network, follow, grid_of, make_optimizer
 from pictures import add_arguments
+from running import run
 from second import Second
 from start import read_start, start_first, start_second
 from store import Store, some_pictures
 from torch import Tensor
 from train_second import BATCH, RATE, RATE_ON, SAY_S, some_parts, train_second
+
+from ros_visualise.errors import OpenError
 
 _FIRST_WORLDS = 3
 _BATCH = 24  # pictures, for which the rates are
@@ -110,7 +113,7 @@ class Trainer:
             told = (
                 f"of {', '.join(state['classes'])}, and the pictures of {', '.join(self.classes)}"
             )
-            raise SystemExit(f"{path}: is {told}: give a folder of its own, or remove the file")
+            raise OpenError(f"{path}: is {told}: give a folder of its own, or remove the file")
         for name in _PARTS:
             getattr(self, name).load_state_dict(state[name])
         self.steps, self.seconds = state["steps"], state["seconds"]
@@ -151,7 +154,7 @@ def wait_for_pictures(store: Store, rendering: list[subprocess.Popen[bytes]]) ->
     while store.refresh() < _FIRST_WORLDS and any(each.poll() is None for each in rendering):
         time.sleep(1)
     if not store.count:
-        raise SystemExit(f"no pictures in {store.folder}: see what the rendering said above")
+        raise OpenError(f"no pictures in {store.folder}: see what the rendering said above")
 
 
 def make_trainer(store: Store, asked: argparse.Namespace) -> Trainer:
@@ -207,7 +210,7 @@ def look_again(trainer: Trainer, store: Store, out: Path, asked: argparse.Namesp
     looks = collect(trainer.average, store, Random(asked.seed, 2))
     print(f"second look: at {len(looks.labels)} parts", flush=True)
     if not (looks.labels >= 0).any():
-        raise SystemExit("there is no landmark in the pictures: ask for more --worlds")
+        raise OpenError("there is no landmark in the pictures: ask for more --worlds")
     random, count = Random(asked.seed, 3), len(trainer.classes)
     if asked.start is None:
         second, rate = Second(count, asked.second_width), RATE
@@ -265,12 +268,10 @@ def main() -> int:
         if (there := store.refresh()) < asked.worlds:
             print(f"only {there} of {asked.worlds} worlds are there: see above why", flush=True)
         look_again(trainer, store, asked.out, asked)
-    except KeyboardInterrupt:
-        return 130
     finally:
         stop(rendering)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

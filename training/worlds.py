@@ -17,6 +17,7 @@ from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
 from prints import draw_distractor, draw_tag_board
 
+from ros_visualise.errors import OpenError
 from ros_visualise.simulation.sky import FACES
 
 CLASSES = ("helipad", "tag", "post", "vehicle")
@@ -98,7 +99,7 @@ def build_world(
         own: MJCF files; the first body of each is a class more, named after the body.
 
     Raises:
-        ValueError: a file of ``own`` has no body.
+        OpenError: a file of ``own`` cannot be read, or has no body.
     """
     import mujoco
 
@@ -127,9 +128,12 @@ def _first_body(path: Path) -> Any:
     """The first body of a MJCF file."""
     import mujoco
 
-    body = mujoco.MjSpec.from_file(str(path)).worldbody.first_body()
+    try:
+        body = mujoco.MjSpec.from_file(str(path)).worldbody.first_body()
+    except ValueError as error:
+        raise OpenError(f"{path}: no MJCF file: {' '.join(str(error).split())}") from error
     if body is None or not body.name:
-        raise ValueError(f"{path}: its <worldbody> needs a <body> with a name, its origin the foot")
+        raise OpenError(f"{path}: its <worldbody> needs a <body> with a name, its origin the foot")
     return body
 
 

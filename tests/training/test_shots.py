@@ -152,7 +152,7 @@ def test_a_body_of_a_mjcf_file_is_a_class(tmp_path: Path):
 def test_a_file_without_a_body_says_what_it_lacks(tmp_path: Path):
     file = tmp_path / "nothing.xml"
     file.write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
-    with pytest.raises(ValueError, match=r"nothing\.xml: its <worldbody> needs a <body>"):
+    with pytest.raises(OpenError, match=r"nothing\.xml: its <worldbody> needs a <body>"):
         build_world(np.random.default_rng(0), own=[file])
 
 
