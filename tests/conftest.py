@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from ros_visualise.supervision import PROCESS
+
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
 
 
@@ -18,3 +20,13 @@ def recordings() -> Path:
             pytest.fail(f"no recordings in {folder}: set ROS_VISUALISE_DATA")
         pytest.skip(f"no recordings in {folder}: set ROS_VISUALISE_DATA to run this")
     return folder
+
+
+@pytest.fixture(autouse=True)
+def nothing_failed_beside():
+    """No thread fails silently; a test of one that does looks at its failures and forgets them."""
+    PROCESS.forget()
+    yield
+    failures = PROCESS.failures
+    PROCESS.forget()
+    assert not failures

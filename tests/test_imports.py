@@ -13,7 +13,7 @@ ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {
         *("errors", "data", "params", "geometry", "rate", "joining"),
-        *("limits", "yaml_files", "printing", "signals", "near", "completion"),
+        *("limits", "yaml_files", "printing", "signals", "supervision", "near", "completion"),
     },
     {"messages", "vision"},
     {"declaration_checks", "declarations", "sources", "sinks"},

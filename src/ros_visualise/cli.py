@@ -28,6 +28,7 @@ from ros_visualise.options.shared import (
 from ros_visualise.options.trajectory import add_trajectory
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
+from ros_visualise.supervision import status_of
 
 _OPTION = re.compile("--[a-z][a-z-]*")
 _CHOICE = re.compile(
@@ -69,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         say_what_is_logged()
         interrupt()
         status: int = command.run(args)
-        return status
+        return status_of(status)
     except RosVisualiseError as error:
         say(f"ros-visualise: {error}")
         return error.exit_status

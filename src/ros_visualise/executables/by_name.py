@@ -22,6 +22,7 @@ from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
+from ros_visualise.supervision import status_of
 from ros_visualise.ui import open_view
 from ros_visualise.ui.watching import watch
 
@@ -57,7 +58,7 @@ def _run(name: str, middleware: Middleware, work: Work) -> None:
         status = 0
     finally:
         middleware.end("done")
-    sys.exit(status)
+    sys.exit(status_of(status))
 
 
 def _alone(declared: NodeType | SourceType) -> Work:
