@@ -13,7 +13,7 @@ import viser
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.gate import Answers, Gate, Receiver
-from ros_visualise.ui.page.wakeups import mend_wakeups
+from ros_visualise.ui.page.outbox import keep_tidy, mend_outboxes
 
 _CLOSE_S = 0.8
 
@@ -40,10 +40,11 @@ def open_server(
     """
     _check_address(host, port, flag)
     _silence()
-    mend_wakeups()
+    mend_outboxes()
     gate = Gate(door, title, answer, receive)
     with gate.guard():
         server = viser.ViserServer(host, port, label=title, verbose=False)
+    keep_tidy(server)
     gate.gui = server.gui
     if not gate.is_used:
         close_server(server)

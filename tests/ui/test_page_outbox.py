@@ -1,0 +1,66 @@
+"""What comes and goes on a page leaves nothing there, whoever looks."""
+
+import pytest
+from page_client import Client
+
+from ros_visualise.data import Marker, MarkerAction, MarkerArray, MarkerType
+
+ROUNDS, LABELS = 50, 20
+FEW = 300  # messages; each round brings and takes more than 40
+
+
+def kept(server):
+    """How many messages a page keeps for browsers that come."""
+    return len(server._websock_server._broadcast_buffer.message_from_id)
+
+
+def labels(number):
+    """Texts that are all others than those of any other round."""
+    texts = [f"{number}.{one}" for one in range(LABELS)]
+    markers = [
+        Marker(MarkerType.TEXT_VIEW_FACING, text=text, id=one) for one, text in enumerate(texts)
+    ]
+    return MarkerArray((Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL), *markers))
+
+
+def change(scene, rounds):
+    for number in rounds:
+        scene.show("/labels", labels(number))
+        scene.refresh()
+
+
+def texts(client):
+    return {node["text"] for node in client.nodes.values() if "text" in node}
+
+
+@pytest.fixture
+def looker(port, server):
+    client = Client(port)
+    yield client
+    client.socket.close()
+
+
+def test_labels_that_come_and_go_leave_nothing_before_a_browser_comes(server, scene, port):
+    change(scene, range(ROUNDS))
+    assert kept(server) < FEW
+    client = Client(port)
+    newest = {f"{ROUNDS - 1}.{one}" for one in range(LABELS)}
+    client.read_until(lambda: texts(client) == newest)
+    client.socket.close()
+
+
+def test_labels_that_come_and_go_leave_nothing_while_a_browser_looks(server, scene, looker):
+    for number in range(ROUNDS):
+        change(scene, [number])
+        there = {f"{number}.{one}" for one in range(LABELS)}
+        looker.read_until(lambda there=there: texts(looker) == there)
+    assert kept(server) < FEW
+
+
+def test_elements_that_come_and_go_leave_nothing(server, looker):
+    for _ in range(ROUNDS * LABELS):
+        server.gui.add_checkbox("for a moment", True).remove()
+    server.gui.add_checkbox("the last", True)
+    looker.read_until(lambda: "the last" in looker.values)
+    assert "for a moment" not in looker.values
+    assert kept(server) < FEW
