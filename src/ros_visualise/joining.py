@@ -66,8 +66,11 @@ class Joiner(Protocol):
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
         """Take a message of an input; the sets that are whole by it: input -> item."""
 
+    def end(self, port: str) -> None:
+        """Nothing more comes on an input; what can no longer be matched is dropped."""
+
     def finish(self) -> list[dict[str, Any]]:
-        """Nothing more comes: the sets that only waited for something still nearer."""
+        """Nothing more comes at all: the sets that only waited for something still nearer."""
 
     def reset(self, stamp_ns: int) -> None:
         """Time has jumped to ``stamp_ns``."""
@@ -90,6 +93,9 @@ class _OneByOne:
 
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
         return [{port: item}]
+
+    def end(self, port: str) -> None:
+        pass
 
     def finish(self) -> list[dict[str, Any]]:
         return []
@@ -119,6 +125,9 @@ class _LatestOfOthers:
             return []
         return [{port: item} | {other: self._newest[other][1] for other in self._others}]
 
+    def end(self, port: str) -> None:
+        """The latest of an input still holds."""
+
     def finish(self) -> list[dict[str, Any]]:
         return []
 
@@ -140,6 +149,7 @@ class _ByStamp:
         self.dropped: Counter[tuple[str, str]] = Counter()
         self._slop_ns = slop_ns
         self._waiting: dict[str, list[Waiting]] = {port: [] for port in ports}
+        self._ended: set[str] = set()
         self._count = self._nbytes = 0
 
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
@@ -148,7 +158,12 @@ class _ByStamp:
         insort(self._waiting[port], Waiting(stamp_ns, self._count, item, nbytes))
         sets = self._sets(is_end=False)
         self._make_room()
+        self._drop_partnerless()
         return sets
+
+    def end(self, port: str) -> None:
+        self._ended.add(port)
+        self._drop_partnerless()
 
     def finish(self) -> list[dict[str, Any]]:
         sets = self._sets(is_end=True)
@@ -208,6 +223,11 @@ class _ByStamp:
             if not crowds:
                 return
             self._drop_first(min(crowds)[1], "crowded out")
+
+    def _drop_partnerless(self) -> None:
+        """Let go of all that waits for an input that has ended, and has nothing left."""
+        if any(not self._waiting[port] for port in self._ended):
+            self._drop_all("unmatched")
 
     def _drop_all(self, why: str) -> None:
         for port, waiting in self._waiting.items():

@@ -53,18 +53,23 @@ class Supervisor:
         """
 
         def run() -> None:
-            while not self.attempt(name, work) and again_s is not None:
+            while not self.attempt(name, work, BaseException) and again_s is not None:
                 time.sleep(again_s)
 
         thread = threading.Thread(target=run, name=name, daemon=True)
         thread.start()
         return thread
 
-    def attempt(self, name: str, work: Callable[[], object]) -> bool:
+    def attempt(
+        self,
+        name: str,
+        work: Callable[[], object],
+        caught: type[BaseException] | tuple[type[BaseException], ...] = ERRORS,
+    ) -> bool:
         """Call ``work``; False, with the error logged and counted, if it raised one."""
         try:
             work()
-        except ERRORS as error:
+        except caught as error:
             self.note(name, error)
             return False
         return True

@@ -73,7 +73,7 @@ def test_messages_from_several_threads_are_numbered_once_and_in_order():
 
     entrances = []
     for name in "ab":
-        topic = Topic(on_demand=False)
+        topic = Topic("/topic")
         topic.connect(Taker())
         entrances.append(Entrance(name, topic, numbering))
     image = Image(np.zeros((1, 1), np.uint8), "mono8", Header(1))
@@ -89,7 +89,7 @@ def test_messages_from_several_threads_are_numbered_once_and_in_order():
 
 
 def test_messages_of_one_topic_keep_their_order_whoever_sends_them():
-    numbering, taken, topic = Numbering(), [], Topic(on_demand=False)
+    numbering, taken, topic = Numbering(), [], Topic("/topic")
 
     class Taker:
         def put(self, packet):

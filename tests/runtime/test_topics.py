@@ -28,7 +28,7 @@ def packet(number):
 
 @pytest.mark.parametrize("before", [0, 1])
 def test_who_connects_while_a_message_goes_out_gets_it_once_and_last(monkeypatch, before):
-    topic, late, threads = Topic(on_demand=False), Listener(), []
+    topic, late, threads = Topic("/topic"), Listener(), []
     for number in range(before):
         topic.publish(packet(number))
 
@@ -51,7 +51,7 @@ def test_who_connects_while_a_message_goes_out_gets_it_once_and_last(monkeypatch
 
 
 def test_a_latched_message_is_never_missed_nor_followed_by_an_older_one():
-    topic, listeners = Topic(on_demand=False), []
+    topic, listeners = Topic("/topic"), []
     stop = threading.Event()
 
     def connect():

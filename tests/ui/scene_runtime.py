@@ -35,13 +35,13 @@ class Told:
         self.asked = Counter()
         self.taken = []
         topics = [*outputs, *node.inputs.values()]
-        self._topics = {name: Topic(on_demand=False) for name in topics}
+        self._topics = {name: Topic(name) for name in topics}
         self._number = self.epoch = 0
 
     def add(self, topic, kind):
         """One more topic, beside the graph's."""
         self.told = {**self.told, topic: kind}
-        self._topics[topic] = Topic(on_demand=False)
+        self._topics[topic] = Topic(topic)
 
     def say(self, **messages):
         """Publish one message on each of these topics."""

@@ -20,7 +20,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.joining import EACH, joiner
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.ordering import Ordering
-from ros_visualise.runtime.queues import END, Inbox, Packet
+from ros_visualise.runtime.queues import END, FINISHED, Inbox, Packet
 from ros_visualise.runtime.runner import NodeRunner
 
 log = logging.getLogger(__name__)
@@ -89,7 +89,7 @@ class _Alone:
 
     def take(self, inbox: Inbox, timeout_s: float | None) -> Iterable[Question]:
         packet = inbox.take(timeout_s)
-        if packet is None:
+        if packet is None or packet.number == FINISHED:
             return ()
         if packet.message is None:
             return (Question(packet, ()),)
@@ -136,6 +136,7 @@ class _Together:
         self._newest_ns: dict[str, int] = {}
         self._came: Counter[str] | None = Counter()  # until something is joined or said
         self._said: set[str] = set()
+        self._ending: set[str] = set()  # inputs on which nothing more comes
 
     @property
     def dropped(self) -> Counter[str]:
@@ -187,6 +188,9 @@ class _Together:
             self._stats.received += 1
         self._order.put(self._topics.get(packet.port, packet.port), packet)
         yield from self._ready(at_once)
+        if packet.number == FINISHED and packet.port in self._type.stepped:
+            self._ending.add(packet.port)
+        self._end_inputs()
         if self._order.answered > self._answered:
             self._answered = self._order.answered
             yield Question(packet._replace(number=self._answered, message=None, more=False), ())
@@ -197,6 +201,12 @@ class _Together:
             now_ns = packet.arrival_ns if at_once else packet.log_ns or 0
             self._gather(packet, now_ns)
             yield from self._released(packet, now_ns)
+
+    def _end_inputs(self) -> None:
+        """Tell the joiner where nothing more comes, as soon as it has all that did."""
+        for port in [p for p in self._ending if not self._order.waits(self._topics[p])]:
+            self._ending.remove(port)
+            self._joiner.end(port)
 
     def _gather(self, packet: Packet, now_ns: int) -> None:
         """Let the joiner and the frames have a packet."""

@@ -10,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Member, Node
@@ -56,8 +57,8 @@ class LocalRuntime:
             node.name: Parameters(node.params) for node in graph.members
         }
         self._lossless = False
-        self._topics = {name: Topic(False) for name in graph.inputs}
-        self._topics |= {name: Topic(topic.on_demand) for name, topic in graph.topics.items()}
+        self._topics = {name: Topic(name) for name in graph.inputs}
+        self._topics |= {name: Topic(name, topic.on_demand) for name, topic in graph.topics.items()}
         numbering = Numbering()
         self._entrances = {
             name: Entrance(name, self._topics[name], numbering) for name in graph.inputs
@@ -68,22 +69,20 @@ class LocalRuntime:
         self._source_inputs: list[SourceInput] = []
         self._source = self._open_source()
         self._nodes = self._join_all()
-        works = [self._source.run] if self._source else []
-        works += [node.run for node in self._nodes.values()]
+        self._works = {self._source.name: self._source.run} if self._source else {}
+        self._works |= {name: node.run for name, node in self._nodes.items()}
         self._running = 0
         self._ended = threading.Condition()  # joining a thread does not outlive a Ctrl-C
-        self._threads = [
-            threading.Thread(target=self._run, args=(work,), daemon=True) for work in works
-        ]
+        self._broken = False
         for name, parameters in self.parameters.items():
             parameters.on_change(partial(self._parameters_changed, name))
 
     def start(self) -> None:
         """Begin; the source is open already."""
         keep_freed_images()
-        self._running = len(self._threads)
-        for thread in self._threads:
-            thread.start()
+        self._running = len(self._works)
+        for name, work in self._works.items():
+            supervision.start(name, partial(self._run, work))
 
     def wait(self, timeout_s: float) -> bool:
         """Wait for the end of the stream; True when everything has passed every node."""
@@ -116,7 +115,8 @@ class LocalRuntime:
     def failed(self) -> bool:
         """Something was lost: the source broke, a node raised, a recording could not go on."""
         return (
-            (self._source is not None and self._source.failed)
+            self._broken
+            or (self._source is not None and self._source.failed)
             or any(node.runner.failed for node in self._nodes.values())
             or any(recording.error for recording in self._recordings)
         )
@@ -223,6 +223,9 @@ class LocalRuntime:
     def _run(self, work: Callable[[], None]) -> None:
         try:
             work()
+        except BaseException:
+            self._broken = True
+            raise
         finally:
             with self._ended:
                 self._running -= 1

@@ -38,6 +38,7 @@ class InputPort:
 
     def close(self) -> None:
         """Nothing more comes."""
+        self._inbox.finish(self._port)
         self._closed()
 
 
@@ -52,7 +53,8 @@ class NumbersOf:
         self._inbox.put(packet._replace(message=None, port=self._topic))
 
     def close(self) -> None:
-        """Nothing more comes, and so on the inputs."""
+        """Nothing more comes."""
+        self._inbox.finish(self._topic)
 
 
 class NodeThread:

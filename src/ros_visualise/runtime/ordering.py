@@ -8,9 +8,7 @@ from collections.abc import Collection
 from ros_visualise.graph import Graph
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType, recorded_ns
-from ros_visualise.runtime.queues import END, Packet
-
-_FINISHED = 2**63
+from ros_visualise.runtime.queues import END, FINISHED, Packet
 
 
 def recordable(graph: Graph) -> dict[str, TopicType]:
@@ -57,7 +55,7 @@ class Ordering:
     @property
     def ended(self) -> bool:
         """Whether nothing more is to come."""
-        return min(self._answered.values(), default=_FINISHED) == _FINISHED
+        return min(self._answered.values(), default=FINISHED) == FINISHED
 
     @property
     def answered(self) -> int:
@@ -69,7 +67,10 @@ class Ordering:
         return bool(self._waiting.get(topic))
 
     def put(self, topic: str, packet: Packet) -> None:
-        """Take the publisher's answer for one number, or what the source is told."""
+        """Take the publisher's answer for one number, its end, or what the source is told."""
+        if packet.number == FINISHED:
+            self.finish(topic)
+            return
         if topic in self._told:
             packet = packet._replace(number=max(self._begun, 0), log_ns=self._begun_ns)
         else:
@@ -80,7 +81,7 @@ class Ordering:
 
     def finish(self, topic: str) -> None:
         """Nothing more comes on this topic."""
-        self._answered[topic] = _FINISHED
+        self._answered[topic] = FINISHED
         self._owed[topic].clear()
 
     def first(self, at_once: bool) -> str | None:
@@ -123,7 +124,7 @@ class Ordering:
             return self.ended
         if any(owed and owed[0] <= number for owed in self._owed.values()):
             return False
-        return number <= self._begun or all(self._answered[t] == _FINISHED for t in self._followers)
+        return number <= self._begun or all(self._answered[t] == FINISHED for t in self._followers)
 
 
 def _told(graph: Graph) -> dict[str, TopicType]:

@@ -11,6 +11,10 @@ END = 2**62
 """Number of what a node says when its inputs have ended: comes after all that went before."""
 
 
+FINISHED = 2**63
+"""Number of the mark that nothing more comes on a port."""
+
+
 class Packet(NamedTuple):
     """A message on its way through the graph; None: the node had nothing for this number.
 
@@ -93,6 +97,13 @@ class Inbox:
             self._packets.append(packet)
             self._changed.notify_all()
 
+    def finish(self, port: str) -> None:
+        """Nothing more comes on a port; this is taken after its last packet."""
+        with self._changed:
+            if not self._closed:
+                self._packets.append(Packet(FINISHED, None, 0, port))
+                self._changed.notify_all()
+
     def take(self, timeout_s: float | None = None) -> Packet | None:
         """The oldest packet; None when none came in time, or when closed and empty."""
         with self._changed:
@@ -101,7 +112,8 @@ class Inbox:
             if not self._packets:
                 return self._repeated() if again and not self._closed else None
             packet = self._packets.popleft()
-            self._number = packet.number
+            if packet.number != FINISHED:
+                self._number = packet.number
             if packet.message is not None:
                 self._waiting[packet.port] -= 1
                 self._taken = packet
@@ -116,7 +128,7 @@ class Inbox:
                 count -= 1
                 self.dropped += 1
                 self._waiting[port] -= 1
-            elif packet.message is not None:
+            elif packet.message is not None or packet.number == FINISHED:
                 kept.append(packet)
         self._packets = kept
 

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Protocol
 
 from ros_visualise.errors import DamagedMessage
@@ -14,6 +15,7 @@ from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import TopicReport
 from ros_visualise.runtime.stats import TopicStats
+from ros_visualise.supervision import ERRORS, attempt, note
 
 log = logging.getLogger(__name__)
 
@@ -66,10 +68,16 @@ class Subscription:
 
 
 class Topic:
-    """Hands what one output publishes to whoever listens."""
+    """Hands what one output publishes to whoever listens; a listener that fails fails alone.
 
-    def __init__(self, on_demand: bool) -> None:
+    Args:
+        name: of the topic.
+        on_demand: made only while somebody listens.
+    """
+
+    def __init__(self, name: str, on_demand: bool = False) -> None:
         self.on_demand = on_demand
+        self._listener = f"listener on {name}"
         self._stats = TopicStats()
         self._listeners: tuple[Consumer, ...] = ()
         self._asked: dict[Consumer, Callable[[], bool]] = {}
@@ -91,8 +99,8 @@ class Topic:
     @property
     def awaited(self) -> bool:
         """Whether anybody waits for the next message; by itself a topic is counted all the same."""
-        asked = [self._asked.get(listener) for listener in self._listeners]
-        return not asked or any(ask is None or ask() for ask in asked)
+        listeners = self._listeners
+        return not listeners or any(self._wants(listener) for listener in listeners)
 
     def publish(self, packet: Packet) -> None:
         """Hand on a packet."""
@@ -103,14 +111,14 @@ class Topic:
         if packet.message is not None and (listeners or not self.on_demand):
             self._stats.count(packet.message.header.stamp_ns, packet.epoch)
         for listener in listeners:
-            listener.put(packet)
+            attempt(self._listener, partial(listener.put, packet))
 
     def finish(self) -> None:
         """Nothing more comes."""
         with self._lock:
             self._finished = True
         for listener in self._listeners:
-            listener.close()
+            attempt(self._listener, listener.close)
 
     def connect(
         self, listener: Consumer, latched: bool = False, wants: Callable[[], bool] | None = None
@@ -127,9 +135,9 @@ class Topic:
                 self._asked[listener] = wants
             self._listeners += (listener,)
             if latched and self._last is not None:
-                listener.put(self._last)
+                attempt(self._listener, partial(listener.put, self._last))
             if self._finished:
-                listener.close()
+                attempt(self._listener, listener.close)
 
     def disconnect(self, listener: Consumer) -> None:
         """Remove a listener."""
@@ -139,3 +147,12 @@ class Topic:
     def report(self, type_name: str, window_s: float | None) -> TopicReport:
         """Counts and rates, as of messages of that type."""
         return TopicReport(type_name, self._stats.messages, *self._stats.rates(window_s))
+
+    def _wants(self, listener: Consumer) -> bool:
+        """Whether a listener has a use for a message; one that cannot tell has."""
+        ask = self._asked.get(listener)
+        try:
+            return ask is None or ask()
+        except ERRORS as error:
+            note(self._listener, error)
+            return True

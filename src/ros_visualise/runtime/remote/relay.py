@@ -32,7 +32,7 @@ class Relay:
         self._middleware = middleware
         self._name = name
         self._kind = kind
-        self._topic = Topic(on_demand=True)
+        self._topic = Topic(name, on_demand=True)
         self._entrance = Entrance(name, self._topic, numbering)
         self._listeners: list[Consumer] = []
         self._input: Input | None = None
