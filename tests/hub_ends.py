@@ -108,6 +108,10 @@ class Subscriber:
                 self.inbox.put(Packet(0, data, time.monotonic_ns()))
         threading.Thread(target=self._run, name=f"{node} {name}", daemon=True).start()
 
+    @property
+    def dropped(self) -> int:
+        return self.inbox.dropped
+
     def close(self) -> None:
         with self._hub.lock:
             self._topic.subscribers = [one for one in self._topic.subscribers if one is not self]

@@ -8,14 +8,17 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+import rclpy
 from rcl_interfaces.msg import ParameterEvent, ParameterType
+from rcl_interfaces.srv import DescribeParameters
+from rclpy.context import Context
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from waiting import wait_for
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros2.middleware import Ros2
+from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.services import result_of
 
 PATIENCE_S = 60.0
@@ -25,21 +28,21 @@ class Asked:
     """The parameter services of a node, as any other node calls them."""
 
     def __init__(self, ros2: Ros2, node: str) -> None:
-        self._client = AsyncParameterClient(ros2.session.node, node)
-        wait_for(self._client.services_are_ready, node)
+        self._services = ParameterServices(ros2.session.node, node)
+        wait_for(lambda: self._services.are_ready, node)
 
     def names(self) -> list[str]:
-        return list(result_of(self._client.list_parameters(), PATIENCE_S).result.names)
+        return list(result_of(self._services.list(), PATIENCE_S).result.names)
 
     def describe(self, *names: str) -> Any:
-        return result_of(self._client.describe_parameters(list(names)), PATIENCE_S).descriptors
+        return result_of(self._services.describe(names), PATIENCE_S).descriptors
 
     def get(self, *names: str) -> Any:
-        return result_of(self._client.get_parameters(list(names)), PATIENCE_S).values
+        return result_of(self._services.get(names), PATIENCE_S).values
 
     def set(self, **values: Any) -> Any:
         asked = [Parameter(name.replace("__", "."), value=v) for name, v in values.items()]
-        return result_of(self._client.set_parameters_atomically(asked), PATIENCE_S).result
+        return result_of(self._services.set(asked), PATIENCE_S).result
 
 
 @pytest.fixture
@@ -133,6 +136,26 @@ def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
         seen.update({"camera_gain": 3.5})
     seen.close()
     other.end("")
+
+
+def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(ros2: Ros2):
+    """One of the parameter services is there, and nobody answers."""
+    context = Context()
+    rclpy.init(args=[], context=context)
+    mute = rclpy.create_node("mute", context=context, start_parameter_services=False)
+    mute.create_service(DescribeParameters, "~/describe_parameters", lambda _, answer: answer)
+    node = ros2.session.node
+
+    def clients() -> list[str]:
+        return [one.srv_name for one in node.clients if "mute" in one.srv_name]
+
+    wait_for(lambda: ros2.look() and clients(), "the node to be asked")
+    for _ in range(20):
+        ros2.look()
+    assert len(clients()) == 1
+    mute.destroy_node()
+    context.shutdown()
+    wait_for(lambda: ros2.look() and not clients(), "nobody to be asked")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import threading
+from array import array
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,6 +19,7 @@ from sensor_msgs.msg import Image as ImageMessage
 from std_msgs.msg import String
 from waiting import wait_for
 
+from ros_visualise import supervision
 from ros_visualise.data import Header, Image, Text
 from ros_visualise.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
@@ -119,6 +122,49 @@ def test_a_change_of_what_is_offered_loses_nothing_and_repeats_nothing(ros2: Ros
         stock.spin()
     wait_for(lambda: len(heard) >= len(sent), "all of them")
     assert [one.text for one in heard] == sent
+    listening.close()
+
+
+def test_a_consumer_that_fails_misses_that_message_alone(ros2: Ros2, stock: Stock):
+    heard: list[str] = []
+
+    def take(text: Text) -> None:
+        if text.text == "bad":
+            raise KeyError("bad")
+        heard.append(text.text)
+
+    listening = ros2.subscribe("judged", Text, take, pytest.fail)
+    publisher = stock.node.create_publisher(String, "/judged", 10)
+    wait_for(lambda: publisher.get_subscription_count(), "the subscriber")
+    for text in ("good", "bad", "better"):
+        publisher.publish(String(data=text))
+    wait_for(lambda: "better" in heard, "the last one")
+    assert heard == ["good", "better"]
+    listening.close()
+    [failure] = supervision.PROCESS.failures
+    assert (failure.who, failure.kind) == ("/judged", "KeyError")
+    supervision.PROCESS.forget()
+
+
+def test_large_messages_that_are_skipped_are_counted(ros2: Ros2, stock: Stock):
+    heard: list[Image] = []
+    busy = threading.Event()
+    listening = ros2.subscribe(
+        "large", Image, lambda i: heard.append(i) or busy.wait(), pytest.fail
+    )
+    publisher = stock.node.create_publisher(ImageMessage, "/large", 10)
+    wait_for(lambda: publisher.get_subscription_count(), "the subscriber")
+    data = array("B", bytes(2_000_000))
+    for number in range(4):
+        message = ImageMessage(height=1, width=2_000_000, step=2_000_000, encoding="mono8")
+        message.data, message.header.stamp.sec = data, number
+        publisher.publish(message)
+        wait_for(lambda: heard, "the first one")
+    publisher.wait_for_all_acked()
+    busy.set()
+    wait_for(lambda: heard[-1].header.stamp_ns == 3 * NS, "the newest")
+    assert len(heard) + listening.dropped == 4
+    assert listening.dropped > 0
     listening.close()
 
 

@@ -125,6 +125,32 @@ def test_what_nodes_do_is_reported_as_diagnostics(hub: Hub, peer: Peer) -> None:
     assert status.values["received"] == "0"
 
 
+def test_messages_that_a_middleware_skips_count_as_dropped(
+    hub: Hub, peer: Peer, tmp_path: Path
+) -> None:
+    def skip(subscriber: Any, count: int) -> None:
+        subscriber.inbox.dropped += count
+
+    with hub.running("fps_control"), closing(RemoteRuntime(peer.middleware)) as viewer:
+        images = peer.advertise("/controlled_stream", Image)
+        diagnostics = peer.hear("/diagnostics", DiagnosticArray)
+        wait_for(lambda: "/controlled_stream" in viewer.graph.topics, "the topic")
+        recording = viewer.start_recording(tmp_path / "r.mcap@/controlled_stream")
+        [recorded] = hub.topics["/controlled_stream"].subscribers
+        [taken] = hub.topics["/image_raw"].subscribers
+        skip(taken, 5)
+        skip(recorded, 7)
+        images.publish(IMAGE)
+        wait_for(lambda: recording.dropped, "the recording's drops")
+        wait_for(lambda: diagnostics and _dropped(diagnostics[-1]), "the node's drops")
+    assert recording.dropped == 7
+    assert _dropped(diagnostics[-1]) == 5
+
+
+def _dropped(diagnostics: DiagnosticArray) -> int:
+    return int(diagnostics.statuses[0].values.get("dropped/queue", 0))
+
+
 def test_a_message_that_cannot_be_sent_is_counted_and_the_node_goes_on(
     hub: Hub, peer: Peer, caplog: pytest.LogCaptureFixture
 ) -> None:

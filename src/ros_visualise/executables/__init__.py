@@ -19,7 +19,7 @@ def run(name: str) -> None:
     try:
         check_installation()
         if os.environ.get("ROS_VERSION") == "2":
-            import_module("ros_visualise.runtime.ros2.rmw").check_rmw()
+            import_module("ros_visualise.runtime.ros2.installed").check_installed()
             middleware = import_module("ros_visualise.runtime.ros2.middleware").Ros2()
         else:
             middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()

@@ -55,6 +55,14 @@ class Publisher(Handle, Protocol):
         """Wait until there is a subscriber, or none at all, with no message waiting for it."""
 
 
+class Subscriber(Handle, Protocol):
+    """One topic that this process listens to."""
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were skipped for newer ones before they were taken."""
+
+
 class Listing(NamedTuple):
     """What a graph holds at one moment, by full names.
 
@@ -186,7 +194,7 @@ class Middleware(Protocol):
         kind: type,
         take: Callable[[Any], None],
         refuse: Callable[[str], None],
-    ) -> Handle:
+    ) -> Subscriber:
         """Listen to a topic, whatever quality of service its publishers offer.
 
         What publishers keep for those who come late comes first.

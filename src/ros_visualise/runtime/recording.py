@@ -148,6 +148,11 @@ class RecorderThread:
             self._order.put(topic, packet)
             self._changed.notify_all()
 
+    def missed(self, count: int) -> None:
+        """Count messages that were lost on their way here."""
+        with self._changed:
+            self.dropped += count
+
     def finish(self, topic: str) -> None:
         """Nothing more comes on this topic."""
         with self._changed:

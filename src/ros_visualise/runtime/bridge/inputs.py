@@ -45,6 +45,11 @@ class Input:
         self._said_s = -_SAY_AGAIN_S
         self._subscriber = middleware.subscribe(name, kind, self._take, self._refuse)
 
+    @property
+    def dropped(self) -> int:
+        """Messages that were skipped for newer ones."""
+        return self._subscriber.dropped
+
     def _take(self, message: Any) -> None:
         try:
             self._feed(message)

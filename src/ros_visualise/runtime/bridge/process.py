@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -10,7 +11,7 @@ from typing import Any
 
 from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph, M
+from ros_visualise.graph import Graph, M, Member
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
@@ -28,7 +29,7 @@ from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlaybackFollower
-from ros_visualise.runtime.report import RATES
+from ros_visualise.runtime.report import RATES, NodeReport
 from ros_visualise.sources.playback import Playback
 
 _DIAGNOSTICS_S = 1.0
@@ -202,8 +203,17 @@ class Process:
                 for topic in node.outputs.values()
             }
             name = f"{own}/{self._namespaces[node.name]}".rstrip("/")
-            statuses[name] = NodeStatus(report.nodes[node.name], node.inputs, outputs)
+            found = self._with_skipped(node, report.nodes[node.name])
+            statuses[name] = NodeStatus(found, node.inputs, outputs)
         return statuses
+
+    def _with_skipped(self, node: Member, report: NodeReport) -> NodeReport:
+        """A node's part of the report, with what was skipped on the way to it as well."""
+        inputs = zip(self._graph.inputs, self._inputs, strict=False)  # which are opened last
+        taken = node.inputs.values()
+        skipped = sum(one.dropped for name, one in inputs if name in taken)
+        dropped = Counter(report.dropped) + Counter(queue=skipped)
+        return replace(report, received=report.received + skipped, dropped=dict(dropped))
 
 
 def _outside(topic: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from ros_visualise.data import Image
@@ -36,7 +37,13 @@ class Relay:
         self._entrance = Entrance(name, self._topic, numbering)
         self._listeners: list[Consumer] = []
         self._input: Input | None = None
+        self._dropped = 0
         self._lock = threading.Lock()
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were skipped for newer ones on their way here."""
+        return self._dropped + (self._input.dropped if self._input is not None else 0)
 
     @property
     def is_open(self) -> bool:
@@ -64,6 +71,7 @@ class Relay:
             self._listeners = [one for one in self._listeners if one is not listener]
             if not self._listeners and self._input is not None:
                 self._input.close()
+                self._dropped += self._input.dropped
                 self._input = None
 
     def _open(self, compressed: bool) -> Input:
@@ -88,11 +96,18 @@ class Arrivals:
     They are written in this order and under the graph's time, as ``rosbag record`` does it, but
     that it goes on evenly where the clock on the wall is set. Nobody on a graph tells which
     message was made from which, nor that none will come.
+
+    Args:
+        recording: what they are written to; what is skipped on the way here counts as its drops.
+        clock: the graph's.
+        dropped: how many messages of a topic were skipped by now.
     """
 
-    def __init__(self, recording: RecorderThread, clock: Clock) -> None:
+    def __init__(
+        self, recording: RecorderThread, clock: Clock, dropped: Callable[[str], int]
+    ) -> None:
         self.inboxes: Mapping[str, Consumer] = {
-            topic: _Arrival(self, topic) for topic in recording.topics
+            topic: _Arrival(self, topic, partial(dropped, topic)) for topic in recording.topics
         }
         self._recording = recording
         self._number = 0
@@ -100,9 +115,16 @@ class Arrivals:
         self._steady = Steady() if isinstance(clock, WallClock) else None
         self._lock = threading.Lock()
 
-    def put(self, topic: str, message: Any) -> None:
-        """A message has arrived; none of the other topics has one for its number."""
+    def put(self, topic: str, message: Any, missed: int) -> None:
+        """A message has arrived; none of the other topics has one for its number.
+
+        Args:
+            topic: that it arrived on.
+            message: the message.
+            missed: how many were skipped before it.
+        """
         with self._lock:
+            self._recording.missed(missed)
             self._number += 1
             now_ns, arrival_ns = self._clock.now_ns(), time.monotonic_ns()
             if self._steady is not None:
@@ -114,11 +136,13 @@ class Arrivals:
 
 
 class _Arrival:
-    def __init__(self, arrivals: Arrivals, topic: str) -> None:
-        self._arrivals, self._topic = arrivals, topic
+    def __init__(self, arrivals: Arrivals, topic: str, dropped: Callable[[], int]) -> None:
+        self._arrivals, self._topic, self._dropped = arrivals, topic, dropped
+        self._counted = dropped()
 
     def put(self, packet: Packet) -> None:
-        self._arrivals.put(self._topic, packet.message)
+        before, self._counted = self._counted, self._dropped()
+        self._arrivals.put(self._topic, packet.message, self._counted - before)
 
     def close(self) -> None:
         pass

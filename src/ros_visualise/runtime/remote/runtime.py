@@ -121,7 +121,8 @@ class RemoteRuntime:
             if self._closed.is_set():
                 raise UsageError(f"{target}: the viewer is ending, so there is nothing to record")
             recording = record(self.graph, self.parameters, target, overwrite, False)
-            arrivals = self._recordings[recording] = Arrivals(recording, self._middleware.clock())
+            clock, dropped = self._middleware.clock(), self._dropped
+            arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
         for topic, inbox in arrivals.inboxes.items():
             self._relay(topic).connect(inbox, self._comes_compressed(topic))
         return recording
@@ -199,6 +200,9 @@ class RemoteRuntime:
     def _parameters_changed(self, name: str, _: Any, changed: Mapping[str, Value]) -> None:
         for recording in tuple(self._recordings):
             recording.put_event(ParameterEvent(name, changed=changed))
+
+    def _dropped(self, topic: str) -> int:
+        return self._relay(topic).dropped
 
     def _relay(self, topic: str) -> Relay:
         with self._lock:

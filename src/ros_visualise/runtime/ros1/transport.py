@@ -139,7 +139,10 @@ class Subscriber:
 
     Attributes:
         name: the topic's full name on the graph.
+        dropped: none: a publisher waits, or drops and counts messages itself.
     """
+
+    dropped = 0
 
     def __init__(self, topic: str, message_class: Any, callback: Callable[[Any], None]) -> None:
         self.name = str(rospy.resolve_name(topic))

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)
 
@@ -44,16 +45,15 @@ class ClockPublisher:
     """Publishes /clock, a hundred times a second.
 
     Args:
-        node: of this process.
+        session: of this process.
         now_ns: gives the time.
     """
 
-    def __init__(self, node: Node, now_ns: Callable[[], int]) -> None:
+    def __init__(self, session: Session, now_ns: Callable[[], int]) -> None:
         self._now_ns = now_ns
-        self._publisher = node.create_publisher(ClockMessage, "/clock", 1)
+        self._publisher = session.node.create_publisher(ClockMessage, "/clock", 1)
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
-        self._thread.start()
+        self._thread = session.start(self._run, "/clock", again_s=_PERIOD_S)
 
     def close(self) -> None:
         """Time stands still."""

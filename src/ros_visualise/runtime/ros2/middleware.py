@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-import threading
 from collections.abc import Callable, Iterable
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from ros_visualise.data import CameraInfo
@@ -41,8 +40,8 @@ class Ros2:
         note(self._wish)  # who leaves while he joins would be seen for another ten seconds
         self.join(name, sys.argv)
         log_to(session.say_on(self.session.node))
-        is_over, node = self.is_over, self.session.node
-        threading.Thread(target=clock.watch_clock, args=(node, is_over), daemon=True).start()
+        watch = partial(clock.watch_clock, self.session.node, self.is_over)
+        self.session.start(watch, "clock watch")
 
     def join(self, name: str, args: list[str]) -> None:
         """Become a node, and nothing else: signals and what is logged stay as they are."""
@@ -130,15 +129,15 @@ class Ros2:
 
     def publish_clock(self, now_ns: Callable[[], int]) -> ClockPublisher:
         """Publish ``/clock``."""
-        return self.session.keep(ClockPublisher(self.session.node, now_ns))
+        return self.session.keep(ClockPublisher(self.session, now_ns))
 
     @cached_property
     def _desk(self) -> ParameterDesk:
-        return ParameterDesk(self.session.node)
+        return ParameterDesk(self.session)
 
     @cached_property
     def _events(self) -> ParameterEvents:
-        return ParameterEvents(self.session.node)
+        return ParameterEvents(self.session)
 
     @cached_property
     def _look(self) -> Look:

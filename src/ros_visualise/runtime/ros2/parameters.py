@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
-from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.ros2.description import describe, to_parameters
+from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)
 
@@ -22,23 +22,24 @@ MEMBERS = "members"
 """The parameter that names the nodes of a process, which the names of their own begin with."""
 
 _CLOSE_S = 0.5
+_AGAIN_S = 0.5
 
 
 class ParameterDesk:
     """Answers for all parameters of a ROS 2 node: a request is applied as a whole or refused.
 
     Args:
-        node: of this process.
+        session: of this process.
     """
 
-    def __init__(self, node: Node) -> None:
-        self.node = node
+    def __init__(self, session: Session) -> None:
+        self.session, self.node = session, session.node
         self._served: dict[str, ServedParameters] = {}
         self._members: set[str] = set()
         self._shown: dict[str, Any] = {}
         self._pushing = threading.local()
         self.lock = threading.RLock()
-        node.add_on_set_parameters_callback(self._on_set)
+        self.node.add_on_set_parameters_callback(self._on_set)
 
     def expect(self, namespace: str) -> None:
         """A node of this process is going to have its parameters there.
@@ -149,8 +150,8 @@ class ServedParameters:
         )
         desk.add(self)
         self._forget = parameters.on_change(lambda *_: self._changed.set())
-        self._thread = threading.Thread(target=self._follow, name="parameters", daemon=True)
-        self._thread.start()
+        name = f"parameters {prefix}".rstrip(" .")
+        self._thread = desk.session.start(self._follow, name, again_s=_AGAIN_S)
 
     def close(self) -> None:
         """Offer them no longer; more than once does no harm."""

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import qos_profile_parameter_events
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of
+from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.parameters import MEMBERS
 from ros_visualise.runtime.ros2.services import result_of
+from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)
 
@@ -47,10 +50,9 @@ class ParameterClient:
         self._lock = threading.RLock()
         self._closed = threading.Event()
         self._look = threading.Event()
-        self._client = AsyncParameterClient(events.node, node)
+        self._services = ParameterServices(events.session.node, node)
         self._forget = events.on_change(node, self._changed)
-        self._thread = threading.Thread(target=self._follow, name=f"{node} watch", daemon=True)
-        self._thread.start()
+        events.session.start(self._follow, f"{node} watch", again_s=_LOOK_S)
 
     @property
     def is_there(self) -> bool:
@@ -69,7 +71,7 @@ class ParameterClient:
             raise ConnectionError("its parameters are not known yet")
         sent = declaration.encode(values)
         asked = [Parameter(name, value=value) for name, value in sent.items()]
-        answer = result_of(self._client.set_parameters_atomically(asked), _ANSWER_S)
+        answer = result_of(self._services.set(asked), _ANSWER_S)
         if answer is None:
             raise ConnectionError("no answer")
         if not answer.result.successful:
@@ -86,19 +88,20 @@ class ParameterClient:
     def _follow(self) -> None:
         our_own()  # takes a while, and is needed soon
         while not self._closed.is_set():
-            there = self._client.services_are_ready()
+            there = self._services.are_ready
             if there and not self._is_there:
                 there = self._meet()
             self._is_there = there
             self._look.wait(_LOOK_S)
             self._look.clear()
+        self._services.close()
 
     def _meet(self) -> bool:
         """Ask a node that is new, or has come back, for its parameters; whether it answers."""
-        listed = result_of(self._client.list_parameters(), _ANSWER_S)
+        listed = result_of(self._services.list(), _ANSWER_S)
         names = sorted(listed.result.names) if listed else []
-        told = result_of(self._client.describe_parameters(names), _ANSWER_S)
-        got = result_of(self._client.get_parameters(names), _ANSWER_S)
+        told = result_of(self._services.describe(names), _ANSWER_S)
+        got = result_of(self._services.get(names), _ANSWER_S)
         if listed is None or told is None or got is None:
             return False
         with self._lock:
@@ -124,15 +127,15 @@ class ParameterEvents:
     """Tells of changes of parameters, and which nodes share a process.
 
     Args:
-        node: of this process.
+        session: of this process.
     """
 
-    def __init__(self, node: Node) -> None:
-        self.node = node
+    def __init__(self, session: Session) -> None:
+        self.session = session
         self._listeners: list[tuple[str, Callable[[ParameterEvent], None]]] = []
         self._members: dict[str, tuple[str, ...]] = {}
-        self._asked: dict[str, Any] = {}
-        self._subscription = node.create_subscription(
+        self._asked: dict[str, _Question] = {}
+        self._subscription = session.node.create_subscription(
             ParameterEvent, "/parameter_events", self._take, qos_profile_parameter_events
         )
 
@@ -146,32 +149,29 @@ class ParameterEvents:
 
     def places(self, node: str) -> tuple[str, ...]:
         """The names under which a node has parameters, as far as it has told; waits for nobody."""
-        if node not in self._asked:
-            client = self._asked[node] = AsyncParameterClient(self.node, node)
-            if not client.services_are_ready():
-                del self._asked[node]
-                return ()
-            future = client.get_parameters([MEMBERS])
-            future.add_done_callback(lambda done: self._answered(node, done))
+        if node not in self._members:
+            if node not in self._asked:
+                self._asked[node] = _Question(self.session.node, node)
+            answer = self._asked[node].answer()
+            if answer is not None:
+                self._members[node] = _places(node, answer.values[0] if answer.values else None)
+        elif node in self._asked:
+            self._asked.pop(node).close()
         return self._members.get(node, ())
 
     def forget(self, there: set[str]) -> None:
         """Ask anew those that have gone meanwhile, when they are back."""
         for node in self._asked.keys() - there:
-            del self._asked[node]
-            self._members.pop(node, None)
+            self._asked.pop(node).close()
+        for node in set(self._members) - there:
+            del self._members[node]
 
     def where(self, place: str) -> tuple[str, str]:
         """The node that has the parameters of a place, and what their names begin with there."""
-        for node, places in self._members.items():
+        for node, places in tuple(self._members.items()):
             if place in places and place != node:
                 return node, f"{place.removeprefix(node + '/')}."
         return place, ""
-
-    def _answered(self, node: str, done: Any) -> None:
-        told = done.result()
-        value = told.values[0] if told and told.values else None
-        self._members.setdefault(node, _places(node, value))
 
     def _take(self, event: ParameterEvent) -> None:
         for one in event.new_parameters:
@@ -180,6 +180,33 @@ class ParameterEvents:
         for node, listener in tuple(self._listeners):
             if node == event.node:
                 listener(event)
+
+
+class _Question:
+    """Asks a node which nodes share its process; again where no answer comes.
+
+    Args:
+        node: of this process.
+        name: full name of the node that is asked.
+    """
+
+    def __init__(self, node: Node, name: str) -> None:
+        self._services = ParameterServices(node, name, [GetParameters])
+        self._future: Any = None
+        self._asked_s = 0.0
+
+    def answer(self) -> Any:
+        """The response; None until it has come."""
+        if self._future is not None and self._future.done():
+            return self._future.result()
+        now_s = time.monotonic()
+        if now_s - self._asked_s > _ANSWER_S and self._services.are_ready:
+            self._future, self._asked_s = self._services.get([MEMBERS]), now_s
+        return None
+
+    def close(self) -> None:
+        """Ask no longer."""
+        self._services.close()
 
 
 def _places(node: str, members: Any) -> tuple[str, ...]:

@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from rclpy.event_handler import PublisherEventCallbacks
 
 from ros_visualise.errors import UsageError
 from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.buffers import Buffer
 from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
 from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
 from ros_visualise.runtime.ros2.types import message_class
@@ -81,7 +81,7 @@ class Publisher:
 
     Attributes:
         name: the topic's full name on the graph.
-        dropped: messages that had to make room for newer ones.
+        dropped: messages that had to make room for newer ones, or that ROS 2 did not send.
 
     Raises:
         UsageError: ROS 2 has no such type, or takes no such name.
@@ -108,7 +108,7 @@ class Publisher:
         self._said: set[str] = set()
         self._waiting: deque[list[Part]] = deque()
         self._buffer: Buffer = np.empty(0, np.uint8)
-        self._is_sending = self._closed = False
+        self._is_sending = self._closed = self._has_failed = False
         self._changed = threading.Condition()
         session.start(self._send_all, self.name)
 
@@ -158,7 +158,16 @@ class Publisher:
             try:
                 rcl.publish(self._publisher, self._joined(parts))
             except rcl.RclError as error:
-                log.debug("%s: %s", self.name, error)
+                self._count_unsent(error)
+
+    def _count_unsent(self, error: rcl.RclError) -> None:
+        if self._closed:
+            return
+        with self._changed:
+            self.dropped += 1
+        if not self._has_failed:
+            self._has_failed = True
+            log.warning("%s: message dropped: %s (further warnings suppressed)", self.name, error)
 
     def _next(self) -> list[Part] | None:
         """What to send next; None when this is closed."""

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from ros_visualise import supervision
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.runtime.middleware import Handle
 from ros_visualise.runtime.ros2.cyclone import configure
@@ -64,7 +65,7 @@ class Session:
         self._open: WeakSet[Any] = WeakSet()
         self._threads: WeakSet[threading.Thread] = WeakSet()
         self._ended = False
-        self.start(self._spin, "ros")
+        self.start(self._spin, "callbacks", again_s=0)
 
     @property
     def context(self) -> Context:
@@ -81,11 +82,27 @@ class Session:
         self._open.add(handle)
         return handle
 
-    def start(self, run: Callable[[], None], name: str) -> None:
-        """Run something on a thread of its own, which is waited for when the node ends."""
-        thread = threading.Thread(target=run, name=name, daemon=True)
+    def start(
+        self, run: Callable[[], None], name: str, again_s: float | None = None
+    ) -> threading.Thread:
+        """Run something on a thread of its own, which is waited for when the node ends.
+
+        Args:
+            run: returns soon after the node has left the graph.
+            name: of the thread.
+            again_s: as of `ros_visualise.supervision.start`.
+        """
+        thread = supervision.start(name, partial(self._run, run), again_s)
         self._threads.add(thread)
-        thread.start()
+        return thread
+
+    def _run(self, run: Callable[[], None]) -> None:
+        """Run something; that it fails as the node leaves the graph is no failure of its own."""
+        try:
+            run()
+        except Exception:
+            if not self.is_over:
+                raise
 
     def end(self) -> None:
         """Leave the graph; more than once does no harm."""
@@ -129,12 +146,9 @@ class Session:
             raise UsageError(f"ROS 2 takes no topic of this name: {_first_line(error)}") from None
 
     def _spin(self) -> None:
+        """Answer until the node ends; after a callback that failed, the next one all the same."""
         while not self.is_over:
-            try:
-                self._executor.spin()
-            except Exception:  # of a callback inside rclpy: the next one is answered all the same
-                if not self.is_over:
-                    log.exception("a callback has failed")
+            self._executor.spin()
 
 
 @cache

@@ -8,17 +8,19 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from ros_visualise import supervision
 from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages import data_class, from_message, type_name
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
+from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
 from ros_visualise.runtime.ros2.quality import fitting, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
 from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
@@ -56,6 +58,7 @@ class Subscriber:
 
     Attributes:
         name: the topic's full name on the graph.
+        dropped: large messages that were skipped for newer ones.
 
     Raises:
         UsageError: ROS 2 has no such type, or takes no such name.
@@ -70,6 +73,7 @@ class Subscriber:
         refuse: Callable[[str], None],
     ) -> None:
         self.name = session.resolve(topic)
+        self.dropped = 0
         self._session, self._topic, self._kind = session, topic, kind
         self._take, self._refuse = take, refuse
         self._taker = rcl.Taker()
@@ -81,7 +85,8 @@ class Subscriber:
         self._open = [self._subscribe(self._asked)]
         self._changed_s = time.monotonic()
         self._known: frozenset[int] = frozenset()
-        session.start(self._run, self.name)
+        self._looked_s = time.monotonic()
+        session.start(self._run, self.name, again_s=_LOOK_S)
 
     def close(self) -> None:
         """Leave the topic."""
@@ -90,19 +95,15 @@ class Subscriber:
             self._wake.trigger()
 
     def _run(self) -> None:
-        looked_s = time.monotonic()
         while not (self._closed.is_set() or self._session.is_over):
-            try:
-                self._wait()
-                for one in self._open:
-                    self._take_all(one)
-                if time.monotonic() - looked_s >= _LOOK_S:
-                    looked_s = time.monotonic()
-                    self._adapt()
-            except rcl.RclError as error:
-                log.debug("%s: %s", self.name, error)
-        for one in self._open:
-            self._session.node.destroy_subscription(one)
+            self._wait()
+            for one in self._open:
+                self._take_all(one)
+            if time.monotonic() - self._looked_s >= _LOOK_S:
+                self._looked_s = time.monotonic()
+                self._adapt()
+        while self._open:
+            self._session.node.destroy_subscription(self._open.pop())
         self._wake.destroy()
 
     def _wait(self) -> None:
@@ -119,9 +120,11 @@ class Subscriber:
         taken = self._taker.take(subscription)
         while taken is not None and not self._closed.is_set():
             newer = self._taker.take(subscription)
-            is_old = newer is not None and taken.data.nbytes >= _LARGE_BYTES
-            if not is_old and not self._came_before(taken.sent_ns):
-                self._hand_on(taken.data)
+            if not self._came_before(taken.sent_ns):
+                if newer is not None and taken.data.nbytes >= _LARGE_BYTES:
+                    self.dropped += 1
+                else:
+                    supervision.attempt(self.name, partial(self._hand_on, taken.data))
             taken = newer
 
     def _came_before(self, sent_ns: int) -> bool:
