@@ -37,12 +37,15 @@ class Hub:
         return self.topics.setdefault(name, Topic(type_name))
 
     @contextmanager
-    def running(self, name: str, *args: str, **given: Any) -> Iterator[HubMiddleware]:
+    def running(
+        self, name: str, *args: str, ends_with: int = 0, **given: Any
+    ) -> Iterator[HubMiddleware]:
         """One of our executables as a node of this graph, until the end of the block.
 
         Args:
             name: of the executable, and of the node.
             args: what else stands on its command line.
+            ends_with: its exit status.
             given: its private parameters, with ``__`` where those have a ``/``.
         """
         told = {key.replace("__", "/"): value for key, value in given.items()}
@@ -55,7 +58,7 @@ class Hub:
         finally:
             middleware.end("the test is over")
             thread.join(PATIENCE_S)
-        assert statuses == [0], f"{name} did not end well"
+        assert statuses == [ends_with], f"{name} did not end well"
 
 
 def _run(name: str, middleware: HubMiddleware, statuses: list[object]) -> None:

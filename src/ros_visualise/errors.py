@@ -2,7 +2,7 @@
 
 - RosVisualiseError            the work failed or lost something            (exit status 1)
   - RecordingError             a recording could not be written to its end
-  - DamagedMessage             a recorded message cannot be read
+  - DamagedMessage             a message cannot be read, or cannot be written
   - UnsupportedImage           a node cannot process images of this encoding
   - UncalibratedCamera         what asks for a camera's calibration has none
   - NoTransform                where two frames are to one another is not known
@@ -33,7 +33,10 @@ class RecordingError(RosVisualiseError):
 
 
 class DamagedMessage(RosVisualiseError):
-    """A message of a recording contradicts itself or its type, or its type is not known."""
+    """A message contradicts itself or its type, or its type is not known.
+
+    One of a recording cannot be read then, and one of a node can be neither recorded nor published.
+    """
 
 
 class UnsupportedImage(RosVisualiseError):

@@ -170,7 +170,10 @@ def test_what_the_file_cannot_hold_is_counted_and_said_once_for_each_topic(caplo
         recording.put("/b", packet(number))
     recording.close()
     assert (recording.written, recording.dropped) == (0, 200)
-    said = [f"memory: {topic}: no room for it (said once)" for topic in ("/a", "/b")]
+    said = [
+        f"memory: {topic}: message refused: no room for it (further occurrences suppressed)"
+        for topic in ("/a", "/b")
+    ]
     assert sorted(caplog.messages) == said
 
 

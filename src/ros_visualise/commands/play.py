@@ -206,5 +206,6 @@ def _say_summary(report: RunReport) -> None:
             say(f"{name}: {count} of {node.received} left out by {reason}")
     for name, recording in report.recordings.items():
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
+        dropped += f" ({recording.refused} refused)" if recording.refused else ""
         messages = counted(recording.messages, "message")
         say(f"{name}: {messages} recorded{dropped}")

@@ -21,6 +21,8 @@ Types = Mapping[str, Any]
 
 _NS = 1_000_000_000
 _SECONDS = 2**31  # what ROS 2 holds; ROS 1 has one bit more
+LATEST_NS = _SECONDS * _NS
+"""The first time that is too late for a stamp."""
 _SAME_AS = {"secs": "sec", "nsecs": "nanosec"}  # genpy's names
 
 

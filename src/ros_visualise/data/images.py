@@ -43,7 +43,7 @@ class Image(Message):
     is one of `ENCODINGS` or `MEASUREMENTS`.
 
     Raises:
-        ValueError: shape or type do not fit the encoding.
+        ValueError: shape or type do not fit the encoding, or the calibration is none.
     """
 
     type_name: ClassVar[str] = "sensor_msgs/msg/Image"
@@ -63,6 +63,8 @@ class Image(Message):
         depth = self.data.shape[2:] or (1,)
         if self.data.dtype != dtype or depth != (channels,) or len(self.data.shape) > 3:
             raise ValueError(f"{self.encoding} is not {self.data.dtype} of {self.data.shape}")
+        if not isinstance(self.camera_info, CameraInfo | None):
+            raise ValueError(f"camera_info is {type(self.camera_info).__name__}, not CameraInfo")
         if not isinstance(self.data, Deferred):
             object.__setattr__(self, "data", read_only(self.data))
 

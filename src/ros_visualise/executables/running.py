@@ -94,7 +94,7 @@ def run_graph(
     finally:
         view.close()
         process.stop()
-    return int(process.runtime.failed or process.runtime.report().is_incomplete)
+    return int(process.failed)
 
 
 def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.data import Header, ParameterEvent
+from ros_visualise.data.fields import LATEST_NS
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import END, Packet
+from ros_visualise.runtime.refusals import Refusals
 from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder
 
@@ -61,7 +63,9 @@ def record(
 
 def report_recordings(recordings: Collection[RecorderThread]) -> dict[str, RecordingReport]:
     """File -> how much of it is there."""
-    return {str(one.path): RecordingReport(one.written, one.dropped) for one in recordings}
+    return {
+        str(one.path): RecordingReport(one.written, one.dropped, one.refused) for one in recordings
+    }
 
 
 class TopicInbox:
@@ -96,7 +100,7 @@ class RecorderThread:
         error: what ended it early, if anything did.
         closing: nothing more is written, and the file is brought to its end.
         written: messages that were recorded.
-        dropped: messages that were not.
+        dropped: messages that were not, for want of time or as the file cannot hold them.
         topics: those that are recorded.
         inboxes: topic -> where its packets go; also those of topics that numbers come from.
     """
@@ -115,7 +119,7 @@ class RecorderThread:
         self._events: deque[ParameterEvent] = deque()
         self._written_ns = 0  # the log time of what was written last
         self._stopped = self._discarded = False
-        self._damaged: set[str] = set()  # topics of which it was said
+        self._refusals = Refusals(str(recorder.path))
         self._changed = threading.Condition()
         self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
         self._thread.start()
@@ -124,6 +128,11 @@ class RecorderThread:
     def path(self) -> Path:
         """Where it is; see `ros_visualise.sinks.Recorder`."""
         return self._recorder.path
+
+    @property
+    def refused(self) -> int:
+        """Those of the dropped messages that the file cannot hold."""
+        return self._refusals.count
 
     @property
     def has_ended(self) -> bool:
@@ -222,21 +231,24 @@ class RecorderThread:
     def _write(self, topic: str, packet: Packet) -> None:
         message, log_ns = packet.message, packet.log_ns
         assert log_ns is not None
-        self._written_ns = log_ns
-        self._write_events()
-        try:
-            if found := self._calibrations.find(topic, message):
-                self._recorder.write(*found, log_ns)
-                self.written += 1
-            self._recorder.write(topic, message, log_ns)
-            self.written += 1
-        except DamagedMessage as error:
-            self.dropped += 1
-            if topic not in self._damaged:
-                log.warning("%s: %s: %s (said once)", self.path, topic, error)
-            self._damaged.add(topic)
+        if 0 <= log_ns < LATEST_NS:  # else the events have to wait for the next message
+            self._written_ns = log_ns
+            self._write_events()
+        if found := self._calibrations.find(topic, message):
+            self.written += self._record(*found, log_ns)
+        self.written += self._record(topic, message, log_ns)
 
     def _write_events(self) -> None:
         while self._events:
             event = replace(self._events.popleft(), header=Header(self._written_ns))
-            self._recorder.write(PARAMETER_EVENTS, event)
+            self._record(PARAMETER_EVENTS, event)
+
+    def _record(self, topic: str, message: Any, log_ns: int | None = None) -> bool:
+        """Write one message; whether the file can hold it, which else is counted."""
+        try:
+            self._recorder.write(topic, message, log_ns)
+        except DamagedMessage as error:
+            self.dropped += 1
+            self._refusals.add(topic, error)
+            return False
+        return True

@@ -89,10 +89,15 @@ class NodeReport:
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """How many messages were recorded, and how many there was no time for."""
+    """How many messages were recorded and dropped.
+
+    ``refused`` are those of the dropped ones that the file cannot hold; for others there was no
+    time.
+    """
 
     messages: int
     dropped: int
+    refused: int = 0
 
 
 @dataclass(frozen=True)

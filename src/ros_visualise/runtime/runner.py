@@ -17,6 +17,7 @@ from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.refusals import require_header
 from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.stats import NodeStats
 
@@ -50,7 +51,7 @@ class NodeRunner:
         self._parameters = parameters
         self._state = _made(node, parameters.current)
         self._epoch: int | None = None  # of the last message
-        self._said: set[tuple[type, str, int | None]] = set()
+        self._said: set[tuple[str, type, str, int | None]] = set()
         self._uncalibrated: set[str] = set()  # inputs of which it was said
         self._figures: dict[str, Any] = {}  # of its own
         self._at_state = threading.Lock()
@@ -71,7 +72,8 @@ class NodeRunner:
                 self._tell_if_uncalibrated(messages)
             with self._at_state:
                 self._reset_if_time_jumped(packet)
-                outputs = self._by_output(self._ask(packet, messages))
+                given = self._by_output(self._ask(packet, messages))
+            outputs = self._passing(given)
         except DamagedMessage:
             self.stats.dropped["damaged"] += 1
             return NOTHING
@@ -83,7 +85,9 @@ class NodeRunner:
             self.stats.dropped["error"] += 1
             self._fail(error)
             return NOTHING
-        if not outputs and self._type.drops:
+        if len(outputs) < len(given):
+            self.stats.dropped["error"] += 1
+        elif not outputs and self._type.drops:
             self.stats.dropped[self._type.drops] += 1
         else:
             self.stats.answered(packet.arrival_ns, started_ns)
@@ -117,7 +121,7 @@ class NodeRunner:
         """What the node says between two steps."""
         try:
             with self._at_state:
-                return self._by_output(ask())
+                return self._passing(self._by_output(ask()))
         except _ERRORS as error:
             self._fail(error)
             return NOTHING
@@ -147,18 +151,38 @@ class NodeRunner:
         return self._state.step(**given)
 
     def _by_output(self, answer: Any) -> Mapping[str, Any]:
+        """The messages of an answer by their outputs; None where there is none for an output."""
         if answer is None:
             return NOTHING
+        return answer if isinstance(answer, dict) else {next(iter(self._type.outputs), ""): answer}
+
+    def _passing(self, given: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Those messages of an answer that are what is declared; the others are refused."""
+        return {name: message for name, message in given.items() if self._passes(name, message)}
+
+    def _passes(self, name: str, message: Any) -> bool:
+        try:
+            if message is not None:
+                self._require(name, message)
+        except _ERRORS as error:
+            self._fail(error, name)
+            return False
+        return True
+
+    def _require(self, name: str, message: Any) -> None:
+        """See that a message can go on.
+
+        Raises:
+            DamagedMessage: it is not what is declared.
+        """
         declared = self._type.outputs
-        outputs = answer if isinstance(answer, dict) else {next(iter(declared), ""): answer}
-        for name, message in outputs.items():
-            if name not in declared or not isinstance(message, (declared[name], type(None))):
-                wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in declared.items())
-                given = f"{name or 'something'}: {type(message).__name__}"
-                raise RosVisualiseError(f"answers with {given}, but declares {wanted or 'nothing'}")
-            if isinstance(message, Transforms):
-                self.told.update(one.child_frame_id for one in message.transforms)
-        return outputs
+        if name not in declared or not isinstance(message, declared[name]):
+            wanted = ", ".join(f"{port}: {kind.__name__}" for port, kind in declared.items())
+            given = f"{name or 'something'}: {type(message).__name__}"
+            raise DamagedMessage(f"answers with {given}, but declares {wanted or 'nothing'}")
+        require_header(message)
+        if isinstance(message, Transforms):
+            self.told.update(one.child_frame_id for one in message.transforms)
 
     def _is_of_before(self, packet: Packet) -> bool:
         """Whether time has jumped since, as what came by another way has told already."""
@@ -169,13 +193,13 @@ class NodeRunner:
             self._state.reset()
         self._epoch = packet.epoch
 
-    def _fail(self, error: BaseException) -> None:
+    def _fail(self, error: BaseException, topic: str = "") -> None:
         self.failed = True
-        self._say(error)
+        self._say(error, topic)
 
     def _say(self, error: BaseException, topic: str = "") -> None:
         origin = traceback.extract_tb(error.__traceback__)[-1]
-        kind = (type(error), origin.filename, origin.lineno)
+        kind = (topic, type(error), origin.filename, origin.lineno)
         if kind not in self._said:
             self._said.add(kind)
             bug = not isinstance(error, RosVisualiseError)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
@@ -16,6 +16,7 @@ from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.rate import Steady
 from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.refusals import Refusals, require_header
 from ros_visualise.runtime.report import NodeReport
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
@@ -60,6 +61,7 @@ class SourceThread:
         self._on_message, self._on_published = on_message, on_published
         self._topics = node.outputs
         self._stats = NodeStats()
+        self._refusals = Refusals(node.name)
         self._steady = Steady()
         self._begun = self._reopened = 0
         self._epochs = Epochs(node.type.latched)
@@ -79,7 +81,9 @@ class SourceThread:
     def report(self) -> NodeReport:
         """Counts and the source's own figures, which may be of drops."""
         own = dict(self._source.report())
-        dropped = own.pop("dropped", {})
+        dropped = dict(own.pop("dropped", {}))
+        if self._refusals.count:
+            dropped["error"] = dropped.get("error", 0) + self._refusals.count
         return replace(self._stats.report(), dropped=dropped, own=own)
 
     def act(self, name: str) -> None:
@@ -109,7 +113,10 @@ class SourceThread:
             self.failed = True
 
     def _publish_all(self) -> None:
-        for number, (port, message) in enumerate(self._messages()):
+        number = 0
+        for port, message in self._messages():
+            if not self._passes(port, message):
+                continue
             arrival_ns = time.monotonic_ns()
             log_ns = self._log_ns(message, arrival_ns)
             epoch = self._epoch(port, message.header.stamp_ns, log_ns)
@@ -118,6 +125,19 @@ class SourceThread:
             self._on_message()
             self._outputs[port].publish(packet)
             self._on_published(number, self._topics[port])
+            number += 1
+
+    def _passes(self, port: str, message: Any) -> bool:
+        """Whether a message can go on; else it is refused, and counted."""
+        try:
+            if port not in self._outputs:
+                raise DamagedMessage(f"not declared; outputs are {', '.join(self._outputs)}")
+            require_header(message)
+        except DamagedMessage as error:
+            self._refusals.add(port, error)
+            self.failed = True
+            return False
+        return True
 
     def _epoch(self, port: str, stamp_ns: int, log_ns: int) -> int:
         """How often time had jumped before this message: of itself, or as a person asked."""

@@ -12,11 +12,12 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
-from ros_visualise.data import CompressedImage, Header, Image, Message, Path
+from ros_visualise.data import CompressedImage, Image, Message, Path
 from ros_visualise.data.fields import Fields, build
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
+from ros_visualise.messages.misfits import refused
 from ros_visualise.messages.path_bytes import pose_bytes
 from ros_visualise.messages.recorded import Recorded, TopicType
 
@@ -85,11 +86,18 @@ class Encoder:
         """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.
 
         Raises:
-            DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970; or a
-                recorded one is none of its type, or cannot be converted.
+            DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970 or an
+                int where a string belongs; or a recorded one is none of its type, or cannot be
+                converted. No other error is raised, whatever the message is.
         """
-        if not isinstance(message, Recorded):
+        if isinstance(message, Recorded):
+            return self._encode_recorded(message)
+        try:
             return self._encode(message)
+        except Exception as error:  # the library raises what it happens to meet
+            raise refused(message, error, self._own.store) from error
+
+    def _encode_recorded(self, message: Recorded) -> Buffer:
         if message.definitions.encoding == self.encoding:
             return message.data
         convert = self._conversion(message.definitions, message.type_name)
@@ -111,9 +119,12 @@ class Encoder:
         if not isinstance(message, Image | CompressedImage):
             return [self.encode(message)]
         try:
-            fields = message.fields()
-        except ValueError as error:
-            raise DamagedMessage(str(error)) from None
+            return self._image_parts(message)
+        except Exception as error:  # as in `encode`
+            raise refused(message, error, self._own.store) from error
+
+    def _image_parts(self, message: Image | CompressedImage) -> list[Buffer]:
+        fields = message.fields()
         data = fields["data"]
         empty = Fields(message.type_name, {**fields, "data": data[:0]})
         written = bytes(self._own.write(message.type_name, build(empty, self._own.types)))
@@ -123,19 +134,13 @@ class Encoder:
         if isinstance(message, Path):
             return self._encode_path(message)
         if isinstance(message, Image | CompressedImage):
-            return b"".join(self.parts(message))
-        return self._own.write(type_name(type(message)), self._make(message))
-
-    def _make(self, message: Any, header: Header | None = None) -> Any:
-        try:
-            return to_message(message, self._own.types, header)
-        except ValueError as error:
-            raise DamagedMessage(str(error)) from None
+            return b"".join(self._image_parts(message))
+        return self._own.write(message.type_name, to_message(message, self._own.types))
 
     def _encode_path(self, path: Path) -> bytes:
         """As the library would, which makes an object of every pose."""
         empty = Path(path.stamps_ns[:0], path.positions_xyz[:0], path.quats_xyzw[:0])
-        message = self._make(empty, path.header)
+        message = to_message(empty, self._own.types, path.header)
         written = bytes(self._own.write(type_name(Path), message))
         count = len(path.stamps_ns).to_bytes(4, "little")
         start = len(written) - (4 if self.encoding == "cdr" else 0)

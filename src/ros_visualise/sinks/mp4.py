@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections.abc import Mapping
-from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from av.codec.codec import UnknownCodecError
 from av.video.frame import PictureType
 
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError, RecordingError, UsageError
+from ros_visualise.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.messages.recorded import Recorded, TopicType, content
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline
@@ -92,14 +91,13 @@ class Mp4Recorder:
             raise RecordingError(f"{self.path}: the recording has ended")
         if stamp_ns is None and isinstance(message, Recorded):
             stamp_ns = message.stamp_ns
-        message = content(message)
-        if stamp_ns is not None:
-            message = replace(message, header=replace(message.header, stamp_ns=stamp_ns))
+        image, size, planes = self._planes(message)
+        stamp_ns = image.header.stamp_ns if stamp_ns is None else stamp_ns
         try:
             if self._video is None:
-                self._video = _Video(self._file, even_size(message))
-            self._warn_of_scaling(message, self._video.size)
-            self._add(message, self._video)
+                self._video = _Video(self._file, size)
+            self._warn_of_scaling(image, size)
+            self._add(planes, stamp_ns, self._video)
         except (OSError, av.FFmpegError) as error:
             raise self._fail(error) from None
 
@@ -131,9 +129,24 @@ class Mp4Recorder:
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self.close(whole=kind is None)
 
-    def _add(self, image: Image, video: _Video) -> None:
-        planes = to_i420(image, video.size)
-        ticks = self._timeline.place(image.header.stamp_ns)
+    def _planes(self, message: Any) -> tuple[Image, tuple[int, int], Bytes]:
+        """An image, the size of the video, and the image as the encoder takes it.
+
+        Raises:
+            DamagedMessage: it is none.
+        """
+        try:
+            image = content(message)
+            size = even_size(image) if self._video is None else self._video.size
+            return image, size, to_i420(image, size)
+        except DamagedMessage:
+            raise
+        except Exception as error:  # OpenCV raises what it happens to meet
+            kind = type(message).__name__
+            raise DamagedMessage(f"{kind}: not an image for a video: {error}") from error
+
+    def _add(self, planes: Bytes, stamp_ns: int, video: _Video) -> None:
+        ticks = self._timeline.place(stamp_ns)
         packets = video.encode(planes, ticks, self._timeline.gap)
         size = video.pending + sum(packet.size for packet in packets)
         try:

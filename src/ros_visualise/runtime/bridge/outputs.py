@@ -5,7 +5,6 @@ Nothing is converted, encoded or sent that nobody has subscribed to.
 
 from __future__ import annotations
 
-import logging
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,15 +12,14 @@ from functools import partial
 from typing import Any
 
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.refusals import Refusals
 from ros_visualise.vision.compression import compress
-
-log = logging.getLogger(__name__)
 
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
 
@@ -37,7 +35,7 @@ class Output:
     def __init__(self, publisher: Publisher, latched: bool = False) -> None:
         self._publisher = publisher
         self._latched = latched
-        self._refused = 0
+        self._refusals = Refusals()
 
     @property
     def name(self) -> str:
@@ -57,24 +55,26 @@ class Output:
     @property
     def dropped(self) -> int:
         """Messages that subscribers had no time for, or that the middleware cannot hold."""
-        return self._publisher.dropped + self._refused
+        return self._publisher.dropped + self._refusals.count
+
+    @property
+    def refused(self) -> int:
+        """Messages that the middleware cannot hold."""
+        return self._refusals.count
 
     def put(self, packet: Packet) -> None:
         """Publish a message."""
         if packet.message is not None and self.awaited:
             self._send(self._publisher, packet.message)
 
-    def _send(self, publisher: Publisher, message: Any) -> None:
-        """Publish a message, unless the middleware cannot hold it, as a stamp before 1970."""
+    def _send(self, publisher: Publisher, message: Any) -> bool:
+        """Publish a message, unless the middleware cannot hold it; whether it could."""
         try:
             publisher.publish(message)
         except DamagedMessage as error:
-            self._refuse(publisher, error)
-
-    def _refuse(self, publisher: Publisher, error: Exception) -> None:
-        if not self._refused:
-            log.warning("%s: a message is left out: %s (said once)", publisher.name, error)
-        self._refused += 1
+            self._refusals.add(publisher.name, error)
+            return False
+        return True
 
     def close(self) -> None:
         """Nothing more comes; what was latched stays."""
@@ -98,11 +98,14 @@ class StaticFrames:
         self._known: dict[str, TransformStamped] = {}
         self._lock = threading.Lock()
 
-    def publish(self, added: Transforms, publish: Callable[[Transforms], None]) -> None:
-        """Publish those that are there and those that are added."""
+    def publish(self, added: Transforms, publish: Callable[[Transforms], bool]) -> bool:
+        """Publish those that are there and those that are added, which stay if they could be."""
         with self._lock:
-            self._known |= {one.child_frame_id: one for one in added.transforms}
-            publish(Transforms(tuple(self._known.values())))
+            known = self._known | {one.child_frame_id: one for one in added.transforms}
+            is_sent = publish(Transforms(tuple(known.values())))
+            if is_sent:
+                self._known = known
+        return is_sent
 
 
 class StaticTransformsOutput(Output):
@@ -112,13 +115,13 @@ class StaticTransformsOutput(Output):
         super().__init__(publisher, latched=True)
         self._frames = frames
 
-    def _send(self, publisher: Publisher, message: Any) -> None:
+    def _send(self, publisher: Publisher, message: Any) -> bool:
         try:
             found = content(message)
         except DamagedMessage as error:
-            self._refuse(publisher, error)
-            return
-        self._frames.publish(found, partial(super()._send, publisher))
+            self._refusals.add(publisher.name, error)
+            return False
+        return self._frames.publish(found, partial(super()._send, publisher))
 
 
 class ImageOutput(Output):
@@ -169,7 +172,7 @@ class ImageOutput(Output):
         try:
             image = content(packet.message)
         except DamagedMessage as error:
-            log.warning("%s: %s", self.name, error)
+            self._refusals.add(self.name, error)
             return
         if self.wants_info:
             self._publish_info(image)
@@ -195,7 +198,7 @@ class ImageOutput(Output):
             assert isinstance(packet.message, Image)
             try:
                 compressed = compress(packet.message)
-            except ValueError as error:
-                log.warning("%s: %s", self._compressed.name, error)
+            except (ValueError, RosVisualiseError) as error:
+                self._refusals.add(self._compressed.name, error)
             else:
                 self._send(self._compressed, compressed)

@@ -123,6 +123,13 @@ class Process:
         there = self.runtime.parameters.items()
         return {self._namespaces[name] or own: parameters for name, parameters in there}
 
+    @property
+    def failed(self) -> bool:
+        """Whether something was lost, by its nodes or on the way to the graph."""
+        runtime = self.runtime
+        is_refused = any(output.refused for output in self._outputs.values())
+        return runtime.failed or runtime.report().is_incomplete or is_refused
+
     def stop(self) -> None:
         """End now, and offer nothing more; what was published last still goes out."""
         for one in (*self._offered, *self._inputs):

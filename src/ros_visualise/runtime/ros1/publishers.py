@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import rospy
+
 from ros_visualise.data import Text
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message
+from ros_visualise.messages.misfits import refused
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros1.raw import RawPublisher
 from ros_visualise.runtime.ros1.registration import set_param
 from ros_visualise.runtime.ros1.transport import Publisher
-from ros_visualise.runtime.ros1.types import TYPES, message_class
+from ros_visualise.runtime.ros1.types import DEFINITIONS, TYPES, message_class
 
 
 def advertise(topic: str, type: TopicType) -> Publisher:
@@ -44,9 +46,15 @@ class MessagePublisher(Publisher):
             DamagedMessage: ROS cannot hold it.
         """
         try:
-            super().publish(to_message(message, TYPES))
-        except ValueError as error:
-            raise DamagedMessage(str(error)) from error
+            super().publish(self._built(message))
+        except rospy.ROSSerializationException as error:
+            raise refused(message, error, DEFINITIONS.store) from error
+
+    def _built(self, message: Any) -> Any:
+        try:
+            return to_message(message, TYPES)
+        except Exception as error:  # its fields hold what they happen to hold
+            raise refused(message, error, DEFINITIONS.store) from error
 
 
 class DescriptionPublisher(MessagePublisher):
@@ -57,5 +65,5 @@ class DescriptionPublisher(MessagePublisher):
 
     def publish(self, message: Text) -> None:
         """Send a description."""
+        super().publish(message)  # where it cannot be, it is no description either
         set_param(self.name, message.text)
-        super().publish(message)

@@ -202,13 +202,15 @@ class _PublisherImpl(topics._PublisherImpl):  # type: ignore[misc]
         with self._order:
             if self.closed:
                 return False
-            if self.is_latch:
-                self.latch = message
             outboxes = [connection_override] if connection_override else self.connections
+            if not (outboxes or self.is_latch):
+                return False
+            parcel = encode(message, self.seq + 1)
+            if self.is_latch:  # what cannot be sent is not kept for those who come later
+                self.latch = message
             if not outboxes:
                 return False
             self.seq += 1
-            parcel = encode(message, self.seq)
             self.dropped += sum(outbox.offer(parcel) for outbox in outboxes)
             self.message_data_sent += parcel.size
             return True

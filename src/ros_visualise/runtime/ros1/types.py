@@ -11,7 +11,8 @@ from genpy.dynamic import generate_dynamic
 from ros_visualise.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
 
-_DEFINITIONS = Definitions("ros1")
+DEFINITIONS = Definitions("ros1")
+"""Those of ROS 1's own types."""
 
 
 class _Types(dict[str, Any]):
@@ -57,7 +58,7 @@ def _installed(type_name: str) -> Any:
 
 def _generated(type_name: str) -> Any:
     """A class made from the type's definition: it has the same MD5, and others understand it."""
-    if not _DEFINITIONS.knows(type_name):
+    if not DEFINITIONS.knows(type_name):
         raise KeyError(type_name)
     name = type_name.replace("/msg/", "/")
-    return generate_dynamic(name, _DEFINITIONS.text(type_name))[name]
+    return generate_dynamic(name, DEFINITIONS.text(type_name))[name]

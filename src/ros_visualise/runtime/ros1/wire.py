@@ -104,5 +104,10 @@ class _Sliceable(np.ndarray[Any, Any]):
 
 def _serialize(message: Any) -> bytes:
     buffer = BytesIO()
-    message.serialize(buffer)
+    try:
+        message.serialize(buffer)
+    except genpy.SerializationError:
+        raise
+    except Exception as error:  # genpy raises what it happens to meet
+        raise genpy.SerializationError(str(error)) from error
     return buffer.getvalue()
