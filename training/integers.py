@@ -13,6 +13,9 @@ from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
+import ros_visualise  # noqa: F401  # before onnxruntime, which sends reports otherwise
+
+# isort: split
 import numpy as np
 import numpy.typing as npt
 import onnx

@@ -20,6 +20,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import ros_visualise  # noqa: F401  # before onnxruntime, which sends reports otherwise
+
+# isort: split
 import cv2
 import numpy as np
 import onnx

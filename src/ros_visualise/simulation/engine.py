@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import importlib
+import logging
 import os
 from typing import Any
 
 from ros_visualise.errors import OpenError
+
+log = logging.getLogger(__name__)
 
 
 def load_mujoco() -> Any:
@@ -25,7 +28,12 @@ def load_mujoco() -> Any:
         raise OpenError(f"MUJOCO_GL={asked} does not work here: {advice}") from None
     if tuple(map(int, mujoco.__version__.split(".")[:2])) < (3, 5):
         raise OpenError(f"the simulator needs MuJoCo 3.5, not {mujoco.__version__}: {_INSTALL}")
+    mujoco.set_mju_user_warning(_warn)  # else it writes a file MUJOCO_LOG.TXT where it stands
     return mujoco
+
+
+def _warn(text: str) -> None:
+    log.warning("MuJoCo: %s", text)
 
 
 def advise_opengl() -> str:
