@@ -85,6 +85,13 @@ def test_a_picture_is_refused_by_its_head(make):
         decompress(CompressedImage(data, "picture"))
 
 
+@pytest.mark.parametrize("make", [png, pgm])
+def test_nobody_is_advised_to_take_more_memory_than_a_computer_has(make):
+    data = np.frombuffer(make(2**31 - 1, 2**31 - 1), np.uint8)
+    with pytest.raises(TooLarge, match="128 MiB are allowed: its size is damaged; copy or make"):
+        decompress(CompressedImage(data, "picture"))
+
+
 @pytest.mark.usefixtures("little_memory")
 @pytest.mark.parametrize(
     "form", [{"depth": 16}, {"color": 3}, {"color": 6}], ids=["16 bit", "palette", "alpha"]

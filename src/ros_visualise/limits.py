@@ -29,6 +29,7 @@ _TEXT_SHARE = 32  # as do lines of text
 _NUMBERS_SHARE = 128  # each is a word, an object and an entry
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
 _OBJECT_BYTES = 256  # one of Python's is half of it, and may be made into another
+_MOST_GIB = 4096  # more than a computer has: who says so has not counted it
 _PLAUSIBLE = 2  # what is packed may always be unpacked to so many times its own size
 _max_memory = DEFAULT_MEMORY
 
@@ -173,6 +174,8 @@ def check_disk(folder: Path, size: int) -> None:
 def _advice(size: int, share: int) -> str:
     needed = math.ceil(size * share / _GIB)
     limit = _written(_max_memory // share)
+    if needed > _MOST_GIB:
+        return f"and {limit} are allowed: its size is damaged; copy or make it again"
     return f"and {limit} are allowed; if you trust it, add --max-memory {needed}G"
 
 

@@ -16,6 +16,7 @@ from ros_visualise.data import (
     Header,
     Image,
 )
+from ros_visualise.errors import TooLarge
 from ros_visualise.messages import from_message, to_message
 
 EVERY = ENCODINGS | MEASUREMENTS
@@ -208,6 +209,19 @@ def test_colours_that_do_not_fit_are_refused(
 ) -> None:
     with pytest.raises(ValueError, match=why):
         from_message(message(encoding, height, width, step, bytes(size)), Image)
+
+
+@pytest.mark.parametrize("name", ["mono8", "bgr8", "nv12", "yuyv", "32FC1"])
+@pytest.mark.parametrize("step", [2**32 - 2, 2**32 - 1, 1, 0])
+def test_a_size_that_its_length_contradicts_is_damage_and_not_too_large(
+    name: str, step: int
+) -> None:
+    wide = message(name, 2**32 - 2, 2**32 - 2, step, bytes(10))
+    with pytest.raises(
+        ValueError, match=r"bytes, but (the message holds 10|its step is)"
+    ) as caught:
+        from_message(wide, Image)
+    assert not isinstance(caught.value, TooLarge)
 
 
 def test_pixels_are_not_copied_on_the_way_in_and_cannot_be_written() -> None:

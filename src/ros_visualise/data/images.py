@@ -112,7 +112,6 @@ class Image(Message):
         """
         if not (message.height and message.width):
             raise ValueError(f"an image of {message.width}x{message.height} pixels")
-        check_image(message.width, message.height, message.step // message.width)
         name = str(message.encoding)
         found = read_header(message.header)
         if name in _YUV422:
@@ -169,6 +168,7 @@ def _rows(message: Any, count: int, row: int) -> Pixels:
             f"{size} with a step of {step} bytes needs {step * count} bytes, but the message holds"
             f" {flat.size}"
         )
+    check_image(message.width, message.height, step // message.width)
     return np.ascontiguousarray(flat.reshape(count, step)[:, :row])
 
 

@@ -21,6 +21,7 @@ log = logging.getLogger(__name__)
 
 C = TypeVar("C", Image, Detections)
 
+_WIDEST = 1 << 16  # pixels; no sensor has so many in a row
 _WANTED = "give a calibration as cameracalibrator writes it (ost.yaml)"
 
 
@@ -163,7 +164,7 @@ def _parse(values: Any) -> CameraInfo:
 
 def _side(values: Mapping[str, Any], name: str) -> int:
     side = values.get(name)
-    if not isinstance(side, int) or side < 1:
+    if isinstance(side, bool) or not isinstance(side, int) or not 0 < side <= _WIDEST:
         raise ValueError(f"no camera calibration: its {name} is {side}")
     return side
 
