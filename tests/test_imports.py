@@ -35,7 +35,7 @@ RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
 """Within the runtime: a room imports those before it; what is not named belongs to the first."""
 
 EVERYWHERE = {
-    *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "pyulog", "tqdm"),
+    *("ros_visualise", "numpy", "cv2", "PIL", "av", "mujoco", "trimesh", "tqdm"),
     *("pyapriltags", "argcomplete"),
     *("rosbags", "mcap", "lz4", "zstandard", "ruamel", "viser", "websockets", "msgspec", "rich"),
     "onnxruntime",

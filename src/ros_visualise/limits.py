@@ -27,6 +27,7 @@ _UNPACKED_SHARE = 16  # small messages take several times their bytes
 _MODEL_SHARE = 4  # its weights may be laid out anew beside those of the file
 _TEXT_SHARE = 32  # as do lines of text
 _NUMBERS_SHARE = 128  # each is a word, an object and an entry
+_LOG_SHARE = 4  # is held twice
 _FRAME_SHARE = 40  # a decoder may keep 16 frames beside the images
 _OBJECT_BYTES = 256  # one of Python's is half of it, and may be made into another
 _MOST_GIB = 4096  # more than a computer has: who says so has not counted it
@@ -120,6 +121,16 @@ def check_file(size: int) -> None:
 def max_memory() -> int:
     """The bytes that this process may take."""
     return _max_memory
+
+
+def check_log(size: int) -> None:
+    """Look at the size of a flight log, which is held as a whole while it is played.
+
+    Raises:
+        TooLarge: it would take too much.
+    """
+    if size > _max_memory // _LOG_SHARE:
+        raise TooLarge(f"a flight log of {_written(size)}, {_advice(size, _LOG_SHARE)}")
 
 
 def check_model(size: int) -> None:

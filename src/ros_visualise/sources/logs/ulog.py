@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -12,20 +10,18 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from pyulog import ULog
-from pyulog.exceptions import ULogException
 
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_log
 from ros_visualise.sources.logs.strays import find_strays
+from ros_visualise.sources.logs.ulog_formats import Format, columns
+from ros_visualise.sources.logs.ulog_records import MAGIC, Records, Topic, UnknownFlags
 from ros_visualise.sources.recordings import Loss
 
 log = logging.getLogger(__name__)
 
-_HEADER_SIZE = 16
-
-Format = list[tuple[str, int, str]]
-"""The fields of a type: what each is of, how many (0: one, no array), and its name."""
+_AGAIN = "copy it again from the vehicle"
 
 
 class Table:
@@ -37,7 +33,8 @@ class Table:
     """
 
     def __init__(self, name: str, columns: Mapping[str, npt.NDArray[Any]]) -> None:
-        order = np.argsort(columns["timestamp"], kind="stable")
+        times = columns["timestamp"]
+        order = slice(None) if _is_sorted(times) else np.argsort(times, kind="stable")
         self.name = name
         self._columns = {field: values[order] for field, values in columns.items()}
         self.times_us = self._columns["timestamp"].astype(np.int64)
@@ -109,48 +106,50 @@ def read_ulog(path: Path, names: Collection[str]) -> Log:
     Raises:
         OpenError: it is no ULog file.
     """
-    found = _parse(path)
-    there = [one for one in found.data_list if len(one.data["timestamp"])]
-    columns = {one.name: one.data for one in there if one.multi_id == 0 and one.name in names}
-    loss = Loss()
-    if found.file_corruption:
-        loss.notes.append("parts are damaged and were left out")
-    elif cut := _cut_bytes(path):
-        loss.notes.append(f"cut off within its last message, of which {cut} bytes are there")
-    for drop in found.dropouts:
-        log.info("%s: the vehicle itself recorded nothing for %d ms", path, drop.duration)
-    tables = _without_strays(columns, loss)
-    return Log(
-        tables, {_called(one): Table(one.name, one.data) for one in there}, _formats(found), loss
-    )
+    records = _read(path)
+    topics = {_called(one): columns(one.layout, one.samples) for one in records.topics}
+    firsts = {name: one for name, one in topics.items() if name in names}
+    loss = _loss(records)
+    for length_ms in records.dropouts_ms:
+        log.info("%s: the vehicle itself recorded nothing for %d ms", path, length_ms)
+    tables = _without_strays(firsts, loss)
+    called = {_called(one): one.name for one in records.topics}
+    every = {name: Table(called[name], one) for name, one in topics.items()}
+    return Log(tables, every, records.formats.by_name, loss)
 
 
-def _called(one: Any) -> str:
-    return f"{one.name}_{one.multi_id}" if one.multi_id else str(one.name)
+def _called(one: Topic) -> str:
+    return f"{one.name}_{one.instance}" if one.instance else one.name
 
 
-def _formats(found: ULog) -> dict[str, Format]:
-    return {
-        name: [field for field in described.fields if not field[2].startswith("_padding")]
-        for name, described in found.message_formats.items()
-    }
+def _is_sorted(times: npt.NDArray[Any]) -> bool:
+    return bool((times[:-1] <= times[1:]).all())
 
 
-def _parse(path: Path) -> ULog:
-    said = io.StringIO()  # the library prints what it finds damaged
+def _read(path: Path) -> Records:
     try:
-        with contextlib.redirect_stdout(said), path.open("rb") as file:
-            return ULog(file)
-    except OSError:
-        raise
-    except ULogException as error:
-        raise OpenError(
-            f"{path}: cannot be read: {error}; copy it again from the vehicle"
-        ) from None
-    except Exception as error:  # and raises what it happens to meet in a file that is damaged
-        raise OpenError(
-            f"{path}: too damaged to be read; copy it again from the vehicle"
-        ) from error
+        check_log(path.stat().st_size)
+        data = path.read_bytes()
+        if not data.startswith(MAGIC):
+            raise OpenError(f"{path}: not a flight log; {_AGAIN}")
+        return Records(data)
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
+    except UnknownFlags:
+        raise OpenError(f"{path}: of a later version of ULog; {_AGAIN}, or update this") from None
+
+
+def _loss(records: Records) -> Loss:
+    loss = Loss(records.strangers, records.damaged + records.cut)
+    if records.damaged:
+        loss.notes.append(f"{records.damaged} damaged bytes skipped")
+    if records.strangers:
+        loss.notes.append(f"{records.strangers} samples of topics that it does not describe")
+    if records.cut:
+        loss.notes.append(
+            f"cut off within its last message, of which {records.cut} bytes are there"
+        )
+    return loss
 
 
 def _without_strays(columns: Mapping[str, Mapping[str, Any]], loss: Loss) -> dict[str, Table]:
@@ -165,15 +164,3 @@ def _without_strays(columns: Mapping[str, Mapping[str, Any]], loss: Loss) -> dic
         for name, values in columns.items()
     }
     return {name: Table(name, values) for name, values in kept.items() if len(values["timestamp"])}
-
-
-def _cut_bytes(path: Path) -> int:
-    """How much there is of a last message that is not whole: each says its size first."""
-    data = np.memmap(path, np.uint8, "r")
-    place, end = _HEADER_SIZE, len(data)
-    while place + 3 <= end:
-        following = place + 3 + int(data[place]) + 256 * int(data[place + 1])
-        if following > end:
-            break
-        place = following
-    return end - place
