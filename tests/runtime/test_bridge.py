@@ -151,6 +151,26 @@ def _dropped(diagnostics: DiagnosticArray) -> int:
     return int(diagnostics.statuses[0].values.get("dropped/queue", 0))
 
 
+def test_one_refused_image_does_not_hide_the_next_reason(
+    hub: Hub, peer: Peer, caplog: pytest.LogCaptureFixture
+) -> None:
+    with hub.running("filters"):
+        diagnostics = peer.hear("/diagnostics", DiagnosticArray)
+        images = peer.advertise("/controlled_stream", Image)
+        wait_for(lambda: images.connections, "the node")
+        refuse = hub.topics["/controlled_stream"].subscribers[0]._refuse
+        for why in ("no size", "no size", "no encoding", *(f"fault {n}" for n in range(100))):
+            refuse(why)
+
+        def refused() -> str | None:
+            return diagnostics and diagnostics[-1].statuses[0].values.get("dropped/damaged")
+
+        assert wait_for(refused, "a report") == "103"
+    assert caplog.text.count("no size") == 1
+    assert caplog.text.count("no encoding") == 1
+    assert len(caplog.records) < 12
+
+
 def test_a_message_that_cannot_be_sent_is_counted_and_the_node_goes_on(
     hub: Hub, peer: Peer, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -21,6 +21,7 @@ Feed = Callable[[Any], None]
 """Takes the messages of one topic."""
 
 _SAY_AGAIN_S = 10.0
+_REASONS = 8
 _INFO_WAIT_S = 1.0  # of the first image for its calibration
 _LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one image at most
 
@@ -42,7 +43,7 @@ class Input:
         self.refused = 0
         self._name = middleware.resolve(name)
         self._feed = feed
-        self._said_s = -_SAY_AGAIN_S
+        self._said_s: dict[str, float] = {}
         self._subscriber = middleware.subscribe(name, kind, self._take, self._refuse)
 
     @property
@@ -57,9 +58,12 @@ class Input:
             self._refuse(str(error))
 
     def _refuse(self, why: str) -> None:
+        """Count a dropped message; each of the first few reasons is said now and then."""
         self.refused += 1
-        if time.monotonic() - self._said_s >= _SAY_AGAIN_S:
-            self._said_s = time.monotonic()
+        is_known = why in self._said_s or len(self._said_s) < _REASONS
+        reason, now_s = why if is_known else "", time.monotonic()
+        if now_s - self._said_s.get(reason, -_SAY_AGAIN_S) >= _SAY_AGAIN_S:
+            self._said_s[reason] = now_s
             log.warning("%s: %s", self._name, why)
 
     def close(self) -> None:

@@ -210,17 +210,18 @@ class Process:
                 for topic in node.outputs.values()
             }
             name = f"{own}/{self._namespaces[node.name]}".rstrip("/")
-            found = self._with_skipped(node, report.nodes[node.name])
+            found = self._with_lost(node, report.nodes[node.name])
             statuses[name] = NodeStatus(found, node.inputs, outputs)
         return statuses
 
-    def _with_skipped(self, node: Member, report: NodeReport) -> NodeReport:
-        """A node's part of the report, with what was skipped on the way to it as well."""
-        inputs = zip(self._graph.inputs, self._inputs, strict=False)  # which are opened last
-        taken = node.inputs.values()
-        skipped = sum(one.dropped for name, one in inputs if name in taken)
-        dropped = Counter(report.dropped) + Counter(queue=skipped)
-        return replace(report, received=report.received + skipped, dropped=dict(dropped))
+    def _with_lost(self, node: Member, report: NodeReport) -> NodeReport:
+        """A node's part of the report, with what was lost on the way to it as well."""
+        opened = zip(self._graph.inputs, self._inputs, strict=False)  # they are opened last
+        inputs = [one for name, one in opened if name in node.inputs.values()]
+        skipped, refused = sum(one.dropped for one in inputs), sum(one.refused for one in inputs)
+        dropped = Counter(report.dropped) + Counter(queue=skipped, damaged=refused)
+        received = report.received + skipped + refused
+        return replace(report, received=received, dropped=dict(dropped))
 
 
 def _outside(topic: str) -> str:

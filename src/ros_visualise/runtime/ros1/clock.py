@@ -10,25 +10,9 @@ import rospy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
 
-_STEP_S = 0.005
 _PERIOD_S = 0.01
-
-
-class SimClock:
-    """The time that somebody publishes on /clock."""
-
-    def now_ns(self) -> int:
-        """Nanoseconds as /clock has them; 0 until it has come."""
-        return int(rospy.Time.now().to_nsec())
-
-    def monotonic_ns(self) -> int:
-        """The same: playing keeps to simulated time, at whatever speed that passes."""
-        return self.now_ns()
-
-    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
-        """Wait for a notification, or look at the clock again."""
-        condition.wait(None if until_ns is None else _STEP_S)
 
 
 class ClockPublisher:
@@ -60,4 +44,6 @@ class ClockPublisher:
 
 def ros_clock() -> Clock:
     """Simulated time where ``/use_sim_time`` is set, else the time of day."""
-    return SimClock() if rospy.get_param("/use_sim_time", False) else WallClock()
+    if not rospy.get_param("/use_sim_time", False):
+        return WallClock()
+    return SimulatedClock(lambda: int(rospy.Time.now().to_nsec()))

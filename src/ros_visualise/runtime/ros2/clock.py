@@ -12,33 +12,15 @@ from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
 from ros_visualise.rate import Clock, WallClock
+from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
 from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)
 
-_STEP_S = 0.005
+_LOOK_S = 0.1
 _PERIOD_S = 0.01
 _PATIENCE_S = 15.0  # a simulation may take as long before it begins
 _NS = 1_000_000_000
-
-
-class SimClock:
-    """The time that somebody publishes on /clock."""
-
-    def __init__(self, node: Node) -> None:
-        self._clock = node.get_clock()
-
-    def now_ns(self) -> int:
-        """Nanoseconds as /clock has them; 0 until it has come."""
-        return int(self._clock.now().nanoseconds)
-
-    def monotonic_ns(self) -> int:
-        """The same: playing keeps to simulated time, at whatever speed that passes."""
-        return self.now_ns()
-
-    def wait(self, condition: threading.Condition, until_ns: int | None) -> None:
-        """Wait for a notification, or look at the clock again."""
-        condition.wait(None if until_ns is None else _STEP_S)
 
 
 class ClockPublisher:
@@ -69,7 +51,8 @@ class ClockPublisher:
 
 def ros_clock(node: Node) -> Clock:
     """Simulated time where ``use_sim_time`` is set, else the time of day."""
-    return SimClock(node) if uses_sim_time(node) else WallClock()
+    clock: Any = node.get_clock()
+    return SimulatedClock(lambda: clock.now().nanoseconds) if uses_sim_time(node) else WallClock()
 
 
 def uses_sim_time(node: Node) -> bool:
@@ -85,8 +68,8 @@ def watch_clock(node: Node, is_over: Callable[[], bool]) -> None:
         if time.monotonic() > end_s:
             log.warning(
                 "use_sim_time is set, and nobody publishes /clock: no time passes; if nobody is"
-                " going to: ros2 param set %s use_sim_time false, and start this node again",
+                " going to: start %s again with -p use_sim_time:=false",
                 node.get_fully_qualified_name(),
             )
             return
-        time.sleep(_STEP_S * 20)
+        time.sleep(_LOOK_S)

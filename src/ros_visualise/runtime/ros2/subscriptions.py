@@ -80,8 +80,7 @@ class Subscriber:
         self._sent_ns: deque[int] = deque(maxlen=_KEPT)
         self._closed = threading.Event()
         self._wake = GuardCondition(None, None, session.context)
-        qos = QoS(max(kind.waiting, _LEAST), reliable=False)
-        self._asked = self._wanted(_Asked(type_name(kind), qos))
+        self._asked = self._wanted(_Asked(type_name(kind), QoS(max(kind.waiting, _LEAST))))
         self._open = [self._subscribe(self._asked)]
         self._changed_s = time.monotonic()
         self._known: frozenset[int] = frozenset()
@@ -167,14 +166,14 @@ class Subscriber:
         self._open.append(opened)
 
     def _wanted(self, asked: _Asked) -> _Asked:
-        """What all publishers offer; where there are none, what was asked for until now."""
+        """What all publishers offer; where there are none, what the next ones will fit."""
         there = [
             one
             for one in self._session.node.get_publishers_info_by_topic(self.name)
             if data_class(one.topic_type) is self._kind
         ]
         if not there:
-            return asked
+            return asked._replace(qos=QoS(asked.qos.depth, reliable=False))
         qos = fitting([one.qos_profile for one in there], asked.qos.depth)
         return _Asked(there[0].topic_type, qos)
 
