@@ -80,6 +80,32 @@ def test_they_are_described_and_set_as_one_whole_or_refused_with_a_reason(pipeli
     assert (low_now.integer_value, gray.bool_value) == (40, False)
 
 
+def test_values_are_taken_as_yaml_reads_them_and_the_time_stays(pipeline: Asked):
+    for off in (False, "off"):
+        assert pipeline.set(filters__blur="gaussian").successful
+        assert pipeline.set(filters__blur=off).successful
+        assert pipeline.get("filters.blur")[0].string_value == "off"
+    assert pipeline.set(filters__scale=1, edge_detector__low=33.0).successful
+    scale, low = pipeline.get("filters.scale", "edge_detector.low")
+    assert (scale.double_value, low.integer_value) == (1.0, 33)
+    assert "choose one of off" in pipeline.set(filters__blur=3).reason
+    assert pipeline.set(use_sim_time=False).successful
+    refused = pipeline.set(use_sim_time=True)
+    assert "start it again with -p use_sim_time:=true" in refused.reason
+    assert not pipeline.get("use_sim_time")[0].bool_value
+
+
+def test_options_that_a_node_has_no_use_for_are_no_parameters(
+    start: Callable[..., Any], ros2: Ros2
+):
+    start("filters")
+    asked = Asked(ros2, "/filters")
+    wait_for(lambda: "gray" in asked.names(), "its parameters")
+    unused = {"host", "port", "window", "allow_origin", "start", "duration", "clock"}
+    assert not unused & set(asked.names())
+    assert {"view", "image_transport", "record_dir"} <= set(asked.names())
+
+
 def test_a_change_is_told_of_once_and_options_are_among_them(pipeline: Asked, ros2: Ros2):
     [source, nodes] = pipeline.describe("source", "nodes")
     assert source.read_only

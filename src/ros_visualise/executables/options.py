@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,15 +34,16 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
     Raises:
         UsageError: an option is of the wrong type.
     """
-    options = ViewOptions(
-        host=str(middleware.option("host", "127.0.0.1")),
-        port=int(_number(middleware, "port", 8080)),
-        origins=named_in(middleware, "allow_origin", "none"),
-        record_dir=Path(middleware.find_file(str(middleware.option("record_dir", ".")))),
-        place=str(middleware.option("window", "")),
-        flag=middleware.flag,
-    )
-    return str(middleware.option("view", default)), options
+    name = str(middleware.option("view", default))
+    folder = Path(middleware.find_file(str(middleware.option("record_dir", "."))))
+    options = ViewOptions(record_dir=folder, flag=middleware.flag)
+    if name == "web":
+        host, port = str(middleware.option("host", "127.0.0.1")), _number(middleware, "port", 8080)
+        origins = named_in(middleware, "allow_origin", "none")
+        options = replace(options, host=host, port=int(port), origins=origins)
+    elif name == "windows":
+        options = replace(options, place=str(middleware.option("window", "")))
+    return name, options
 
 
 def choose_image_transport(middleware: Middleware) -> bool:

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import (
     choose_image_transport,
@@ -79,7 +80,8 @@ def run_graph(
     try:
         graph = _configured(middleware, graph, namespaces, options)
         playback = _playback(middleware, graph, view.stays)
-        compressed = choose_image_transport(middleware)
+        takes_images = Image in graph.inputs.values()
+        compressed = takes_images and choose_image_transport(middleware)
         made = partial(Process, middleware, graph, playback, namespaces, compressed)
         process = opened(middleware, made)
     except (RosVisualiseError, KeyboardInterrupt):

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Mapping
+from enum import Enum
 from typing import Any
 
 from ros_visualise.errors import ParameterError
-from ros_visualise.params import Spec, specs
+from ros_visualise.params import Spec, Value, specs
 
 log = logging.getLogger(__name__)
 
-_YAML_WORDS = {"True": ("on", "yes", "true"), "False": ("off", "no", "false")}
+_YAML_WORDS = {"True": ("on", "yes", "true", "y"), "False": ("off", "no", "false", "n")}
+_NAMED = 5
 
 
 def given_values(
     params: type, given: Mapping[str, Any], known: Iterable[str], where: str
 ) -> dict[str, Any]:
-    """Those of declared parameters; what else is given is worth a warning.
+    """Those of declared parameters; what else is given is worth one warning.
 
     Args:
         params: the dataclass that declares them.
@@ -30,11 +32,12 @@ def given_values(
     """
     declared = {spec.name: spec for spec in specs(params)}
     names = [*declared, *known]
-    for name in given:
-        if name not in names:
-            there = ", ".join(names) or "none"
-            log.warning("no parameter %s%s; there are %s", where, name, there)
-    return {name: _value(spec, given[name]) for name, spec in declared.items() if name in given}
+    unknown = [f"{where}{name}" for name in given if name not in names]
+    if unknown:
+        more = f" and {len(unknown) - _NAMED} more" if len(unknown) > _NAMED else ""
+        text, there = ", ".join(unknown[:_NAMED]), ", ".join(names) or "none"
+        log.warning("ignored unknown parameters: %s%s; known: %s", text, more, there)
+    return {name: read(spec, given[name]) for name, spec in declared.items() if name in given}
 
 
 def spelled(spec: Spec, value: Any) -> Any:
@@ -43,7 +46,12 @@ def spelled(spec: Spec, value: Any) -> Any:
     return next((choice for choice in spec.choices if choice in words), value)
 
 
-def _value(spec: Spec, value: Any) -> Any:
-    if isinstance(value, dict | list):
+def read(spec: Spec, value: Any) -> Value:
+    """The value of a parameter, as people, YAML and ROS write it.
+
+    Raises:
+        ParameterError: it is of the wrong type or out of its range.
+    """
+    if not isinstance(value, bool | int | float | str | Enum):
         raise ParameterError(f"{spec.name}={value}: must be a single value")
     return spec.coerce(spelled(spec, value))

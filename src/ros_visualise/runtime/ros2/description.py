@@ -15,7 +15,9 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 
+from ros_visualise.errors import ParameterError
 from ros_visualise.params import Spec, Value
+from ros_visualise.runtime.bridge.given import read
 
 _MIN_INT, _MAX_INT = -(2**63), 2**63 - 1
 _MAX_FLOAT = sys.float_info.max
@@ -72,6 +74,14 @@ def plain(spec: Spec, value: Value) -> bool | int | float | str:
         return min(max(int(held), _MIN_INT), _MAX_INT)
     converted: bool | int | float | str = kind(held)
     return converted
+
+
+def wanted(spec: Spec, value: Any) -> Any:
+    """A value that is asked for, as ROS 2 holds it; as it is where it has to be refused."""
+    try:
+        return plain(spec, read(spec, value))
+    except ParameterError:
+        return str(value) if _kind(spec) is str else value
 
 
 def to_parameters(prefix: str, declared: Iterable[Spec], params: Any) -> list[Parameter]:

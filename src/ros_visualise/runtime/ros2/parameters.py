@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, specs
-from ros_visualise.runtime.ros2.description import describe, to_parameters
+from ros_visualise.runtime.ros2.clock import uses_sim_time
+from ros_visualise.runtime.ros2.description import describe, to_parameters, wanted
 from ros_visualise.runtime.ros2.session import Session
 
 log = logging.getLogger(__name__)
@@ -21,6 +22,7 @@ log = logging.getLogger(__name__)
 MEMBERS = "members"
 """The parameter that names the nodes of a process, which the names of their own begin with."""
 
+_SIM_TIME = "use_sim_time"
 _CLOSE_S = 0.5
 _AGAIN_S = 0.5
 
@@ -39,6 +41,7 @@ class ParameterDesk:
         self._shown: dict[str, Any] = {}
         self._pushing = threading.local()
         self.lock = threading.RLock()
+        self.node.convert = self._converted
         self.node.add_on_set_parameters_callback(self._on_set)
 
     def expect(self, namespace: str) -> None:
@@ -98,10 +101,21 @@ class ParameterDesk:
         finally:
             self._pushing.on = False
 
+    def _converted(self, asked: Parameter) -> Parameter:
+        for served in self._served.values():
+            if asked.name in served.told:
+                return served.converted(asked)
+        return asked
+
     def _on_set(self, asked: list[Parameter]) -> SetParametersResult:
         """Apply what is asked for as one whole, or refuse it and say why."""
         if getattr(self._pushing, "on", False):
             return SetParametersResult(successful=True)
+        for one in asked:
+            if one.name == _SIM_TIME and one.value != uses_sim_time(self.node):
+                again = f"start it again with -p {_SIM_TIME}:={str(one.value).lower()}"
+                reason = f"{_SIM_TIME} is read when the node starts; {again}"
+                return SetParametersResult(successful=False, reason=reason)
         changes: dict[ServedParameters, dict[str, Any]] = defaultdict(dict)
         for one in asked:
             for served in self._served.values():
@@ -152,6 +166,12 @@ class ServedParameters:
         self._forget = parameters.on_change(lambda *_: self._changed.set())
         name = f"parameters {prefix}".rstrip(" .")
         self._thread = desk.session.start(self._follow, name, again_s=_AGAIN_S)
+
+    def converted(self, asked: Parameter) -> Parameter:
+        """What is asked for in the declared type; as it is where that cannot be, to be refused."""
+        name = asked.name.removeprefix(self.prefix)
+        spec = next(one for one in self._specs if one.name == name)
+        return Parameter(asked.name, value=wanted(spec, asked.value))
 
     def close(self) -> None:
         """Offer them no longer; more than once does no harm."""

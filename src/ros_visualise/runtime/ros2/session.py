@@ -25,6 +25,7 @@ from ros_visualise import supervision
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.runtime.middleware import Handle
 from ros_visualise.runtime.ros2.cyclone import configure
+from ros_visualise.runtime.ros2.graph_node import GraphNode
 
 _PACKAGE = "package://"
 _ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
@@ -57,7 +58,7 @@ class Session:
             rclpy.init(
                 args=args, context=self._context, signal_handler_options=SignalHandlerOptions.NO
             )
-            self.node = Node(name, context=self._context)
+            self.node = GraphNode(name, context=self._context)
         except (RuntimeError, NameValidationException) as error:
             raise UsageError(_first_line(error)) from None
         self._executor = MultiThreadedExecutor(_THREADS, context=self._context)
