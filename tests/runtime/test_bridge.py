@@ -16,6 +16,7 @@ from waiting import wait_for
 
 from ros_visualise.data import (
     CameraInfo,
+    CompressedImage,
     DiagnosticArray,
     Header,
     Image,
@@ -97,6 +98,34 @@ def test_an_image_brings_its_calibration_to_whoever_wants_it(hub: Hub, peer: Pee
         wait_for(comes, "the calibration")
     assert heard[0].K[0, 0] == 7
     assert heard[0].header == IMAGE.header
+
+
+def test_a_camera_display_finds_the_calibration_beside_the_image(
+    hub: Hub, peer: Peer, tmp_path: Path
+) -> None:
+    """As image_transport looks for it: ``camera_info`` in the namespace of the image."""
+    info = CameraInfo(4, 6, np.diag([7.0, 7, 1]), header=IMAGE.header)
+    with hub.running("filters", flip="horizontal"):
+        calibrations = peer.advertise("/controlled_stream/camera_info", CameraInfo)
+        images = peer.advertise("/controlled_stream", Image)
+        topics = ["processed_image", "processed_image/image", "processed_image/image/compressed"]
+        kinds = [Image, Image, CompressedImage]
+        heard = [peer.hear(f"/{topic}", kind) for topic, kind in zip(topics, kinds, strict=True)]
+        infos = peer.hear("/processed_image/camera_info", CameraInfo)
+        wait_for(lambda: calibrations.connections, "the node to ask for the calibration")
+
+        def comes() -> bool:
+            calibrations.publish(info)
+            images.publish(IMAGE)
+            return bool(infos and all(heard))
+
+        wait_for(comes, "the image under all its names, and its calibration")
+        with closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer:
+            wait_for(lambda: "/processed_image" in viewer.graph.topics, "the topic")
+            assert "/processed_image/image" not in viewer.graph.topics
+    own, beside, _ = (messages[0] for messages in heard)
+    assert np.array_equal(own.pixels, beside.pixels)
+    assert infos[0].header == own.header == beside.header
 
 
 def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer) -> None:

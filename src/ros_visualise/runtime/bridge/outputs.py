@@ -16,6 +16,7 @@ from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
+from ros_visualise.runtime.bridge.namesakes import advertise, image_names
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.refusals import Refusals
@@ -144,11 +145,12 @@ class ImageOutput(Output):
         is_camera: bool,
         in_haste: Callable[[], bool],
     ) -> None:
-        super().__init__(middleware.advertise(name, TopicType(type_name(Image))))
+        names = [name, *image_names(resolved)[1:]]
+        super().__init__(advertise(middleware, names, TopicType(type_name(Image))))
         self._in_haste = in_haste
         self._info = middleware.advertise(info_topic(resolved), CAMERA_INFO)
-        compressed = TopicType(type_name(CompressedImage))
-        self._compressed = middleware.advertise(f"{resolved}/compressed", compressed)
+        compressed = [f"{one}/compressed" for one in image_names(resolved)]
+        self._compressed = advertise(middleware, compressed, TopicType(type_name(CompressedImage)))
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
         threading.Thread(

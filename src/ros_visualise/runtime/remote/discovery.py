@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from ros_visualise.data import (
@@ -15,6 +15,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.logs import Log, Ros1Log
 from ros_visualise.messages import data_class, type_name
+from ros_visualise.runtime.bridge.namesakes import image_names
 from ros_visualise.runtime.middleware import Listing
 
 _COMPRESSED = type_name(CompressedImage)
@@ -55,9 +56,12 @@ def survey(listing: Listing, own: str) -> Sight:
     """
     kinds = listing.types.items()
     shown = {topic: cls for topic, kind in kinds if (cls := data_class(kind)) in _SHOWN and cls}
+    again = _again(shown, dict(listing.publishers))
+    shown = {topic: cls for topic, cls in shown.items() if topic not in again}
     compressed = {t.rpartition("/")[0] for t, kind in kinds if kind == _COMPRESSED} & shown.keys()
     published = _pairs(listing.publishers)
     taken = [(_base(topic, compressed), node) for topic, node in _pairs(listing.subscribers)]
+    taken = [(again.get(topic, topic), node) for topic, node in taken]
     there = {node for _, node in published + taken} | listing.parameters.keys()
     peers = []
     for name in sorted(name for name in there if _is_seen(name, own)):
@@ -71,6 +75,16 @@ def survey(listing: Listing, own: str) -> Sight:
             peers.append(peer)
     told = {name: _TOLD[kind] for name, kind in kinds if kind in _TOLD and name != _TOLD_AGAIN}
     return Sight(tuple(peers), shown, told, frozenset(compressed))
+
+
+def _again(shown: Mapping[str, type], publishers: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """The topics on which nodes publish the images of another topic once more, with that."""
+    found = {}
+    for topic in [topic for topic, kind in shown.items() if kind is Image]:
+        for again in image_names(topic)[1:]:
+            if again in shown and publishers.get(again) == publishers.get(topic):
+                found[again] = topic
+    return found
 
 
 def _pairs(ends: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, str]]:

@@ -1,0 +1,75 @@
+"""Images under the names that image_transport and rviz expect, beside their own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from ros_visualise.messages.calibrations import info_topic
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.middleware import Middleware, Publisher
+
+
+def image_names(topic: str) -> tuple[str, ...]:
+    """The names under which an image is published: the last of them is beside its calibration.
+
+    image_transport and rviz's Camera display take the calibration from ``camera_info`` in the
+    image's own namespace. That of ``/edges`` is ``/edges/camera_info``, as several images share the
+    namespace, so ``/edges`` is ``/edges/image`` as well.
+    """
+    room = info_topic(topic).rpartition("/")[0]
+    return (topic, f"{topic}/image") if room == topic else (topic,)
+
+
+def advertise(middleware: Middleware, topics: Sequence[str], type: TopicType) -> Publisher:
+    """Publish the same messages on several topics; see `Middleware.advertise`."""
+    made = [middleware.advertise(topic, type) for topic in topics]
+    return made[0] if len(made) == 1 else _Namesakes(made)
+
+
+class _Namesakes:
+    """Publishers of the same messages; called as the first of them is."""
+
+    def __init__(self, publishers: Sequence[Publisher]) -> None:
+        self._publishers = publishers
+
+    @property
+    def name(self) -> str:
+        """The full name of the first topic."""
+        return self._publishers[0].name
+
+    @property
+    def connections(self) -> int:
+        """How many subscribers there are, of all names together."""
+        return sum(one.connections for one in self._publishers)
+
+    @property
+    def dropped(self) -> int:
+        """Messages that a subscriber had no time for."""
+        return sum(one.dropped for one in self._publishers)
+
+    def publish(self, message: Any) -> None:
+        """Send a message to the subscribers of each name."""
+        for one in self._awaited():
+            one.publish(message)
+
+    def flush(self, timeout_s: float) -> None:
+        """Wait until everybody who reads on has been sent the last message."""
+        end_s = time.monotonic() + timeout_s
+        for one in self._awaited():
+            one.flush(max(end_s - time.monotonic(), 0))
+
+    def wait_for_room(self, timeout_s: float) -> None:
+        """Wait until there is a subscriber of each name that is used, with no message waiting."""
+        end_s = time.monotonic() + timeout_s
+        for one in self._awaited():
+            one.wait_for_room(max(end_s - time.monotonic(), 0))
+
+    def close(self) -> None:
+        """Leave all of the topics."""
+        for one in self._publishers:
+            one.close()
+
+    def _awaited(self) -> list[Publisher]:
+        return [one for one in self._publishers if one.connections]
