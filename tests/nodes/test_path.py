@@ -417,6 +417,24 @@ def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
     assert runtime.report().nodes["path"].own["refused"] == 1
 
 
+@pytest.mark.parametrize("without", [0, 1, 2])
+def test_a_pose_without_a_timestamp_costs_itself_alone_and_is_reported(runtime, caplog, without):
+    subscription = runtime.subscribe("/path")
+    for x in range(4):
+        message = odometry(x, time_s=5 + x)
+        if x == without:
+            message = replace(message, header=Header(0, "odom"))
+        runtime.publish("/odom", message)
+        path = subscription.take(0.3 if 0 < x == without else 5)
+        assert (path is None) == (0 < x == without)
+    kept = [x for x in range(4) if x != without]
+    assert path.positions_xyz[:, 0].tolist() == kept
+    own = runtime.report().nodes["path"].own
+    assert (own["refused"], own["duration_s"]) == (1, kept[-1] - kept[0])
+    said = [line for line in caplog.messages if "without a timestamp" in line]
+    assert len(said) == 1
+
+
 def test_the_last_poses_are_published_though_no_message_follows(runtime):
     runtime.parameters["path"].update({"rate": 5.0})
     subscription = runtime.subscribe("/path", depth=10)

@@ -1,12 +1,13 @@
 """Simulated time that nobody publishes is said; where the launch file starts a clock, it is not."""
 
 import subprocess
+import time
 
 import pytest
 import rosgraph
 import rospy
 from ros_graph import end, wait_for
-from rosgraph_msgs.msg import Clock
+from rosgraph_msgs.msg import Clock, Log
 from std_msgs.msg import String
 
 from ros_visualise.data import Text
@@ -22,33 +23,64 @@ LAUNCH = """<launch>
 </launch>"""
 LATE = "sh -c 'sleep 5; exec &quot;$0&quot; &quot;$@&quot;'"
 WORDS = "nobody publishes /clock"
+LONGER_THAN_ITS_PATIENCE_S = 4
 
 
-@pytest.fixture
-def launched(workspace, tmp_path):
+class Launched:
+    """A launch that ends with the test."""
+
+    def __init__(self, environment, *args):
+        self.process = subprocess.Popen(
+            ["roslaunch", *args],
+            env=environment,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+        )
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        end(self.process)
+        rospy.delete_param("/use_sim_time")
+
+
+def test_a_clock_that_starts_late_is_waited_for(workspace, hear, tmp_path):
     bag = tmp_path / "words.bag"
     with open_recorder(str(bag), {"/words": TopicType("std_msgs/msg/String")}) as recorder:
         for second in range(1, 30):
             recorder.write("/words", Text(str(second)), second * 10**9)
     launch = tmp_path / "late.launch"
     launch.write_text(LAUNCH.format(bag=bag, late=LATE))
-    process = subprocess.Popen(
-        ["roslaunch", str(launch)],
-        env=workspace.environment,
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-    )
-    yield process
-    end(process)
-    rospy.delete_param("/use_sim_time")
-
-
-def test_a_clock_that_starts_late_is_waited_for(launched, hear):
     clock, words = hear("/clock", Clock), hear("/words", String)
-    clock.wait(3)
-    words.wait(1)
-    assert WORDS not in end(launched)
+    with Launched(workspace.environment, str(launch)) as launched:
+        clock.wait(3)
+        words.wait(1)
+        assert WORDS not in end(launched.process)
+
+
+def test_an_ordinary_start_of_a_simulator_says_nothing(workspace, hear):
+    pytest.importorskip("mujoco", reason="pip install 'ros_visualise[sim]' to run this")
+    clock = hear("/clock", Clock)
+    args = ("ros_visualise", "main_path.launch", "view:=none", "rviz:=false")
+    with Launched(workspace.environment, *args) as launched:
+        clock.wait(3)
+        assert WORDS not in end(launched.process)
+
+
+def test_a_publisher_of_the_clock_that_has_no_time_yet_is_waited_for(start, hear):
+    rospy.set_param("/use_sim_time", True)
+    opening = rospy.Publisher("/clock", Clock, queue_size=1)  # of this process, which answers
+    log = hear("/rosout", Log)
+    try:
+        start("filters")
+        time.sleep(LONGER_THAN_ITS_PATIENCE_S)
+        assert not [line.msg for line in log.messages if WORDS in line.msg]
+        opening.unregister()
+        wait_for(lambda: [line for line in log.messages if WORDS in line.msg], WORDS)
+    finally:
+        rospy.delete_param("/use_sim_time")
 
 
 def test_a_clock_that_is_none_is_said(start, workspace):

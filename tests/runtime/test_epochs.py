@@ -31,17 +31,25 @@ def test_time_jumps_where_stamps_go_back_by_more_than_a_second():
     ]
 
 
+def test_messages_without_a_stamp_are_no_jump():
+    stamps = [5, 0, 5.1, 0, 0, 5.2, 1, 0, 1.1]
+    assert epochs_of(("a", stamp, 10 * n) for n, stamp in enumerate(stamps)) == [
+        *(0, 0, 0, 0, 0, 0),
+        *(1, 1, 1),
+    ]
+
+
 def test_topics_that_jump_one_after_the_other_jump_once():
     messages = [
         *(("a", 30, 30), ("b", 30, 30), ("c", 29.9, 30)),
-        *(("a", 0, 30.1), ("b", 30.1, 30.1), ("c", 0.1, 30.2), ("b", 0.2, 30.3)),
+        *(("a", 0.05, 30.1), ("b", 30.1, 30.1), ("c", 0.1, 30.2), ("b", 0.2, 30.3)),
         *(("a", 1, 31.1), ("b", 1, 31.1), ("c", 1, 31.2)),
     ]
     assert epochs_of(messages) == [0, 0, 0, 1, 0, 1, 1, 1, 1, 1]
 
 
 def test_a_topic_that_has_not_jumped_takes_part_again_after_a_second():
-    messages = [("a", 30, 30), ("other clock", 500, 30), ("a", 0, 30.1)]
+    messages = [("a", 30, 30), ("other clock", 500, 30), ("a", 0.05, 30.1)]
     later = [("other clock", 500.2, 30.2), ("other clock", 502, 32), ("other clock", 503, 33)]
     assert epochs_of(messages + later) == [0, 0, 1, 0, 1, 1]
 

@@ -11,7 +11,7 @@ from functools import partial
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.executables.options import OPTIONS, named_in
-from ros_visualise.executables.running import opened, publish_time, run_graph
+from ros_visualise.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.player import player
@@ -36,6 +36,7 @@ def run_player(middleware: Middleware) -> int:
     path = middleware.find_file(str(middleware.option("path", "")))
     if not path:
         raise OpenError(f"give the recording: {middleware.flag.format('path', 'FILE')}")
+    announce_time(middleware)
     recording = opened(middleware, partial(open_recording, path))
     topics = named_in(middleware, "topics", "all")
     declared = player(recording, topics, without=_NOT_PLAYED)

@@ -22,6 +22,7 @@ from ros_visualise.executables.options import (
     seconds,
 )
 from ros_visualise.graph import Graph, M
+from ros_visualise.messages.recorded import TopicType
 from ros_visualise.params import Parameters, update
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.process import Process
@@ -41,6 +42,15 @@ _SPIN_S = 0.1
 _LOOK_S = 0.05
 
 T = TypeVar("T")
+
+
+def announce_time(middleware: Middleware) -> None:
+    """Be listed as publisher of ``/clock`` from now on, unless ``~clock`` is false.
+
+    What makes the time may open slowly; others are to know meanwhile that there will be one.
+    """
+    if middleware.option("clock", True):
+        middleware.advertise("/clock", TopicType("rosgraph_msgs/msg/Clock"))
 
 
 @contextmanager
@@ -75,6 +85,8 @@ def run_graph(
         options: private parameters that may stand beside those of the nodes.
         conduct: surrounds its running.
     """
+    if graph.makes_time:
+        announce_time(middleware)
     name, shown = choose_view(middleware, "none")
     view = _open_view(name, shown)
     try:

@@ -79,7 +79,8 @@ class PathNode:
 
     Of the inputs the first in the order of their declaration that has delivered is followed; with
     ``tf_parent`` and ``tf_child`` that pair alone. Fixes are put on the plane level at the first.
-    Poses that come late, within a second, are left out.
+    Poses that come late, within a second, are dropped; so are those without a timestamp among
+    others.
     """
 
     def __init__(self, params: PathParams, clock: Clock | None = None) -> None:
@@ -88,7 +89,7 @@ class PathNode:
         self._pair = FramePair(params.tf_parent, params.tf_child)
         self._followed = ""
         self._is_due = self._has_grown = False
-        self._arrival_ns = self._heard_ns = self._late = 0
+        self._arrival_ns = self._heard_ns = self._late = self._unstamped = 0
         self.reset()
 
     def reset(self) -> None:
@@ -141,7 +142,7 @@ class PathNode:
         return self._track.path(self._header)
 
     def report(self) -> dict[str, Any]:
-        """What was gone, and poses that were refused: no numbers, without a fix, or late."""
+        """The way so far, and poses that were dropped: no numbers, fix or timestamp, or late."""
         gone = self._travel.summary()
         speeds = {"mean_mps": gone.mean_mps, "top_mps": gone.top_mps}
         return {
@@ -149,7 +150,10 @@ class PathNode:
             "length_m": round(gone.length_m, 3),
             "duration_s": round(gone.duration_s, 3),
             **{name: None if mps is None else round(mps, 3) for name, mps in speeds.items()},
-            "refused": self._locator.refused + self._locator.without_fix + self._late,
+            "refused": self._locator.refused
+            + self._locator.without_fix
+            + self._late
+            + self._unstamped,
             "deviation_m": round(self._track.deviation_m, 4),
         }
 
@@ -191,8 +195,7 @@ class PathNode:
     def _add(self, header: Header, pose: Floats, params: PathParams) -> None:
         if header.frame_id != self._header.frame_id:
             self._begin()
-        if header.stamp_ns < self._header.stamp_ns:
-            self._late += 1
+        if not self._is_in_time(header):
             return
         self._header = header
         self._heard_ns = self._clock.monotonic_ns()
@@ -203,3 +206,18 @@ class PathNode:
         time_ns = header.stamp_ns or self._arrival_ns
         if not params.rate or self._pacer.passes(time_ns, params.rate):
             self._is_due = True
+
+    def _is_in_time(self, header: Header) -> bool:
+        """Whether a pose goes on the path, which is of poses with timestamps or of ones without."""
+        has_stamp, had_stamp = bool(header.stamp_ns), bool(self._header.stamp_ns)
+        if len(self._track) and has_stamp != had_stamp:
+            if not self._unstamped:
+                what = "path: dropping poses without a timestamp (further occurrences suppressed)"
+                log.warning(what)
+            self._unstamped += len(self._track) if has_stamp else 1
+            if has_stamp:
+                self._begin()
+            return has_stamp
+        is_late = header.stamp_ns < self._header.stamp_ns
+        self._late += is_late
+        return not is_late

@@ -24,8 +24,9 @@ class Epochs:
     """Counts how often time has jumped, so that whoever remembers can begin anew.
 
     Time jumps where the stamps on a topic go back by more than a second. Topics jump one after the
-    other: what still comes on the others from before the jump is of the epoch before. Topics on
-    which two clocks take turns, and those of static transforms, tell no time.
+    other: what still comes on the others from before the jump is of the epoch before. Messages
+    without a stamp (0), topics on which two clocks take turns, and those of static transforms tell
+    no time.
 
     Args:
         timeless: other topics that tell no time.
@@ -45,6 +46,8 @@ class Epochs:
 
     def of(self, topic: str, stamp_ns: int, now_ns: int) -> int:
         """The epoch of the next message on a topic; ``now_ns`` is of a time that only goes on."""
+        if not stamp_ns:
+            return self._epoch
         is_settled = now_ns > self._jump.at_ns + _SETTLED_NS
         if topic == self._jump.topic and stamp_ns >= self._jump.from_ns and not is_settled:
             self._timeless.add(topic)

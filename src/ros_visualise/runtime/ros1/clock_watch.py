@@ -1,9 +1,12 @@
-"""Noticing that no time passes: ``/use_sim_time`` is set, and nobody publishes ``/clock``."""
+"""Noticing that simulated time does not advance: ``/use_sim_time`` is set, and nobody publishes
+``/clock``, nor is anybody about to.
+"""
 
 from __future__ import annotations
 
 import http.client
 import logging
+import math
 import time
 import xmlrpc.client
 from collections.abc import Callable
@@ -18,58 +21,63 @@ log = logging.getLogger(__name__)
 
 _LOOK_S = 0.3
 _PATIENCE_S = 1.5
-"""For so long a node may have begun, and not published ``/clock`` yet."""
+"""How long a node may take from its registration to that of its ``/clock``."""
 _LAUNCH_S = 30.0
-"""Processes that have not become nodes in so long a time are none."""
+"""How long a process may take until it is a node or, as one, until it answers."""
 _MASTER = "master"
 _ERRORS = (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
 
 
 def watch_clock(is_over: Callable[[], bool]) -> None:
-    """Say it once, as after a launch file that left ``/use_sim_time`` behind.
-
-    Where roslaunch is starting other nodes, they are given time: one may be who publishes it.
-    """
+    """Warn once, as after a launch file that left ``/use_sim_time`` behind."""
     begun_s = settled_s = time.monotonic()
     while not (is_over() or rospy.rostime.is_wallclock() or rospy.get_time()):
+        expected_s = _expected_s()
         now_s = time.monotonic()
-        try:
-            nodes, has_clock = _look()
-            if has_clock:
-                return
-            if now_s - begun_s < _LAUNCH_S and _launched() - nodes:
-                settled_s = now_s
-        except _ERRORS as error:
-            log.debug("the graph cannot be looked at: %s", error)
-        if now_s - settled_s > _PATIENCE_S:
+        if now_s - begun_s < expected_s:
+            settled_s = now_s
+        elif now_s - settled_s > _PATIENCE_S:
             log.warning(
-                "/use_sim_time is set, and nobody publishes /clock: no time passes. If nobody is"
-                " going to: rosparam delete /use_sim_time, and start this node again"
+                "/use_sim_time is set and nobody publishes /clock: simulated time is not advancing."
+                " If no clock is expected: rosparam delete /use_sim_time, and restart this node"
             )
             return
         time.sleep(_LOOK_S)
 
 
-def _look() -> tuple[set[str], bool]:
-    """The last names of all nodes, and whether one publishes ``/clock``."""
+def _expected_s() -> float:
+    """Seconds from this node's start for which a clock may be expected, as the graph is now.
+
+    A simulation or a recording may open slowly: a node that publishes ``/clock`` is waited for as
+    long as it answers.
+    """
     master = rosgraph.Master(rospy.get_name())
-    state = master.getSystemState()
-    nodes = {node.rpartition("/")[2] for kind in state for _, there in kind for node in there}
-    clocks = [node for topic, there in state[0] if topic == "/clock" for node in there]
-    return nodes, any(_is_alive(master, node) for node in clocks)
+    try:
+        state = master.getSystemState()
+        nodes = {node.removeprefix("/") for kind in state for _, there in kind for node in there}
+        clocks = [node for topic, there in state[0] if topic == "/clock" for node in there]
+        answers = [_answers(master, node) for node in clocks]
+        if True in answers:
+            return math.inf
+        return _LAUNCH_S if None in answers or _launched() - nodes else 0.0
+    except _ERRORS as error:
+        log.debug("the graph cannot be looked at: %s", error)
+        return math.inf
 
 
-def _is_alive(master: rosgraph.Master, node: str) -> bool:
-    """Whether a node answers: the master still lists those that were killed."""
+def _answers(master: Any, node: str) -> bool | None:
+    """Whether a node answers: the master still lists killed ones; None where it may be busy."""
     try:
         proxy = xmlrpc.client.ServerProxy(master.lookupNode(node), transport=BoundedTransport())
         return bool(proxy.getPid(rospy.get_name()))
-    except _ERRORS:
+    except (ConnectionRefusedError, rosgraph.MasterException):
         return False
+    except _ERRORS:
+        return None
 
 
 def _launched() -> set[str]:
-    """The last names of the nodes that roslaunch runs as processes."""
+    """The names of the nodes that roslaunch runs as processes, without the first slash."""
     names: set[str] = set()
     for uri in rospy.get_param("/roslaunch/uris", {}).values():
         roslaunch: Any = xmlrpc.client.ServerProxy(uri, transport=BoundedTransport())
