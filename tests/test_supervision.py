@@ -1,14 +1,21 @@
 """Whoever fails beside the main thread is heard, counted, and takes nobody along."""
 
+import ast
 import logging
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
+import ros_visualise
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.supervision import Supervisor
 
 PATIENCE_S = 30.0
+ROOT = Path(ros_visualise.__file__).parent
+STARTS_THREADS = {"Thread", "Timer", "start_new_thread", "ThreadPoolExecutor"}
+OF_FUTURES = {"sources/recordings/series.py"}
+"""Whoever takes a message there gets what its making raised."""
 COMMAND = """
 import sys
 from ros_visualise import cli, supervision
@@ -104,3 +111,30 @@ def test_a_process_in_which_a_thread_failed_does_not_end_as_done():
 
 def test_another_exit_status_stays():
     assert exit_status(130) == 130
+
+
+def test_whatever_raises_in_a_thread_is_heard():
+    class Death(BaseException):
+        pass
+
+    def die():
+        raise Death
+
+    supervisor = Supervisor()
+    supervisor.start("reader", die).join(PATIENCE_S)
+    assert [failure.kind for failure in supervisor.failures] == ["Death"]
+
+
+def test_no_thread_is_started_past_the_supervisor():
+    unsupervised = {
+        str(path.relative_to(ROOT))
+        for path in ROOT.rglob("*.py")
+        if path.name != "supervision.py" and STARTS_THREADS & names_in(path)
+    }
+    assert unsupervised == OF_FUTURES
+
+
+def names_in(path: Path) -> set[str]:
+    """Names that a file calls."""
+    calls = (one.func for one in ast.walk(ast.parse(path.read_text())) if isinstance(one, ast.Call))
+    return {ast.unparse(called).rpartition(".")[2] for called in calls}

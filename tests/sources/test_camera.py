@@ -4,20 +4,27 @@ import logging
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from fractions import Fraction
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from made_videos import numbered, write_video
 
 from ros_visualise.errors import OpenError
+from ros_visualise.sources import camera as camera_module
 from ros_visualise.sources import live
 from ros_visualise.sources.camera import Camera
 from ros_visualise.sources.live import Address, Stamps, parse_address
+from ros_visualise.sources.video_pixels import FrameConverter
+from ros_visualise.supervision import PROCESS
 
 SERVER = Path(__file__).with_name("serve_video.py")
 S = 10**9
@@ -212,3 +219,63 @@ def test_stamps_follow_the_quickest_arrival_and_a_stream_that_starts_anew() -> N
 def test_a_device_tells_the_time_of_capture() -> None:
     address = Address("v", "v", is_device=True)
     assert stamps_of(address, [1000, 1040], [1100, 1180]) == [1000, 1040]
+
+
+@pytest.fixture
+def serve_file(tmp_path: Path) -> Iterator[Callable[[bytes], str]]:
+    """Serves a file as a stream; its URL."""
+    server = ThreadingHTTPServer(
+        ("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=str(tmp_path))
+    )
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+
+    def serve(content: bytes) -> str:
+        (tmp_path / "stream.mkv").write_bytes(content)
+        return f"http://127.0.0.1:{server.server_port}/stream.mkv"
+
+    yield serve
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+def test_a_stream_of_an_unknown_codec_is_refused(
+    serve_file: Callable[[bytes], str], tmp_path: Path
+) -> None:
+    known = write_video(tmp_path / "known.mkv", numbered(3, 160, 120)).read_bytes()
+    url = serve_file(known.replace(b"V_FFV1", b"V_NONE"))
+    with pytest.raises(OpenError, match=r"stream\.mkv: unsupported codec"):
+        Camera(url)
+
+
+def test_whatever_breaks_before_the_first_image_ends_the_wait_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def break_down(*_: Any) -> None:
+        raise ZeroDivisionError("in a library")
+
+    monkeypatch.setattr(camera_module, "open_live", break_down)
+    with pytest.raises(OpenError, match="cannot be read: ZeroDivisionError: in a library"):
+        Camera("test")
+    assert [failure.who for failure in PROCESS.failures] == ["camera test"]
+    PROCESS.forget()
+
+
+def test_whatever_breaks_later_is_tried_again(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    camera = Camera("test")
+    take(camera, 3)
+    whole = FrameConverter.image
+
+    def break_once(*args: Any) -> Any:
+        monkeypatch.setattr(FrameConverter, "image", whole)
+        raise ZeroDivisionError("in a library")
+
+    monkeypatch.setattr(FrameConverter, "image", break_once)
+    take_nothing_until(camera, caplog, "ZeroDivisionError: in a library; trying again")
+    take(camera, 3)
+    camera.close()
+    assert [failure.who for failure in PROCESS.failures] == ["camera test"]
+    PROCESS.forget()

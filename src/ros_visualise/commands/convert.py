@@ -12,6 +12,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from ros_visualise import supervision
 from ros_visualise.commands.conversion import Conversion, Part
 from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted, sized
@@ -104,20 +105,30 @@ def _passes(kind: TopicType, encoder: Encoder) -> bool:
     return kind.definitions is not None and kind.definitions.encoding == encoder.encoding
 
 
-def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, Exception | None]:
+def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, RosVisualiseError | None]:
     """Run it, and show how far it is; whether it was interrupted, and what ended it early."""
-    errors: list[Exception] = []
-    done = threading.Event()
+    errors: list[BaseException] = []
 
     def work() -> None:
         try:
             conversion.run()
-        except Exception as error:
+        except BaseException as error:
             errors.append(error)
-        finally:
-            done.set()
 
-    threading.Thread(target=work, name="writer").start()
+    writer = supervision.start("writer", work)
+    try:
+        interrupted = _show(conversion, wish, writer)
+    finally:
+        conversion.stop()
+        writer.join()
+    error = errors[0] if errors else None
+    if error is None or isinstance(error, RosVisualiseError):
+        return interrupted, error
+    raise error
+
+
+def _show(conversion: Conversion, wish: Wish, writer: threading.Thread) -> bool:
+    """Show how far it is until it is done; whether it was interrupted."""
     interrupted = False
     tqdm.set_lock(threading.RLock())  # its own is for processes too, and slow to import
     with tqdm(
@@ -128,14 +139,13 @@ def _watch(conversion: Conversion, wish: Wish) -> tuple[bool, Exception | None]:
         dynamic_ncols=True,
         leave=False,
     ) as bar:
-        while not done.wait(_SPIN_S):
+        while writer.is_alive():
+            writer.join(_SPIN_S)
             bar.update(conversion.messages - bar.n)
             if wish.asked and not interrupted:
                 interrupted = True
                 conversion.stop()
-    if errors and not isinstance(errors[0], RosVisualiseError):
-        raise errors[0]
-    return interrupted, errors[0] if errors else None
+    return interrupted
 
 
 def _expected(conversion: Conversion) -> int:

@@ -7,8 +7,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Generic, TypeVar
 
+from ros_visualise import supervision
 from ros_visualise.printing import say
 from ros_visualise.signals import STOPPED, Wish
 
@@ -46,8 +48,7 @@ class _Work(Generic[T]):
         self._make = make
         self._results: list[T] = []
         self._errors: list[BaseException] = []
-        self._thread = threading.Thread(target=self._work, daemon=True)
-        self._thread.start()
+        self._thread = supervision.start("work", self._work)
 
     def is_done(self, timeout_s: float) -> bool:
         """Whether it is, after so long at most."""
@@ -79,7 +80,7 @@ def in_time(wish: Wish, steps: Callable[[], int | None]) -> Iterator[None]:
         steps: how many messages were worked on; None while files are closed, which may take time.
     """
     over = threading.Event()
-    threading.Thread(target=_leave_if_stuck, args=(wish, steps, over), daemon=True).start()
+    supervision.start("end", partial(_leave_if_stuck, wish, steps, over), again_s=_SPIN_S)
     try:
         yield
     finally:

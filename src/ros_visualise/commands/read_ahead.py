@@ -9,6 +9,7 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.data import Image
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.sources.recordings import Entry
@@ -31,8 +32,7 @@ class ReadAhead:
         self._ended = self._stopped = False
         self._error: BaseException | None = None
         self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._read, name="reader", daemon=True)
-        self._thread.start()
+        self._thread = supervision.start("reader", self._read)
 
     def __iter__(self) -> Iterator[Entry]:
         while (batch := self._take()) is not None:

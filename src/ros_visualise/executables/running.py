@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, wait
@@ -13,6 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from ros_visualise import supervision
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import (
@@ -122,10 +122,10 @@ def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
     def run() -> None:
         try:
             opening.set_result(open_it())
-        except Exception as error:
+        except BaseException as error:
             opening.set_exception(error)
 
-    threading.Thread(target=run, name="opening", daemon=True).start()
+    supervision.start("opening", run)
     while not wait([opening], _LOOK_S).done:
         if middleware.is_over():
             raise KeyboardInterrupt

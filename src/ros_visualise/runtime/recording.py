@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.data import Header, ParameterEvent
 from ros_visualise.data.fields import LATEST_NS
 from ros_visualise.errors import DamagedMessage, RecordingError
@@ -121,8 +122,7 @@ class RecorderThread:
         self._stopped = self._discarded = False
         self._refusals = Refusals(str(recorder.path))
         self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._write_all, name=str(recorder.path))
-        self._thread.start()
+        self._thread = supervision.start(str(recorder.path), self._write_all)
 
     @property
     def path(self) -> Path:

@@ -10,6 +10,7 @@ from contextlib import closing
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 
+from ros_visualise import supervision
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.params import Value
@@ -52,6 +53,7 @@ class Camera:
         clock: Clock | None = None,
     ) -> None:
         self._address = parse_address(uri, size, fps)
+        self._name = f"camera {self._address.name}"
         self._controls = dict(controls or {})
         self._timeout_s = timeout_s
         self._clock = clock or WallClock()
@@ -64,7 +66,7 @@ class Camera:
         self._received = 0
         self.dropped = 0
         """Images that nobody took before the next came."""
-        threading.Thread(target=self._watch, name=f"camera {uri}", daemon=True).start()
+        supervision.start(self._name, self._watch)
         self._await_opened()
 
     def images(self) -> Iterator[tuple[int, Image] | None]:
@@ -104,7 +106,7 @@ class Camera:
     def _await_opened(self) -> None:
         with self._changed:
             try:
-                self._changed.wait_for(lambda: self._opened or self._failure)
+                self._changed.wait_for(lambda: self._opened or self._failure or self._closed)
             except KeyboardInterrupt:
                 self._closed = True
                 raise
@@ -115,14 +117,17 @@ class Camera:
         """The reader's thread: open and read, and again after a while, until it is closed."""
         shortest_s, longest_s = _BACK_OFF_S
         delay_s = shortest_s
-        while not self._closed:
-            received = self._received
-            reason = self._read()
-            if self._failure is not None:
-                return
-            delay_s = shortest_s if self._received > received else min(2 * delay_s, longest_s)
-            self._report(reason)
-            self._wait_until(self._clock.monotonic_ns() + round(delay_s * 1e9))
+        try:
+            while not self._closed:
+                received = self._received
+                reason = self._read()
+                if self._failure is not None:
+                    return
+                delay_s = shortest_s if self._received > received else min(2 * delay_s, longest_s)
+                self._report(reason)
+                self._wait_until(self._clock.monotonic_ns() + round(delay_s * 1e9))
+        finally:
+            self.close()  # nobody waits for it any more, whatever ended it
 
     def _read(self) -> str:
         """Read until it fails; returns why."""
@@ -147,6 +152,12 @@ class Camera:
             return str(error)
         except FFmpegError as error:
             return what_failed(error)
+        except supervision.ERRORS as error:
+            supervision.note(self._name, error)
+            reason = f"{type(error).__name__}: {error}"
+            failure = OpenError(f"{self._address.name}: cannot be read: {reason}")
+            self._note(failure=None if self._opened else failure)
+            return reason
         return "it ended"
 
     def _restore_controls(self) -> None:
@@ -162,20 +173,19 @@ class Camera:
             self._newest = stamp_ns, image
             self._received += 1
             if self._reported:
-                log.info("camera %s: it is back", self._address.name)
+                log.info("%s: it is back", self._name)
             self._reported = False
             self._changed.notify_all()
 
     def _say_step(self, step_s: float) -> None:
         way = "ahead" if step_s > 0 else "back"
-        name = self._address.name
-        log.warning("camera %s: the clock was set %s by %.1f s", name, way, abs(step_s))
+        log.warning("%s: the clock was set %s by %.1f s", self._name, way, abs(step_s))
 
     def _report(self, reason: str) -> None:
         with self._changed:
             if not (self._reported or self._closed):
                 self._reported = True
-                log.warning("camera %s: %s; trying again", self._address.name, reason)
+                log.warning("%s: %s; trying again", self._name, reason)
 
     def _note(self, opened: bool = False, failure: OpenError | None = None) -> None:
         with self._changed:

@@ -86,16 +86,26 @@ def open_live(address: Address, timeout_s: float) -> InputContainer:
         )
     except (FFmpegError, OSError) as error:
         raise OpenError(f"{address.name}: {what_failed(error)}; {_TRY_TEST}") from None
-    if not container.streams.video:
-        container.close()
-        raise OpenError(f"{address.name}: sends no video; {_TRY_TEST}")
     try:
-        limit_frames(container.streams.video[0])
-    except TooLarge as error:
+        _prepare(container, address.name)
+    except BaseException:
         container.close()
-        raise OpenError(f"{address.name}: {error}") from None
-    container.streams.video[0].thread_type = "SLICE"  # threads by frame would keep frames back
+        raise
     return container
+
+
+def _prepare(container: InputContainer, name: str) -> None:
+    """See that a camera's video can be decoded, and how."""
+    if not container.streams.video:
+        raise OpenError(f"{name}: sends no video; {_TRY_TEST}")
+    stream = container.streams.video[0]
+    if stream.codec_context is None:
+        raise OpenError(f"{name}: unsupported codec; have it send H.264 or MJPEG")
+    try:
+        limit_frames(stream)
+    except TooLarge as error:
+        raise OpenError(f"{name}: {error}") from None
+    stream.thread_type = "SLICE"  # threads by frame would keep frames back
 
 
 def what_failed(error: Exception) -> str:

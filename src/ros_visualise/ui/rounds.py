@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable
 
-log = logging.getLogger(__name__)
+from ros_visualise import supervision
 
 _REST, _REST_IN_HASTE = 2.0, 8.0
 """Seconds of pause for each second of computing: the nodes come first."""
@@ -39,27 +38,25 @@ class Rounds:
         self._do_round, self._finish = do_round, finish
         self._period_s, self._in_haste = period_s, in_haste
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+        self._name = name
+        self._thread: threading.Thread | None = None
 
     def start(self) -> None:
         """Begin."""
-        self._thread.start()
+        self._thread = supervision.start(self._name, self._run)
 
     def close(self, timeout_s: float) -> None:
         """End after the round that is under way."""
         self._closed.set()
-        if self._thread.ident is not None:
+        if self._thread is not None:
             self._thread.join(timeout_s)
 
     def _run(self) -> None:
         pause_s = 0.0
         while not self._closed.wait(pause_s):
             start_s, cpu_s = time.perf_counter(), time.thread_time()
-            try:
-                with self.at_work:
-                    self._do_round()
-            except Exception:
-                log.exception("the %s failed", self._thread.name)
+            with self.at_work:
+                supervision.attempt(self._name, self._do_round)
             rest = _REST_IN_HASTE if self._in_haste() else _REST
             spent_s = time.perf_counter() - start_s
             pause_s = max(self._period_s - spent_s, rest * (time.thread_time() - cpu_s))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ros_visualise import supervision
 from ros_visualise.errors import RosVisualiseError
 
 
@@ -17,3 +18,6 @@ def answer(act: Callable[[], str | None]) -> tuple[bool, str]:
         return True, act() or ""
     except (RosVisualiseError, ValueError) as error:
         return False, str(error)
+    except supervision.ERRORS as error:
+        supervision.note("service", error)
+        return False, f"failed: {type(error).__name__}: {error}"

@@ -11,6 +11,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import type_name
@@ -153,9 +154,7 @@ class ImageOutput(Output):
         self._compressed = advertise(middleware, compressed, TopicType(type_name(CompressedImage)))
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
-        threading.Thread(
-            target=self._compress_all, name=f"{resolved}/compressed", daemon=True
-        ).start()
+        supervision.start(f"{resolved}/compressed", self._compress_all)
 
     @property
     def wants_info(self) -> bool:

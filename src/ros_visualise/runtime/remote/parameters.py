@@ -7,9 +7,10 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
-from ros_visualise import params
+from ros_visualise import params, supervision
 from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.nodes import NodeType, NoParams, SourceType
 from ros_visualise.params import Parameters, specs
@@ -138,8 +139,7 @@ class RemoteParameters(Parameters[Any]):
     ) -> None:
         """Ask on a thread that is left behind when no answer comes."""
         if self._calling is None or not self._calling.is_alive():
-            self._calling = threading.Thread(target=self._ask, args=(values, answers), daemon=True)
-            self._calling.start()
+            self._calling = supervision.start(self._name, partial(self._ask, values, answers))
             self._calling.join(_ANSWER_S)
 
     def _ask(

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.data import Image, ParameterEvent
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, TopicSpec
@@ -70,8 +71,7 @@ class RemoteRuntime:
         self._lock = threading.Lock()
         self._closed = threading.Event()
         self._look()
-        self._thread = threading.Thread(target=self._follow, name="discovery", daemon=True)
-        self._thread.start()
+        self._thread = supervision.start("discovery", self._follow, again_s=_LOOK_S)
 
     @property
     def told(self) -> Mapping[str, type]:

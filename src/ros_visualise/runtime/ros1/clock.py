@@ -9,6 +9,7 @@ import genpy
 import rospy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
+from ros_visualise import supervision
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
 
@@ -26,8 +27,7 @@ class ClockPublisher:
         self._now_ns = now_ns
         self._publisher = rospy.Publisher("/clock", ClockMessage, queue_size=1)
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="clock", daemon=True)
-        self._thread.start()
+        self._thread = supervision.start("clock", self._run, again_s=_PERIOD_S)
 
     def close(self) -> None:
         """Time stands still."""

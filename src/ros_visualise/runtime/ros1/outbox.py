@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.runtime.ros1.borrowing import Borrower
 from ros_visualise.runtime.ros1.wire import Parcel
 
@@ -95,8 +96,7 @@ class Outbox:
         self._busy = True
         if self._thread is None:
             name = f"{self._connection.name} to {self._connection.endpoint_id}"
-            self._thread = threading.Thread(target=self._send_all, name=name, daemon=True)
-            self._thread.start()
+            self._thread = supervision.start(name, self._send_all)
         self._changed.notify_all()
 
     def _send_all(self) -> None:
@@ -104,6 +104,8 @@ class Outbox:
             while self._send_next():
                 pass
         except OSError:
+            pass  # the subscriber has gone
+        finally:
             self._connection.close()
 
     def _send_next(self) -> bool:

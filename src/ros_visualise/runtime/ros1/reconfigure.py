@@ -11,6 +11,7 @@ import rospy
 from dynamic_reconfigure.msg import Config, ConfigDescription
 from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, ReconfigureResponse
 
+from ros_visualise import supervision
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.bridge.given import given_values
@@ -19,7 +20,7 @@ from ros_visualise.runtime.ros1.registration import set_param
 
 log = logging.getLogger(__name__)
 
-_CLOSE_S = 0.5
+_CLOSE_S = _AGAIN_S = 0.5
 _OF_ALL = ("end_with_master",)
 """Other private parameters that every node has here."""
 
@@ -51,8 +52,7 @@ class ReconfigureServer:
         self._descriptions.publish(describe(self._specs))
         self._forget = parameters.on_change(lambda *_: self._changed.set())
         self._publish()
-        self._thread = threading.Thread(target=self._follow, name="reconfigure", daemon=True)
-        self._thread.start()
+        self._thread = supervision.start("reconfigure", self._follow, again_s=_AGAIN_S)
 
     def close(self) -> None:
         """Offer them no longer; more than once does no harm."""

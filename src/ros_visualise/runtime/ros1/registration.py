@@ -9,10 +9,10 @@ from __future__ import annotations
 import errno
 import http.client
 import logging
-import threading
 import time
 import xmlrpc.client
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import rosgraph
@@ -26,6 +26,7 @@ from rospy.impl.registration import (
     get_topic_manager,
 )
 
+from ros_visualise import supervision
 from ros_visualise.printing import say
 
 log = logging.getLogger(__name__)
@@ -68,9 +69,7 @@ def keep_registered(on_gone: Callable[[], None]) -> None:
         registrar = _Registrar(manager)
         listeners.listeners[:] = [registrar]
     rospy.core.add_shutdown_hook(lambda _: registrar.wake())
-    threading.Thread(
-        target=registrar.watch, args=(on_gone,), name="master watch", daemon=True
-    ).start()
+    supervision.start("master watch", partial(registrar.watch, on_gone), again_s=_CHECK_S)
 
 
 class _Registrar(RegistrationListener):  # type: ignore[misc]

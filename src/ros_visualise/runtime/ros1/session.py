@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import threading
 from functools import partial
 from typing import Any
 
 import rospkg
 import rospy
 
+from ros_visualise import supervision
 from ros_visualise.errors import OpenError
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
@@ -19,6 +19,7 @@ from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_ma
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
 _PACKAGE = "package://"
+_LOOK_S = 1.0
 
 _log = logging.getLogger(__name__)
 _wish = Wish()
@@ -47,7 +48,7 @@ def begin(name: str) -> None:
     note(_wish)
     log_to(_SAY)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
-    threading.Thread(target=watch_clock, args=(is_over,), name="clock watch", daemon=True).start()
+    supervision.start("clock watch", partial(watch_clock, is_over), again_s=_LOOK_S)
 
 
 def arguments() -> list[str]:

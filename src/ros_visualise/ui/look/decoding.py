@@ -11,6 +11,7 @@ from contextlib import closing
 from queue import SimpleQueue
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import played_time
@@ -19,6 +20,7 @@ from ros_visualise.ui.look.trees import fields_of
 
 log = logging.getLogger(__name__)
 
+_NAME = "curves"
 _NS = 1e-9
 _TURN = 50  # messages, after which others have theirs
 _REST_S = 0.001
@@ -41,7 +43,8 @@ class Decoding:
         self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
         self._recording: Recording | None = None
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name="curves", daemon=True)
+        self._starting = threading.Lock()
+        self._thread: threading.Thread | None = None
 
     def fill(self, topic: str, curves: Mapping[str, Curve]) -> None:
         """Fill these curves, by the paths of their fields, as soon as their turn comes."""
@@ -62,13 +65,13 @@ class Decoding:
         self._asked.put(None)
 
     def _ask(self, job: Callable[[], None]) -> None:
-        if self._thread.ident is None:
-            self._thread.start()
         self._asked.put(job)
+        with self._starting:
+            self._thread = self._thread or supervision.start(_NAME, self._run)
 
     def _run(self) -> None:
         while (job := self._asked.get()) is not None:
-            job()
+            supervision.attempt(_NAME, job)
         if self._recording is not None:
             self._recording.close()
 
@@ -82,14 +85,20 @@ class Decoding:
                 return next((entry.message for entry in entries), None)
         except _UNREADABLE:
             return None
+        except supervision.ERRORS as error:
+            supervision.note(_NAME, error)
+            return None
 
     def _fill_all(self, topic: str, curves: Mapping[str, Curve]) -> None:
         try:
             self._fill(self._opened(), topic, curves)
-        except _UNREADABLE as error:
-            log.warning("%s cannot be drawn: %s", topic, error)
+        except supervision.ERRORS as error:
+            if isinstance(error, _UNREADABLE):
+                log.warning("%s cannot be drawn: %s", topic, error)
+            else:
+                supervision.note(_NAME, error)
             for curve in curves.values():
-                curve.error = str(error)
+                curve.error = str(error) or type(error).__name__
         for curve in curves.values():
             curve.share = 1.0
 

@@ -10,6 +10,7 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import MappingProxyType
 
+from ros_visualise import supervision
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import Answer, Looker
@@ -92,7 +93,7 @@ class Page:
         elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
         log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
         if self._opens:
-            threading.Thread(target=self._open_browser, daemon=True).start()
+            supervision.start("browser", self._open_browser)
 
     def _show(self, runtime: Runtime) -> None:
         self._looker = Looker(runtime)

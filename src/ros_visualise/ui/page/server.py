@@ -5,11 +5,11 @@ from __future__ import annotations
 import errno
 import logging
 import socket
-import threading
 
 import rich
 import viser
 
+from ros_visualise import supervision
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.gate import Answers, Gate, Receiver
@@ -65,9 +65,7 @@ def empty_server(server: viser.ViserServer) -> None:
 
 def close_server(server: viser.ViserServer) -> None:
     """End it, without waiting for browsers that do not answer."""
-    stopping = threading.Thread(target=server.stop, daemon=True)
-    stopping.start()
-    stopping.join(_CLOSE_S)
+    supervision.start("server's end", server.stop).join(_CLOSE_S)
 
 
 def url(host: str, port: int, token: str = "") -> str:

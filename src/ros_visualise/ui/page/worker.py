@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import threading
 import time
 from collections.abc import Callable, Coroutine, Hashable
@@ -11,9 +10,8 @@ from typing import Any
 
 import viser
 
+from ros_visualise import supervision
 from ros_visualise.errors import RosVisualiseError
-
-log = logging.getLogger(__name__)
 
 _MOST_ASKED = 200
 """At most so many jobs wait; what people ask for beyond that is dropped."""
@@ -40,11 +38,11 @@ class Worker:
         self._posted: dict[Hashable, Callable[[], object]] = {}
         self._closed = False
         self._changed = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._thread: threading.Thread | None = None
 
     def start(self) -> None:
         """Begin, with the jobs posted before."""
-        self._thread.start()
+        self._thread = supervision.start("page", self._run)
 
     def post(self, key: Hashable, action: Callable[[], object]) -> None:
         """Post a job, in place of one that waits under the same key."""
@@ -85,7 +83,7 @@ class Worker:
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-        if self._thread.ident is not None:
+        if self._thread is not None:
             self._thread.join(timeout_s)
 
     def _ask(self, key: Hashable, action: Callable[[], object]) -> None:
@@ -115,5 +113,5 @@ class Worker:
             action()
         except RosVisualiseError as error:
             self._say(str(error))
-        except Exception:
-            log.exception("the page failed")
+        except supervision.ERRORS as error:
+            supervision.note("page", error)
