@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -67,10 +68,11 @@ class McapFile:
     def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
         self._loss, self._label = loss, label
         self._lock = threading.Lock()
+        self._is_indexed = False
         self._file = _open(path)
         try:
             self.size = path.stat().st_size
-            index = read_index(self._file, self.size) or self._scan()
+            index = self._index()
         except OSError as error:
             self._file.close()
             raise OpenError(f"{path}: {error.strerror}; copy it again") from None
@@ -85,6 +87,8 @@ class McapFile:
             for number, channel in index.channels.items()
         }
         self._damaged: set[int] = set()
+        self._seen = np.zeros(len(self._rows), bool)  # pieces whose messages were counted
+        self._found: Counter[int] = Counter()
 
     def select(self, query: Query) -> npt.NDArray[np.intp]:
         """As `Storage.select`."""
@@ -115,12 +119,19 @@ class McapFile:
             self._lose(piece, why, max(0, known - len(there)))
         elif known == UNKNOWN:
             self._lose_strangers(piece, records)
+        elif records and self._is_all(piece, query, wanted):
+            self._compare(piece, Counter(channel for _, channel, *_ in found))
         return ChunkPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`; from the index behind each chunk, where it is whole."""
         for piece in range(len(self._rows)):
-            yield from self._indexed_stamps(piece) or self._opened_stamps(piece)
+            counts: Counter[int] = Counter()
+            for channel, stamps_ns in self._indexed_stamps(piece) or self._opened_stamps(piece):
+                counts[channel] += len(stamps_ns)
+                yield channel, stamps_ns
+            if not self._file.closed:
+                self._compare(piece, counts)
 
     def extras(self) -> Iterator[Extra]:
         """As `Storage.extras`."""
@@ -147,14 +158,39 @@ class McapFile:
         held = self._channel_sets[row["channels"]] if row["channels"] != UNKNOWN else None
         return bool(is_in_time and held is not None and held.issubset(wanted))
 
-    def _scan(self) -> Index:
+    def _index(self) -> Index:
+        """The file's own index; else one that is made by looking through the file."""
+        why = ""
+        try:
+            if index := read_index(self._file, self.size):
+                self._is_indexed = True
+                return index
+        except Damaged as damage:
+            why = f"its index is damaged: {damage}; all messages were found without it"
         found = Loss()
         index = scan(self._file, self.size, found)
+        if why and not found:
+            add_note(found, why)
         self._loss.messages += found.messages
         self._loss.bytes += found.bytes
         for note in found.notes:
             add_note(self._loss, f"{self._label}{note}")
         return index
+
+    def _compare(self, piece: int, found: Counter[int]) -> None:
+        """Hold the messages in a piece against its index, and those of all against the file's."""
+        if self._seen[piece] or piece in self._damaged:
+            return
+        row = self._rows[piece]
+        told = Counter({n: len(stamps_ns) for n, stamps_ns in self._indexed_stamps(piece)})
+        is_told = self._is_indexed and UNKNOWN not in (row["messages"], row["channels"])
+        if row["messages"] not in (UNKNOWN, found.total()) or (is_told and told != found):
+            note = f"the piece at byte {row['offset']} and its index contradict each other"
+            add_note(self._loss, f"{self._label}{note}")
+        self._seen[piece] = True
+        self._found += found
+        if self._seen.all() and not self._loss and self._found != +Counter(self.counts):
+            add_note(self._loss, f"{self._label}its statistics count other messages of its topics")
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
         row = self._rows[piece]

@@ -56,6 +56,7 @@ _FOOTER_LENGTH = 20
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _CHUNK_INDEX_TAIL = struct.Struct("<QI")
 _OFFSET_OF_CHANNEL = struct.Struct("<HQ")
+_DATA_END = struct.Struct("<BQI")
 _EXTRA_INDEX = struct.Struct("<QQ")
 
 
@@ -63,7 +64,8 @@ _EXTRA_INDEX = struct.Struct("<QQ")
 class Index:
     """The pieces of a file, and what it says of its channels.
 
-    ``extras``: where its attachments and records of metadata begin, and their lengths.
+    ``extras``: where its attachments and records of metadata begin, and their lengths. ``ends``:
+    where the index records behind each of its chunks end, where the file says so.
     """
 
     schemas: dict[int, Schema] = field(default_factory=dict)
@@ -72,6 +74,7 @@ class Index:
     compressions: set[str] = field(default_factory=set)
     channel_sets: list[frozenset[int]] = field(default_factory=list)
     extras: list[tuple[int, int]] = field(default_factory=list)
+    ends: list[int] = field(default_factory=list)
     _rows: bytearray = field(default_factory=bytearray)
     _set_numbers: dict[frozenset[int], int] = field(default_factory=dict)
 
@@ -109,8 +112,13 @@ class Index:
 
     @property
     def is_described(self) -> bool:
-        """Whether it knows all channels that its pieces name."""
-        return all(named <= self.channels.keys() for named in self.channel_sets)
+        """Whether it knows all channels that its pieces name, and their schemas."""
+        return all(map(self.knows, self.channel_sets))
+
+    def knows(self, channels: Iterable[int]) -> bool:
+        """Whether it knows these channels, and their schemas."""
+        found = [self.channels.get(channel) for channel in channels]
+        return all(one and (not one.schema_id or one.schema_id in self.schemas) for one in found)
 
     def _number(self, channels: frozenset[int]) -> int:
         if channels not in self._set_numbers:
@@ -120,9 +128,12 @@ class Index:
 
 
 def read_index(file: BinaryIO, size: int) -> Index | None:
-    """The index that the writer put at the file's end; None unless it is there and agrees with it.
+    """The index that the writer put at the file's end; None where there is none, or not of all.
 
     Source: the MCAP format specification, "Summary Section".
+
+    Raises:
+        Damaged: it is not that of the file; says why.
     """
     summary = _read_summary(file, size)
     if summary is None:
@@ -130,22 +141,62 @@ def read_index(file: BinaryIO, size: int) -> Index | None:
     try:
         index, statistics, chunks = _parse_summary(summary)
     except struct.error:
-        return None
+        raise Damaged("a record in it is too short") from None
     if statistics is None or not chunks or not index.is_described:
         return None
     index.counts = dict(statistics.channel_message_counts)
-    rows = index.rows
-    known = rows["messages"]
-    is_whole = (
-        statistics.chunk_count == chunks
-        and statistics.message_count == sum(index.counts.values())
+    _check(file, size, index, statistics, chunks)
+    known = index.rows["messages"]
+    is_all = (
+        statistics.message_count == sum(index.counts.values())
         and (UNKNOWN in known or int(known.sum()) == statistics.message_count)
-        and index.counts.keys() <= index.channels.keys()
         and statistics.attachment_count + statistics.metadata_count == len(index.extras)
-        and bool(((rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])).all())
-        and all(_is_there(file, rows[i]) for i in {0, chunks - 1})
+        and not _hides(file, size, index)
     )
-    return index if is_whole else None
+    return index if is_all else None
+
+
+def _check(file: BinaryIO, size: int, index: Index, statistics: Statistics, chunks: int) -> None:
+    """Hold an index against itself and, at its ends, against the file."""
+    rows = index.rows
+    if statistics.chunk_count != chunks:
+        raise Damaged(f"it counts {statistics.chunk_count} chunks, and names {chunks}")
+    if index.counts and statistics.message_count != sum(index.counts.values()):
+        raise Damaged("its counts of messages contradict each other")
+    is_within = (rows["offset"] > 0) & (rows["offset"] <= size - rows["length"])
+    if not is_within.all() or not index.counts.keys() <= index.channels.keys():
+        raise Damaged("it names what there cannot be")
+    if not all(_is_there(file, rows[i]) for i in {0, chunks - 1}):
+        raise Damaged("its chunks are not where it says")
+    if not all(_is_extra(file, min(offset, size), n) for offset, n in index.extras):
+        raise Damaged("its attachments are not where it says")
+
+
+def _hides(file: BinaryIO, size: int, index: Index) -> bool:
+    """Whether there are messages between the chunks that an index names, or after them.
+
+    Between them are records of other kinds, few if any.
+
+    Raises:
+        Damaged: there is another chunk, or no record where one should be.
+    """
+    order = np.argsort(index.rows["offset"])
+    starts = [*index.rows["offset"][order].tolist(), None]
+    position = len(MAGIC)
+    for start, end in zip(starts, [*(index.ends[i] for i in order), 0], strict=True):
+        while position != start:
+            file.seek(min(position, size))
+            head = file.read(HEAD_BYTES)
+            kind, length = HEAD.unpack(head) if len(head) == HEAD_BYTES else (0, 0)
+            if start is None and kind == Opcode.DATA_END:
+                return False
+            if kind == Opcode.MESSAGE:
+                return True
+            if kind in (0, Opcode.CHUNK, Opcode.MESSAGE_INDEX) or position > (start or position):
+                raise Damaged("there is more in the file than it names")
+            position += HEAD_BYTES + length
+        position = end
+    return False
 
 
 def index_bytes(channels: int, messages: int) -> int:
@@ -172,18 +223,20 @@ def indexed_stamps(records: bytes) -> list[tuple[int, npt.NDArray[np.int64]]]:
 
 def _read_summary(file: BinaryIO, size: int) -> bytes | None:
     end = size - _FOOTER.size
-    if end < len(MAGIC):
+    if end < len(MAGIC) + _DATA_END.size:
         return None
     file.seek(end)
     footer = file.read(_FOOTER.size)
     kind, length, start, _, crc, magic = _FOOTER.unpack(footer)
-    if (kind, length, magic) != (Opcode.FOOTER, _FOOTER_LENGTH, MAGIC) or not 0 < start < end:
+    if (kind, length, magic) != (Opcode.FOOTER, _FOOTER_LENGTH, MAGIC) or not start:
         return None
-    file.seek(start)
+    file.seek(max(0, min(start, end) - _DATA_END.size))
+    if start >= end or _DATA_END.unpack(file.read(_DATA_END.size))[:2] != (Opcode.DATA_END, 4):
+        raise Damaged("it is not where the file says")
     summary = file.read(end - start)
     checked = footer[: HEAD_BYTES + 16]  # the checksum covers the footer up to itself
     if crc and zlib.crc32(checked, zlib.crc32(summary)) != crc:
-        return None
+        raise Damaged("it is not what its checksum says")
     return summary
 
 
@@ -206,6 +259,8 @@ def _parse_summary(summary: bytes) -> tuple[Index, Statistics | None, int]:
             index.extras.append(_EXTRA_INDEX.unpack_from(body))
         elif kind == Opcode.STATISTICS:
             statistics = read_statistics(body)
+    if position != len(summary):
+        raise Damaged("its summary ends in a record")
     index.extras.sort()
     return index, statistics, chunks
 
@@ -219,6 +274,7 @@ def _add_chunk(index: Index, body: bytes) -> None:
     position += map_length + _CHUNK_INDEX_TAIL.size
     compression = body[position : position + letters].decode("ascii", "replace")
     index.compressions.add(COMPRESSIONS.get(compression, compression))
+    index.ends.append(offset + length + index_length)
     if not channels:
         index.add(offset, length, (start_ns, end_ns))
     else:
@@ -245,3 +301,12 @@ def _is_there(file: BinaryIO, row: np.void) -> bool:
     except Damaged:
         return False
     return bool(HEAD.unpack_from(head)[1] + HEAD_BYTES == row["length"])
+
+
+def _is_extra(file: BinaryIO, offset: int, length: int) -> bool:
+    """Whether an attachment or metadata is where the index has it."""
+    file.seek(offset)
+    head = file.read(HEAD_BYTES)
+    if len(head) < HEAD_BYTES or head[0] not in (Opcode.ATTACHMENT, Opcode.METADATA):
+        return False
+    return bool(HEAD.unpack(head)[1] + HEAD_BYTES == length)

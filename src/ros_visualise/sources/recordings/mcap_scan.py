@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
 from mcap.opcode import Opcode
+from mcap.records import Statistics
 
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.mcap_index import (
@@ -32,15 +34,39 @@ from ros_visualise.sources.recordings.mcap_walk import Record, walk
 from ros_visualise.sources.recordings.storage import add_note
 
 _RUN_BYTES = 1 << 20
+_COUNTED = (
+    ("chunk", Opcode.CHUNK, Opcode.CHUNK_INDEX),
+    ("attachment", Opcode.ATTACHMENT, Opcode.ATTACHMENT_INDEX),
+    ("metadata", Opcode.METADATA, Opcode.METADATA_INDEX),
+)
 _MESSAGE_HEAD = struct.Struct("<H4xQ")
 
 
 def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
-    """The index of all whole records; ``loss`` says what is not."""
-    pieces = _Pieces(file, loss)
+    """The index of all whole records; ``loss`` says what is not.
+
+    Where the file counts other messages than the index records behind its chunks do, the chunks
+    themselves tell.
+    """
+    found = Loss()
+    pieces = _scanned(file, size, found, looks=False)
+    if pieces.differs:
+        found = Loss()
+        pieces = _scanned(file, size, found, looks=True)
+    pieces.compare()
+    loss.messages += found.messages
+    loss.bytes += found.bytes
+    for note in found.notes:
+        add_note(loss, note)
+    return pieces.index
+
+
+def _scanned(file: BinaryIO, size: int, loss: Loss, looks: bool) -> _Pieces:
+    pieces = _Pieces(file, loss, looks)
     for record in walk(file, size, loss):
         pieces.take(record)
-    return pieces.finish()
+    pieces.finish()
+    return pieces
 
 
 @dataclass
@@ -60,17 +86,26 @@ class _Piece:
 
 
 class _Pieces:
-    """Makes pieces of records; opens a chunk only where what follows it does not tell enough."""
+    """Makes pieces of records; opens a chunk only where what follows it does not tell enough.
 
-    def __init__(self, file: BinaryIO, loss: Loss) -> None:
-        self._file, self._loss = file, loss
-        self._index = Index()
+    Args:
+        looks: it opens every chunk.
+
+    Attributes:
+        index: that of all that was added.
+    """
+
+    def __init__(self, file: BinaryIO, loss: Loss, looks: bool) -> None:
+        self._file, self._loss, self._looks = file, loss, looks
+        self.index = self._index = Index()
         self._chunk: _Piece | None = None
         self._run: _Piece | None = None
-        self._claimed = 0
+        self._statistics: Statistics | None = None
+        self._seen: Counter[int] = Counter()
 
     def take(self, record: Record) -> None:
         """Add the next record."""
+        self._seen[record.kind] += 1
         if record.kind == Opcode.MESSAGE_INDEX:
             self._count_in_chunk(record)
             return
@@ -86,24 +121,53 @@ class _Pieces:
         elif record.kind in (Opcode.ATTACHMENT, Opcode.METADATA):
             self._index.extras.append((record.start, record.end - record.start))
         elif record.kind == Opcode.STATISTICS:
-            statistics = read_statistics(self._body(record))
-            self._claimed = statistics.message_count if statistics else 0
+            self._statistics = read_statistics(self._body(record))
 
-    def finish(self) -> Index:
-        """The index of all that was added."""
+    def finish(self) -> None:
+        """Add what is open."""
         self._end_chunk()
         self._end_run()
+
+    @property
+    def differs(self) -> bool:
+        """Whether the file counts other messages than were found."""
+        found = +Counter(self._index.counts)
+        return self._statistics is not None and _counted(self._statistics, found) != found
+
+    def compare(self) -> None:
+        """Hold what was found against what the file says that it holds."""
         counts = self._index.counts
+        found = +Counter(counts)
         unknown = sum(
             counts.pop(channel) for channel in counts.keys() - self._index.channels.keys()
         )
         if unknown:
             add_note(self._loss, f"{unknown} messages of channels that it does not describe")
-        missing = self._claimed - sum(counts.values())
-        if missing > 0 and not self._loss.notes:  # which say why
-            add_note(self._loss, f"of {self._claimed} messages {missing} are missing")
+        told = found if self._statistics is None else _counted(self._statistics, found)
+        missing = (told - found).total()
+        if self._statistics is not None:
+            missing = max(missing, self._statistics.message_count - found.total())
         self._loss.messages = max(self._loss.messages + unknown, missing)
-        return self._index
+        for note in self._differences(found, told):
+            if not self._loss.notes:  # which say why
+                add_note(self._loss, note)
+
+    def _differences(self, found: Counter[int], told: Counter[int]) -> Iterator[str]:
+        """What the file counts, and has not or has more of."""
+        seen, statistics = self._seen, self._statistics
+        if found != told:
+            there, counted = found.total(), told.total()
+            of = f"{counted} messages" if counted != there else f"{there} messages of other topics"
+            yield f"its statistics count {of}, {there} are there"
+        for what, kind, index in _COUNTED:
+            counts = [seen[index]] if seen[index] else []
+            if statistics is not None:
+                counts.append(getattr(statistics, f"{what}_count"))
+            for count in counts:
+                if count != seen[kind]:
+                    yield f"its index counts {count} records of kind {what}, {seen[kind]} are there"
+        if statistics is not None and statistics.message_count != told.total():
+            yield "its statistics contradict each other"
 
     def _whole(self, record: Record) -> bytes:
         self._file.seek(record.start)
@@ -152,8 +216,13 @@ class _Pieces:
         if chunk is None:
             return
         told_ns = (min(chunk.told_ns, default=0), max(chunk.told_ns, default=0))
-        is_told = chunk.told_end == next_start and bool(chunk.told_ns) and told_ns == chunk.span_ns
-        if is_told and chunk.counts.keys() <= self._index.channels.keys():
+        is_told = (
+            not self._looks
+            and chunk.told_end == next_start
+            and bool(chunk.told_ns)
+            and told_ns == chunk.span_ns
+        )
+        if is_told and self._index.knows(chunk.counts):
             self._add(chunk, chunk.span_ns, chunk.counts)
         else:
             self._open_chunk(chunk)
@@ -180,3 +249,12 @@ class _Pieces:
         self._index.count(counts)
         length = piece.end - piece.start
         self._index.add(piece.start, length, span_ns, counts.total(), set(counts), is_chunk)
+
+
+def _counted(statistics: Statistics, found: Counter[int]) -> Counter[int]:
+    """Messages of each channel that has some; of a file that counts but all, as they are found."""
+    if statistics.channel_message_counts:
+        return +Counter(statistics.channel_message_counts)
+    total = statistics.message_count
+    missing = total - found.total()
+    return found + Counter({-1: missing}) if missing >= 0 else Counter({-1: total})

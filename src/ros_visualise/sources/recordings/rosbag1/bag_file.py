@@ -21,12 +21,13 @@ from ros_visualise.sources.recordings.rosbag1.chunks import (
     Chunk,
     ChunkReader,
     Content,
+    Entries,
     count,
 )
 from ros_visualise.sources.recordings.rosbag1.connections import describe
 from ros_visualise.sources.recordings.rosbag1.index import read_layout
 from ros_visualise.sources.recordings.rosbag1.layout import Layout
-from ros_visualise.sources.recordings.rosbag1.places import locate
+from ros_visualise.sources.recordings.rosbag1.places import common_spans, gaps, locate
 from ros_visualise.sources.recordings.rosbag1.records import Damaged
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
@@ -64,6 +65,9 @@ class BagFile:
         self.is_indexed = layout.indexed
         self._reader = ChunkReader(self._file, self.size)
         self._chunks = [chunk for chunk in layout.chunks if chunk.counts]
+        positions = [chunk.position for chunk in layout.chunks]
+        following = [*positions[1:], layout.index_position]
+        self._following = dict(zip(positions, following, strict=True)) if positions else {}
         self.channels: Mapping[int, Channel] = describe(layout.connections, schemas)
         self.counts: Mapping[int, int] = _count(self._chunks)
         self.starts_ns = np.array([chunk.start_ns for chunk in self._chunks], np.int64)
@@ -100,12 +104,19 @@ class BagFile:
             if content is None:
                 return ChunkPiece((), wanted, b"", lambda: None, shelf)
             entries = self._entries(chunk, content)
+            spans = common_spans(content, entries)
+            if self._is_short(content, entries, spans):
+                self._lose(chunk, 0, -2, "messages in it that its index does not name")
+                entries = self._reader.walked(chunk, content)
+                spans = common_spans(content, entries)
             stamps_ns = entries["stamp_ns"]
+            if ((spans[2] >= 0) & (spans[2] != stamps_ns)).any():
+                self._lose(chunk, 0, -4, "its index has other stamps than its messages")
             is_asked = np.isin(entries["connection"], list(wanted))
             is_asked &= (stamps_ns >= query.start_ns) & (stamps_ns < query.stop_ns)
-            entries = entries[is_asked]
-            entries = entries[np.lexsort((entries["offset"], entries["stamp_ns"]))]
-            places = locate(content, entries, partial(self._lose, chunk, 1))
+            entries, spans = entries[is_asked], spans[:, is_asked]
+            order = np.lexsort((entries["offset"], entries["stamp_ns"]))
+            places = locate(content, entries[order], spans[:, order], partial(self._lose, chunk, 1))
         load = partial(self._load, chunk)
         return ChunkPiece(places, wanted, self._records(content), load, shelf)
 
@@ -145,9 +156,28 @@ class BagFile:
         except (Damaged, OSError) as error:
             self._lose(chunk, chunk.messages, -1, str(error))
             return np.empty(0, ENTRY)
-        if missing := max(0, chunk.messages - len(entries)):
+        self._compare(chunk, entries)
+        return entries.found
+
+    def _compare(self, chunk: Chunk, entries: Entries) -> None:
+        """Hold the index behind a chunk, and what is in it, against the index at the bag's end."""
+        if missing := max(0, chunk.messages - len(entries.found)):
             self._lose(chunk, missing, -1, "a part of a chunk is damaged")
-        return entries
+        elif self.is_indexed and not entries.agrees:
+            self._lose(chunk, 0, -1, "the chunk, its index and the bag's contradict each other")
+        elif self.is_indexed and entries.end != self._following[chunk.position]:
+            hidden = self._following[chunk.position] - entries.end
+            self._lose(chunk, 0, -3, f"{hidden} bytes after it that the bag's index does not name")
+
+    def _is_short(
+        self, content: Content, entries: npt.NDArray[Any], spans: npt.NDArray[np.int64]
+    ) -> bool:
+        """Whether there are messages in a chunk beside those that its index names."""
+        for start, end in gaps(content, entries, spans):
+            walk = self._reader.walk(content._replace(start=start, end=end))
+            if len(walk.entries):
+                return True
+        return False
 
     def _load(self, chunk: Chunk) -> Records | FileRange | None:
         with self._lock:
@@ -192,7 +222,8 @@ class BagFile:
         self._noted.add((chunk.position, offset))
         self._loss.messages += messages
         place = f"{self._label}at {chunk.position / 1e6:.1f} MB"
-        add_note(self._loss, f"{place}: {why}; messages lost: {messages}")
+        lost = f"; messages lost: {messages}" if messages else ""
+        add_note(self._loss, f"{place}: {why}{lost}")
 
 
 def _open(path: Path) -> BinaryIO:

@@ -55,6 +55,18 @@ class Content(NamedTuple):
     origin: int
 
 
+class Entries(NamedTuple):
+    """The messages of a chunk, as `ENTRY`.
+
+    ``end``: where the index records behind the chunk end. ``agrees``: these are whole, and say the
+    same as the index at the bag's end.
+    """
+
+    found: NDArray[Any]
+    end: int
+    agrees: bool
+
+
 @dataclass(frozen=True)
 class Walk:
     """What walking through a chunk found, up to ``stop``."""
@@ -108,25 +120,30 @@ class ChunkReader:
             chunk_end = record.end
             yield connection, found, chunk_end
 
-    def entries(self, chunk: Chunk, content: Content | None = None) -> NDArray[Any]:
+    def entries(self, chunk: Chunk, content: Content | None = None) -> Entries:
         """The messages of a chunk, by its index where that is whole, else by walking through it.
 
-        None is before the chunk's own start. ``content``: the chunk's, where it is there already.
+        ``content``: the chunk's, where it is there already.
 
         Raises:
             Damaged: there is no chunk, or its content cannot be read.
         """
+        end = 0
         if not chunk.bare_end:
-            indexed = [
-                _entries(connection, found)
-                for connection, found, _ in self.index(self.header(chunk.position).end)
-            ]
-            entries = np.concatenate(indexed) if indexed else np.empty(0, ENTRY)
+            end, indexed = self.header(chunk.position).end, [np.empty(0, ENTRY)]
+            for connection, found, following in self.index(end):
+                indexed.append(_entries(connection, found))
+                end = following
+            entries = np.concatenate(indexed)
             if count(entries["connection"]) == chunk.counts and _is_likely(entries, chunk):
-                return entries
-        walked = self.walk(content or self.content(chunk)).entries
-        walked["stamp_ns"] = np.maximum(walked["stamp_ns"], chunk.start_ns)
-        return walked
+                return Entries(entries, end, True)
+        return Entries(self.walked(chunk, content or self.content(chunk)), end, False)
+
+    def walked(self, chunk: Chunk, content: Content) -> NDArray[Any]:
+        """The messages of a chunk by walking through it; none is before the chunk's own start."""
+        entries = self.walk(content).entries
+        entries["stamp_ns"] = np.maximum(entries["stamp_ns"], chunk.start_ns)
+        return entries
 
     def content(self, chunk: Chunk) -> Content:
         """What is in a chunk.

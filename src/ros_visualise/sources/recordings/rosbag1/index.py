@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import struct
 from typing import BinaryIO
 
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
-from ros_visualise.sources.recordings.rosbag1.layout import Layout, parse_connection
-from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op, Record
+from ros_visualise.sources.recordings.rosbag1.layout import (
+    Layout,
+    parse_chunk_info,
+    parse_connection,
+)
+from ros_visualise.sources.recordings.rosbag1.records import Damaged, Op, Record
 from ros_visualise.sources.recordings.rosbag1.scan import Scan
 
 _PROBES = 16  # chunks that are looked at before an index is believed
-_COUNT = struct.Struct("<II")
 
 
 def read_layout(file: BinaryIO, size: int) -> Layout:
@@ -29,28 +31,31 @@ def read_layout(file: BinaryIO, size: int) -> Layout:
     if b"encryptor" in header.fields:
         return Layout(encryptor=records.text(header.fields, b"encryptor"))
     try:
-        return _read_index(file, size, header.fields)
+        return _read_index(file, size, header)
     except Damaged:
-        return Scan(file, size, index_position).run(header.end)
+        return Scan(file, size, index_position, header.fields).run(header.end)
 
 
-def _read_index(file: BinaryIO, size: int, header: Fields) -> Layout:
-    position = records.number(header, b"index_pos")
+def _read_index(file: BinaryIO, size: int, header: Record) -> Layout:
+    position = records.number(header.fields, b"index_pos")
     if not len(records.MAGIC) < position <= size:
         raise Damaged("no index")
-    layout = Layout()
-    for _ in range(records.number(header, b"conn_count")):
+    layout = Layout(index_position=position)
+    for _ in range(records.number(header.fields, b"conn_count")):
         record = _expect(Op.CONNECTION, file, position, size)
         number, found = parse_connection(record.fields, records.read_data(file, record))
         layout.connections.setdefault(number, found)
         position = record.end
-    for _ in range(records.number(header, b"chunk_count")):
+    for _ in range(records.number(header.fields, b"chunk_count")):
         record = _expect(Op.CHUNK_INFO, file, position, size)
-        layout.chunks.append(_parse_chunk_info(record.fields, records.read_data(file, record)))
+        layout.chunks.append(parse_chunk_info(record.fields, records.read_data(file, record)))
         position = record.end
     if position != size:
         raise Damaged("an index that is not the end of its bag")
     layout.chunks.sort()
+    first = layout.chunks[0].position if layout.chunks else layout.index_position
+    if first != header.end:
+        raise Damaged("an index that does not name all of its bag")
     _check(layout, ChunkReader(file, size))
     return layout
 
@@ -62,18 +67,6 @@ def _expect(op: Op, file: BinaryIO, position: int, size: int) -> Record:
     return record
 
 
-def _parse_chunk_info(fields: Fields, data: bytes) -> Chunk:
-    if len(data) % _COUNT.size:
-        raise Damaged("a chunk's counts are cut")
-    counts = {connection: messages for connection, messages in _COUNT.iter_unpack(data) if messages}
-    return Chunk(
-        position=records.number(fields, b"chunk_pos"),
-        start_ns=records.time_ns(fields, b"start_time"),
-        end_ns=records.time_ns(fields, b"end_time"),
-        counts=counts,
-    )
-
-
 def _check(layout: Layout, reader: ChunkReader) -> None:
     """Make sure that an index belongs to its bag; looking at every chunk would take too long."""
     chunks = layout.chunks
@@ -82,6 +75,8 @@ def _check(layout: Layout, reader: ChunkReader) -> None:
         raise Damaged("an index that contradicts itself")
     if len({chunk.position for chunk in chunks}) < len(chunks):
         raise Damaged("an index that names a chunk twice")
+    if any(len(reader.walk(reader.content(one)).entries) for one in chunks if not one.counts):
+        raise Damaged("an index without some of its messages")
     step = max(1, len(chunks) // _PROBES)
     found = [_is_there(reader, chunk) for chunk in [*chunks[::step], *chunks[-1:]]]
     if sum(found) * 2 < len(found):  # less is damage to the chunks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -28,15 +28,19 @@ _SIZED_HEAD = np.arange(_HEAD_BYTES + 4)
 
 
 def locate(
-    content: Content, entries: NDArray[Any], lose: Callable[[int, str], None]
+    content: Content,
+    entries: NDArray[Any],
+    spans: NDArray[np.int64],
+    lose: Callable[[int, str], None],
 ) -> list[Place]:
     """The places of messages, in their order; without those that are not where the index has them.
 
     Args:
         entries: (N,) of `ENTRY`.
+        spans: (3, N) theirs, as `common_spans` gives them.
         lose: told the offset of each that is not there, and why.
     """
-    starts, sizes = _common(content, entries)
+    starts, sizes, _ = spans
     for i in np.flatnonzero(starts < 0):
         _, connection, offset = entries[i].tolist()
         try:
@@ -54,9 +58,27 @@ def locate(
     )
 
 
-def _common(content: Content, entries: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Starts and sizes of messages whose header has its three fields alone; -1 for all others."""
-    starts, sizes = np.full((2, len(entries)), -1, np.int64)
+def gaps(
+    content: Content, entries: NDArray[Any], spans: NDArray[np.int64]
+) -> Iterator[tuple[int, int]]:
+    """Where in a chunk in memory no message lies that its index names: from where to where."""
+    known = spans[0] >= 0
+    order = np.argsort(entries["offset"][known])
+    begins = entries["offset"][known][order].astype(np.int64)
+    ends = spans[:2].sum(axis=0)[known][order]
+    if content.data is None or not known.all():
+        return
+    lefts, rights = np.append(0, ends), np.append(begins, len(content.data))
+    for place in np.flatnonzero(lefts < rights):
+        yield int(lefts[place]), int(rights[place])
+
+
+def common_spans(content: Content, entries: NDArray[Any]) -> NDArray[np.int64]:
+    """(3, N) starts, sizes and stamps of messages whose header has just its three fields; else -1.
+
+    The stamps are the messages' own, in nanoseconds.
+    """
+    starts, sizes, stamps_ns = np.full((3, len(entries)), -1, np.int64)
     data = np.frombuffer(content.data or b"", np.uint8)
     offsets = entries["offset"].astype(np.int64)
     for head in _HEADS:
@@ -71,7 +93,10 @@ def _common(content: Content, entries: NDArray[Any]) -> tuple[NDArray[Any], NDAr
         found_starts, found_sizes = offsets[left] + len(_SIZED_HEAD), _numbers(found, _HEAD_BYTES)
         is_one &= found_starts + found_sizes <= len(data)
         starts[left[is_one]], sizes[left[is_one]] = found_starts[is_one], found_sizes[is_one]
-    return starts, sizes
+        time = bytes(head).index(b"time=") + len(b"time=")
+        found_ns = _numbers(found, time) * 1_000_000_000 + _numbers(found, time + 4)
+        stamps_ns[left[is_one]] = found_ns[is_one]
+    return np.stack([starts, sizes, stamps_ns])
 
 
 def _numbers(heads: NDArray[np.uint8], at: int) -> NDArray[np.int64]:

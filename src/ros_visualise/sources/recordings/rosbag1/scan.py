@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from typing import BinaryIO
 
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader, Content, stamps_ns
-from ros_visualise.sources.recordings.rosbag1.layout import NOTES, Layout, parse_connection
+from ros_visualise.sources.recordings.rosbag1.layout import (
+    NOTES,
+    Layout,
+    parse_chunk_info,
+    parse_connection,
+)
 from ros_visualise.sources.recordings.rosbag1.records import Damaged, Fields, Op, Record
 
 _BARE_SIZE = 16 << 20  # of records outside of chunks, so many bytes are taken as one
@@ -19,13 +26,18 @@ _SEARCHED = 1 << 20
 class Scan:
     """Looks through a bag that was not closed, or was cut, for its chunks."""
 
-    def __init__(self, file: BinaryIO, size: int, index_position: int) -> None:
+    def __init__(
+        self, file: BinaryIO, size: int, index_position: int, header: Fields | None = None
+    ) -> None:
         self._file, self._size, self._index_position = file, size, index_position
         self._reader = ChunkReader(file, size)
         self._layout = Layout(indexed=False)
         self._bare: int | None = None
         self._needed = index_position  # the file was at least as long
         self._has_end = index_position > 0  # its recorder came to write the index
+        self._header = header or {}
+        self._seen = 0  # chunks, also empty ones
+        self._infos: list[Chunk] = []  # chunks as the index at the end has them
         self._damages: list[tuple[int, int, str]] = []  # from where to where, and what it is
 
     def run(self, position: int) -> Layout:
@@ -41,7 +53,9 @@ class Scan:
                 following = self._skip_damage(position)
             position = following
         self._end_bare(position)
+        self._look_again()
         self._check_end()
+        self._compare()
         return self._layout
 
     def _take(self, record: Record, position: int) -> int:
@@ -55,11 +69,15 @@ class Scan:
         self._end_bare(position)
         if record.op == Op.CHUNK_INFO:  # these come last of all: nothing is missing
             self._needed, self._has_end = 0, True
+            with suppress(Damaged):
+                data = records.read_data(self._file, record)
+                self._infos.append(parse_chunk_info(record.fields, data))
         if record.op != Op.CHUNK:
             return record.end
         return self._take_chunk(record, position)
 
     def _take_chunk(self, record: Record, position: int) -> int:
+        self._seen += 1
         is_unfinished = not record.data_size
         if is_unfinished and records.text(record.fields, b"compression") == "none":
             return record.data_position  # its messages follow as records of the file
@@ -168,6 +186,37 @@ class Scan:
                 return start
         return 0
 
+    def _look_again(self) -> None:
+        """Look into chunks of which the index at the end says something else than theirs."""
+        infos = Counter(map(_sign, self._infos))
+        for place, chunk in enumerate(self._layout.chunks):
+            infos[_sign(chunk)] -= 1
+            if self._infos and not chunk.bare_end and infos[_sign(chunk)] < 0:
+                with suppress(Damaged):
+                    walk = self._reader.walk(self._reader.content(chunk))
+                    self._learn(walk.connections)
+                    if len(walk.entries) > chunk.messages:
+                        self._layout.chunks[place] = walk.chunk(chunk.position)
+
+    def _compare(self) -> None:
+        """Hold what was found against what the header and the index at the end say."""
+        said, found = _count(self._infos), _count(self._layout.chunks)
+        missing = (said - found).total()
+        notes = self._layout.loss.notes
+        self._layout.loss.messages += missing
+        if missing:
+            there = found.total()
+            notes.append(f"its index counts {there + missing} messages, {there} are there")
+        for name, what, there in (
+            (b"chunk_count", "chunks", self._seen),
+            (b"conn_count", "connections", len(self._layout.connections)),
+        ):
+            counted = _number(self._header, name)
+            if counted > there and not notes:
+                notes.append(f"its header counts {counted} {what}, {there} are there")
+        if not notes:
+            notes.append("its index is damaged; all messages were found without it")
+
     def _lose(self, start: int, end: int, why: str) -> None:
         self._layout.loss.bytes += end - start
         self._damages.append((start, end, why))
@@ -189,3 +238,23 @@ class Scan:
             notes.append(f"never finished by its recorder; messages that are there: {found}")
         else:
             notes += [f"at {start / 1e6:.1f} MB: {why}" for start, _, why in at_end[:1]]
+
+
+def _sign(chunk: Chunk) -> tuple[int, int, frozenset[tuple[int, int]]]:
+    """What two accounts of a chunk have in common, wherever it was moved."""
+    return chunk.start_ns, chunk.end_ns, frozenset(chunk.counts.items())
+
+
+def _count(chunks: Iterable[Chunk]) -> Counter[int]:
+    """Messages by connection."""
+    counts: Counter[int] = Counter()
+    for chunk in chunks:
+        counts.update(chunk.counts)
+    return counts
+
+
+def _number(header: Fields, name: bytes) -> int:
+    """A number of the bag's header; 0 where it is damaged."""
+    with suppress(Damaged):
+        return records.number(header, name)
+    return 0
