@@ -199,7 +199,7 @@ def test_the_report_counts_every_node_and_topic(running: Running):
 
 def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):
     path = tmp_path / "edges.mcap"
-    recording = running.runtime.start_recording(f"{path}@/edges,/image_raw")
+    recording = running.runtime.start_recording(path, topics=["/edges", "/image_raw"])
     wait_for(lambda: recording.written >= 20, "messages to be written")
     running.runtime.stop_recording(recording)
     assert recording.error is None
@@ -212,4 +212,4 @@ def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):
 
 def test_a_topic_that_there_is_not_cannot_be_recorded(running: Running, tmp_path: Path):
     with pytest.raises(UsageError, match="/edges"):
-        running.runtime.start_recording(f"{tmp_path / 'x.mcap'}@/nothing")
+        running.runtime.start_recording(tmp_path / "x.mcap", topics=["/nothing"])

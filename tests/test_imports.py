@@ -13,7 +13,16 @@ ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
     {
         *("errors", "data", "params", "geometry", "rate", "joining"),
-        *("limits", "yaml_files", "printing", "signals", "supervision", "near", "completion"),
+        *(
+            "limits",
+            "yaml_files",
+            "printing",
+            "signals",
+            "supervision",
+            "near",
+            "completion",
+            "paths",
+        ),
     },
     {"messages", "vision"},
     {"declaration_checks", "declarations", "sources", "sinks"},

@@ -164,7 +164,7 @@ def test_messages_that_a_middleware_skips_count_as_dropped(
         images = peer.advertise("/controlled_stream", Image)
         diagnostics = peer.hear("/diagnostics", DiagnosticArray)
         wait_for(lambda: "/controlled_stream" in viewer.graph.topics, "the topic")
-        recording = viewer.start_recording(tmp_path / "r.mcap@/controlled_stream")
+        recording = viewer.start_recording(tmp_path / "r.mcap", topics=["/controlled_stream"])
         [recorded] = hub.topics["/controlled_stream"].subscribers
         [taken] = hub.topics["/image_raw"].subscribers
         skip(taken, 5)

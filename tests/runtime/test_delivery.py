@@ -156,7 +156,7 @@ def test_what_a_dead_input_leaves_unmatched_is_counted():
 def test_a_join_behind_a_dead_node_holds_up_no_recording(tmp_path):
     got = []
     runtime = LocalRuntime(diamond(dying(5), joined(Exact(), got)), Playback(rate=0, hold=True))
-    recording = runtime.start_recording(f"{tmp_path / 'r.mcap'}@/image_raw,/joined")
+    recording = runtime.start_recording(tmp_path / "r.mcap", topics=["/image_raw", "/joined"])
     runtime.start()
     until(lambda: recording.written == FRAMES + 5)  # while the source holds at its end
     runtime.stop()

@@ -73,10 +73,10 @@ def diamond(find, work, source=counter, image="/image_raw"):
     return Graph(start, tuple(nodes))
 
 
-def run(graph, record=None, **playing):
+def run(graph, record=None, topics=(), **playing):
     runtime = LocalRuntime(graph, Playback(**{"rate": 0, **playing}))
     if record is not None:
-        runtime.start_recording(str(record))
+        runtime.start_recording(record, topics=topics)
     runtime.start()
     assert runtime.wait(60)
     runtime.stop()
@@ -140,7 +140,7 @@ def test_the_same_input_is_joined_and_recorded_alike_however_the_threads_run(joi
         late_ns = 0 if join == Exact() else 2 * PERIOD_NS // 3
         graph = diamond(finder(3, late_ns, seed), joined(join, got, seed))
         path = tmp_path / f"{seed}.mcap"
-        run(graph, f"{path}@/image_raw,/found,/joined")
+        run(graph, path, ["/image_raw", "/found", "/joined"])
         gots.append(got)
         files.append(contents(path))
     assert gots[0] == gots[1] == gots[2]
@@ -160,7 +160,7 @@ def contents(path):
 def test_a_node_that_joins_answers_every_number_and_so_holds_up_no_recorder(tmp_path):
     graph = diamond(finder(every=1000), joined(Exact(), []))
     runtime = LocalRuntime(graph, Playback(rate=0, hold=True))
-    recording = runtime.start_recording(f"{tmp_path / 'r.mcap'}@/image_raw,/joined")
+    recording = runtime.start_recording(tmp_path / "r.mcap", topics=["/image_raw", "/joined"])
     runtime.start()
     until(lambda: recording.written == FRAMES + 1)  # while the source holds at its end
     runtime.stop()

@@ -534,7 +534,7 @@ def test_a_source_that_cannot_be_opened_anew_plays_on(caplog):
 def test_one_recording_can_end_while_another_goes_on(tmp_path):
     run = Run(graph_of(add), hold=True)
     first = run.runtime.start_recording(tmp_path / "first.mcap")
-    second = run.runtime.start_recording(tmp_path / "second.mcap@/add/extra")
+    second = run.runtime.start_recording(tmp_path / "second.mcap", topics=["/add/extra"])
     run.runtime.start()
     until(lambda: run.playback.state.ended)
     until(lambda: (first.written, second.written) == (2 * FRAMES, FRAMES))

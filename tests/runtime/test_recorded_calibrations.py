@@ -41,11 +41,11 @@ def video(tmp_path):
     return image_pipeline("streamer", **known).configured({"filters": {"scale": 0.5}})
 
 
-def record(graph, *targets):
+def record(graph, *targets, topics=()):
     """Run it to its end as fast as it goes; the messages that were recorded, and the report."""
     runtime = LocalRuntime(graph, Playback(rate=0))
     for target in targets:
-        runtime.start_recording(target)
+        runtime.start_recording(target, topics=topics)
     runtime.start()
     assert runtime.wait(60)
     runtime.stop()
@@ -132,7 +132,7 @@ def test_without_a_calibration_there_is_no_topic_of_it(tmp_path):
 
 @pytest.mark.parametrize("topic", IMAGES)
 def test_images_that_are_chosen_bring_theirs_along(video, tmp_path, topic):
-    record(video, f"{tmp_path / 'r.bag'}@{topic}")
+    record(video, tmp_path / "r.bag", topics=[topic])
     assert topics_of(tmp_path / "r.bag") == {topic: FRAMES, INFOS[topic]: FRAMES}
 
 
@@ -165,7 +165,7 @@ def test_what_a_recording_has_of_its_own_is_recorded_once(recorded, tmp_path):
 
 
 def test_chosen_images_of_a_recording_bring_its_calibration_along(recorded, tmp_path):
-    record(graph_of(recorded, image=""), f"{tmp_path / 'r.bag'}@/processed_image")
+    record(graph_of(recorded, image=""), tmp_path / "r.bag", topics=["/processed_image"])
     there = topics_of(tmp_path / "r.bag")
     assert there == dict.fromkeys(["/processed_image", "/processed_image/camera_info"], FRAMES)
 

@@ -130,7 +130,7 @@ def test_overwriting_leaves_nothing_of_the_old_file(tmp_path: Path) -> None:
 
 
 def test_topics_that_are_not_recorded_are_let_go(tmp_path: Path) -> None:
-    with open_recorder(f"{tmp_path}/r.mcap@/edges", TOPICS) as recorder:
+    with open_recorder(tmp_path / "r.mcap", TOPICS, named=["/edges"]) as recorder:
         recorder.write("/image_raw", random_image("mono8"))
         recorder.write("/edges", random_image("mono8", 1))
     assert [topic for topic, *_ in read(recorder.path)] == ["/edges"]

@@ -6,8 +6,9 @@ import pytest
 
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder, parse_target
+from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder
 from ros_visualise.sinks import mp4 as mp4_module
+from ros_visualise.sinks.names import parse_target
 
 IMAGE = TopicType("sensor_msgs/msg/Image")
 TOPICS = {
@@ -47,7 +48,8 @@ def test_targets_are_parsed(target: str, path: str, topics: tuple[str, ...]) -> 
     ],
 )
 def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...]) -> None:
-    with open_recorder(f"{tmp_path}/{target}", TOPICS, on_demand=ON_DEMAND) as recorder:
+    path, named = parse_target(f"{tmp_path}/{target}")
+    with open_recorder(path, TOPICS, on_demand=ON_DEMAND, named=named) as recorder:
         assert recorder.topics == expected
 
 
@@ -64,8 +66,9 @@ def test_topics_are_chosen(tmp_path: Path, target: str, expected: tuple[str, ...
     ],
 )
 def test_wrong_usage_is_refused(tmp_path: Path, target: str, expected: str) -> None:
+    path, named = parse_target(f"{tmp_path}/{target}")
     with pytest.raises(UsageError, match=expected):
-        open_recorder(f"{tmp_path}/{target}", TOPICS)
+        open_recorder(path, TOPICS, named=named)
     assert not list(tmp_path.iterdir())
 
 

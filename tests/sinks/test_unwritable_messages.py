@@ -102,7 +102,7 @@ def test_others_are_written_before_and_after_it(name: str, tmp_path: Path) -> No
 
 
 def test_a_video_refuses_what_is_no_image(tmp_path: Path) -> None:
-    with open_recorder(f"{tmp_path}/v.mp4@/i", {"/i": TopicType(Image.type_name)}) as recorder:
+    with open_recorder(tmp_path / "v.mp4", {"/i": TopicType(Image.type_name)}) as recorder:
         for number in range(3):
             with pytest.raises(DamagedMessage, match="not an image for a video"):
                 recorder.write("/i", Text("hello"))

@@ -38,7 +38,7 @@ _NS = 1_000_000_000
 
 def run(args: Namespace) -> int:
     """Copy a recording into a new file, and say what was lost."""
-    target = parse_target(args.output)[0]
+    target, topics = parse_target(args.output)
     check_targets([target], args.input)
     encoding = encoding_of(target, args.profile)
     if kind_of(target) == "mp4":
@@ -55,9 +55,10 @@ def run(args: Namespace) -> int:
             raise OpenError(f"{args.input}: nothing of it can be written: {reasons}")
         with noticed() as wish:
             recorder = open_recorder(
-                args.output,
+                target,
                 types,
                 args.overwrite,
+                named=topics,
                 profile=args.profile,
                 compression=args.compression,
                 live=False,

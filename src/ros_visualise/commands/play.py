@@ -188,7 +188,8 @@ def _start_recordings(
     recordings: list[RecorderThread] = []
     try:
         for target in targets:
-            recordings.append(runtime.start_recording(target, overwrite))
+            path, topics = parse_target(target)
+            recordings.append(runtime.start_recording(path, overwrite, topics))
     except RosVisualiseError:
         for recording in recordings:
             recording.discard()

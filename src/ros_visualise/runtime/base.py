@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -93,7 +93,9 @@ class Runtime(Protocol):
     def report(self, window_s: float | None = None) -> RunReport:
         """Topics and nodes with their counts, and rates of the whole run or of its last seconds."""
 
-    def start_recording(self, target: str | Path, overwrite: bool = False) -> ActiveRecording:
+    def start_recording(
+        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+    ) -> ActiveRecording:
         """Record to a file from now on.
 
         Raises:

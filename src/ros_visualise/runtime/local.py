@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -169,7 +169,9 @@ class LocalRuntime:
         hz = self._topics[main[0]].report(main[1].ros.name, window_s).hz
         return replace(report, publishes=True, achieved_hz=hz)
 
-    def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
+    def start_recording(
+        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+    ) -> RecorderThread:
         """Record to a file from now on; a source that can wait then waits for the disk.
 
         Raises:
@@ -180,8 +182,8 @@ class LocalRuntime:
         lossless = not self.graph.live
         with self._recording:
             if self._stopped:
-                raise UsageError(f"{target}: the run has ended, so there is nothing to record")
-            recording = record(self.graph, self.parameters, target, overwrite, lossless)
+                raise UsageError(f"{path}: the run has ended, so there is nothing to record")
+            recording = record(self.graph, self.parameters, path, topics, overwrite, lossless)
             self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)

@@ -31,7 +31,8 @@ _MAX_WAITING_BYTES = 64 * 2**20
 def record(
     graph: Graph,
     parameters: Mapping[str, Parameters[Any]],
-    target: str | Path,
+    path: str | Path,
+    topics: Collection[str],
     overwrite: bool,
     lossless: bool,
 ) -> RecorderThread:
@@ -40,7 +41,8 @@ def record(
     Args:
         graph: what runs.
         parameters: node -> its parameters.
-        target: as of `ros_visualise.sinks.open_recorder`.
+        path: the new file or folder.
+        topics: those to record; none: as of `ros_visualise.sinks.open_recorder`.
         overwrite: whether the file may exist.
         lossless: see `RecorderThread`.
 
@@ -49,10 +51,11 @@ def record(
         UsageError: it names a topic that there is not, or no known kind of file.
     """
     recorder = open_recorder(
-        str(target),
+        path,
         recordable(graph),
         overwrite,
         [name for name, topic in graph.topics.items() if topic.on_demand],
+        named=topics,
         beside=calibration_topics(graph),
     )
     recording = RecorderThread(recorder, graph, lossless)

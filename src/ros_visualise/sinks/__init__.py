@@ -1,8 +1,4 @@
-"""Where messages are recorded to: `open_recorder` finds the recorder by the target's suffix.
-
-A target is written OUT[@TOPIC[,TOPIC...]]: ``edges.mp4``, ``edges.mp4@/edges_overlay`` or
-``run.mcap@/image_raw,/edges``.
-"""
+"""Where messages are recorded to: `open_recorder` finds the recorder by the name's suffix."""
 
 from __future__ import annotations
 
@@ -18,7 +14,6 @@ from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.near import near
-from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.recordings import Extra
 
 Kind = Literal["mcap", "bag", "mp4", "folder"]
@@ -145,11 +140,12 @@ def encoding_of(path: Path, profile: Profile | None = None) -> Encoding:
 
 
 def open_recorder(
-    target: str,
+    path: str | Path,
     topics: Mapping[str, TopicType],
     overwrite: bool = False,
     on_demand: Collection[str] = (),
     *,
+    named: Collection[str] = (),
     beside: Mapping[str, str] | None = None,
     profile: Profile | None = None,
     compression: str | None = None,
@@ -157,14 +153,15 @@ def open_recorder(
 ) -> Recorder:
     """Open a recording.
 
-    Where the target names no topics, it takes all of them, and an .mp4 the last one of images,
-    without those on demand.
+    Where no topics are named, it takes all of them, and an .mp4 the last one of images, without
+    those on demand.
 
     Args:
-        target: OUT[@TOPIC[,TOPIC...]].
+        path: the new file or folder.
         topics: topic -> type of its messages, of all that there are.
         overwrite: replace a file that exists.
         on_demand: those that are only recorded when they are named.
+        named: the topics to record.
         beside: topic -> the one that is recorded with it, if there is such a one.
         profile: an .mcap may hold messages of ROS 1; if nobody says, they are of ROS 2.
         compression: one of `COMPRESSIONS`.
@@ -176,14 +173,14 @@ def open_recorder(
         UsageError: no such topic, compression or kind of file.
         OpenError: it exists or cannot be written.
     """
-    path, named = parse_target(target)
+    path = Path(path)
     kind, encoding = kind_of(path), encoding_of(path, profile)
     compression = _choose_compression(path, kind, compression)
-    wanted = _choose_topics(target, named, topics, on_demand)
+    wanted = _choose_topics(path, named, topics, on_demand)
     if kind == "mp4":
         from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
-        return Mp4Recorder(path, choose_topic(target, wanted, bool(named)), overwrite)
+        return Mp4Recorder(path, choose_topic(path, wanted, bool(named)), overwrite)
     also = [name for topic, name in (beside or {}).items() if topic in wanted]
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
@@ -218,7 +215,7 @@ def _choose_compression(path: Path, kind: Kind, wanted: str | None) -> str:
 
 
 def _choose_topics(
-    target: str,
+    path: Path,
     named: Collection[str],
     topics: Mapping[str, TopicType],
     on_demand: Collection[str],
@@ -226,6 +223,6 @@ def _choose_topics(
     """Those that are named, else all but those on demand."""
     for name in named:
         if name not in topics:
-            raise UsageError(f"{target}: no topic {name}; there are {', '.join(topics)}")
+            raise UsageError(f"{path}: no topic {name}; there are {', '.join(topics)}")
     wanted = named or [name for name in topics if name not in on_demand]
     return {name: topics[name] for name in wanted}

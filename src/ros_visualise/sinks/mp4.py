@@ -41,7 +41,7 @@ _FILE_OPTIONS = {
 }
 
 
-def choose_topic(target: str, topics: Mapping[str, TopicType], named: bool) -> str:
+def choose_topic(path: Path, topics: Mapping[str, TopicType], named: bool) -> str:
     """The topic that an .mp4 holds: the one that was named, or the last one of images.
 
     Raises:
@@ -49,9 +49,9 @@ def choose_topic(target: str, topics: Mapping[str, TopicType], named: bool) -> s
     """
     images = [topic for topic, kind in topics.items() if kind.data_class is Image]
     if named and (len(topics) > 1 or not images):
-        raise UsageError(f"{target}: an .mp4 holds one topic of images; record to .mcap instead")
+        raise UsageError(f"{path}: an .mp4 holds one topic of images; record to .mcap instead")
     if not images:
-        raise UsageError(f"{target}: there is no topic of images to record")
+        raise UsageError(f"{path}: there is no topic of images to record")
     return images[-1]
 
 

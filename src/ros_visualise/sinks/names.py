@@ -6,21 +6,22 @@ import contextlib
 import math
 import os
 import stat
-import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.paths import check_printable
 from ros_visualise.sources.recordings.metadata import METADATA
 
-_MAX_BYTES = 200  # of a name that a browser gives; file systems take 255
 _LEFT_BY_SQLITE = ("-wal", "-journal", "-shm")
 """What comes after a database's name in those of the files that belong to it."""
 
 
 def parse_target(target: str) -> tuple[Path, tuple[str, ...]]:
-    """(File, topics) of OUT[@TOPIC[,TOPIC...]]; no topics where it names none."""
-    path, topics = _split(target)
+    """File and topics of the command line's OUT[@TOPIC[,TOPIC...]]; it may name no topics."""
+    path, _, topics = target.rpartition("@")
+    if not (path and topics.startswith("/")):
+        path, topics = target, ""
     return Path(path), tuple(dict.fromkeys(name for name in topics.split(",") if name))
 
 
@@ -30,38 +31,10 @@ def record_folder(path: Path) -> Path:
     Raises:
         OpenError: there is none.
     """
-    check_name(path)
+    check_printable(path)
     if not os.path.isdir(path):
         raise OpenError(f"{path}: there is no such folder to record to; create it first")
     return path
-
-
-def in_folder(folder: Path, target: str) -> str:
-    """A target in a folder, of which somebody may choose the name, and nothing but the name.
-
-    Raises:
-        UsageError: it is no name, or one that hides or leads elsewhere.
-    """
-    name, topics = _split(target)
-    size = len(name.encode(errors="replace"))
-    if size > _MAX_BYTES:
-        raise UsageError(f"a name of {size} bytes: give one of at most {_MAX_BYTES}")
-    check_name(name)
-    if not name or name.startswith(".") or "/" in name or "\\" in name:
-        raise UsageError(
-            f"{name!r}: give a name alone, without folders and without a dot before it"
-        )
-    return f"{folder / name}@{topics}" if topics else str(folder / name)
-
-
-def check_name(path: str | Path) -> None:
-    """Refuse a name that cannot be shown on a line.
-
-    Raises:
-        UsageError: it holds control characters, or bytes that are not UTF-8.
-    """
-    if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in str(path)):
-        raise UsageError(f"{str(path)!r}: holds control characters; choose another name")
 
 
 def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
@@ -75,7 +48,7 @@ def check_targets(targets: Sequence[Path], source: str | Path | None) -> None:
         UsageError: two are one, one is in the other, or a target holds or is a part of the source.
     """
     for number, target in enumerate(targets):
-        check_name(target)
+        check_printable(target)
         if any(_meet(target, other) for other in targets[:number]):
             raise UsageError(f"{target}: is in use already; choose another name")
     there = [target for target in targets if os.path.lexists(target)]
@@ -123,8 +96,3 @@ def _all_of(paths: Iterable[Path], depth: float = math.inf) -> set[tuple[int, in
                 found.add(identity)
         level, depth = below, depth - 1
     return found
-
-
-def _split(target: str) -> tuple[str, str]:
-    path, _, topics = target.rpartition("@")
-    return (path, topics) if path and topics.startswith("/") else (target, "")

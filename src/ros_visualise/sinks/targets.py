@@ -14,7 +14,7 @@ from itertools import count
 from pathlib import Path
 
 from ros_visualise.errors import OpenError, RecordingError, UsageError
-from ros_visualise.sinks.names import check_name
+from ros_visualise.paths import check_printable
 
 if sys.platform != "win32":
     import fcntl
@@ -61,9 +61,9 @@ class Target(ABC):
 
         Raises:
             OpenError: it is there and not to be replaced, or it cannot be written.
-            UsageError: it is no name; see `ros_visualise.sinks.names.check_name`.
+            UsageError: it is no name; see `ros_visualise.paths.check_printable`.
         """
-        check_name(path)
+        check_printable(path)
         if path.name in ("", ".."):
             raise UsageError(f"{path}: has no name of its own; give the name of a file or folder")
         try:

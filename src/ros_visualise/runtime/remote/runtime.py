@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -109,7 +109,9 @@ class RemoteRuntime:
         }
         return RunReport(topics, nodes, report_recordings(tuple(self._recordings)))
 
-    def start_recording(self, target: str | Path, overwrite: bool = False) -> RecorderThread:
+    def start_recording(
+        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+    ) -> RecorderThread:
         """Record the topics that there are now, in the order and at the times of arrival.
 
         Raises:
@@ -119,8 +121,8 @@ class RemoteRuntime:
         """
         with self._recording:
             if self._closed.is_set():
-                raise UsageError(f"{target}: the viewer is ending, so there is nothing to record")
-            recording = record(self.graph, self.parameters, target, overwrite, False)
+                raise UsageError(f"{path}: the viewer is ending, so there is nothing to record")
+            recording = record(self.graph, self.parameters, path, topics, overwrite, False)
             clock, dropped = self._middleware.clock(), self._dropped
             arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
         for topic, inbox in arrivals.inboxes.items():

@@ -12,9 +12,9 @@ import viser
 
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.paths import inside
 from ros_visualise.runtime.base import ActiveRecording, Runtime
 from ros_visualise.runtime.ordering import recordable
-from ros_visualise.sinks.names import in_folder, parse_target
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.files import Files
 from ros_visualise.ui.page.worker import Worker
@@ -34,7 +34,7 @@ class Recorder:
         self._runtime, self._files, self._folder = runtime, files, files.folder
         self._recording: ActiveRecording | None = None
         self._begun_s = 0.0
-        self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4@/edges")
+        self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4")
         self._topics = _Topics(gui, worker)
         self._topics.follow(runtime.graph)
         self._button = gui.add_button(_START)
@@ -70,10 +70,8 @@ class Recorder:
         if self._recording is not None:
             self._stop(self._recording)
             return
-        target = in_folder(self._folder, self._name.value)
-        if not parse_target(target)[1]:
-            target += self._topics.chosen
-        self._recording = self._runtime.start_recording(target)
+        path = inside(self._folder, self._name.value)
+        self._recording = self._runtime.start_recording(path, topics=self._topics.chosen)
         self._begun_s = time.monotonic()
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
@@ -135,8 +133,8 @@ class _Topics:
                 self._switches[name] = switch
 
     @property
-    def chosen(self) -> str:
-        """What a target has after its name: ``@/TOPIC,/TOPIC``; empty for what is usual.
+    def chosen(self) -> tuple[str, ...]:
+        """The topics to record; none for the usual ones.
 
         Raises:
             UsageError: there is none.
@@ -144,7 +142,7 @@ class _Topics:
         chosen = [name for name, switch in self._switches.items() if switch.value]
         if not chosen:
             raise UsageError("choose a topic to record")
-        return "" if set(chosen) == self._usual else "@" + ",".join(chosen)
+        return () if set(chosen) == self._usual else tuple(chosen)
 
     def _set_all(self, label: str) -> None:
         for switch in self._switches.values():

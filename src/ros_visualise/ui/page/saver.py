@@ -10,9 +10,9 @@ from typing import Any
 
 import viser
 
+from ros_visualise.paths import inside
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.saving import live_parameters, new_name, save, write_yaml
-from ros_visualise.sinks.names import in_folder
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.kept import Kept
 from ros_visualise.ui.page.worker import Worker
@@ -40,7 +40,7 @@ class Saver:
         button.on_click(self._worker.listener(("save", what), partial(self._save, name, write)))
 
     def _save(self, name: Any, write: Callable[[Path], None], _: bool) -> None:
-        path = Path(in_folder(self._folder, name.value))
+        path = inside(self._folder, name.value)
         write(path)
         self._note.content = f'<div class="rv-note">{escape(f"{path}: saved")}</div>'
         self._note.visible = True

@@ -8,8 +8,8 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 
 from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.paths import inside
 from ros_visualise.sinks.files import TargetFile
-from ros_visualise.sinks.names import in_folder
 from ros_visualise.ui.look.answers import Question, Refusal
 from ros_visualise.ui.shelf import SUFFIXES
 
@@ -49,7 +49,7 @@ class Uploads:
             finally:
                 self.state = ""
             if question.text("open"):
-                self._ask(Path(in_folder(self.folder, question.text("open"))))
+                self._ask(inside(self.folder, question.text("open")))
         except (RosVisualiseError, Refusal) as error:
             log.warning("not uploaded: %s", error)
 
@@ -61,7 +61,7 @@ class Uploads:
             UsageError: no such file is taken.
         """
         name, size = question.text("upload"), question.whole("size") or 0
-        path = Path(in_folder(self.folder, name))
+        path = inside(self.folder, name)
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"{path.name}: give a file that ends in one of {' '.join(SUFFIXES)}")
         if not 0 < size <= MAX_GIB << 30:

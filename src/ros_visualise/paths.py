@@ -1,0 +1,62 @@
+"""Names of files that others than the person at the terminal choose: plain names, in one folder.
+
+Whoever starts a process may name any file. A page, and a node's parameters once it runs, may name
+those in one folder, and replace none of them unless the process was started with ``--overwrite``.
+"""
+
+from __future__ import annotations
+
+import os
+import unicodedata
+from pathlib import Path
+
+from ros_visualise.errors import UsageError
+
+_MOST_BYTES = 200  # of a name that others give; file systems take 255
+_folder, _may_replace = Path(), False
+
+
+def set_folder(folder: Path, overwrite: bool = False) -> None:
+    """Let others name the files in this folder, and replace them or not."""
+    global _folder, _may_replace
+    _folder, _may_replace = folder, overwrite
+
+
+def given_folder() -> Path:
+    """The folder whose files others may name; the current one if nobody chose another."""
+    return _folder
+
+
+def may_replace() -> bool:
+    """Whether files that are there may be replaced."""
+    return _may_replace
+
+
+def inside(folder: Path, name: str) -> Path:
+    """A file in a folder, of which somebody may choose the name, and nothing but the name.
+
+    Raises:
+        UsageError: it is not a plain name, or that of a link that leads out of the folder.
+    """
+    size = len(name.encode(errors="replace"))
+    if size > _MOST_BYTES:
+        raise UsageError(f"a name of {size} bytes: give one of at most {_MOST_BYTES}")
+    check_printable(name)
+    if name.startswith(".") or "\\" in name or Path(name).name != name or not name:
+        raise UsageError(
+            f"{name!r}: give a name alone, without folders and without a dot before it"
+        )
+    path = folder / name
+    if not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder)):
+        raise UsageError(f"{name!r}: a link that leads out of the folder; choose another name")
+    return path
+
+
+def check_printable(path: str | Path) -> None:
+    """Refuse a name that cannot be shown on a line.
+
+    Raises:
+        UsageError: it holds control characters, or bytes that are not UTF-8.
+    """
+    if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in str(path)):
+        raise UsageError(f"{str(path)!r}: holds control characters; choose another name")
