@@ -89,6 +89,7 @@ def test_values_are_taken_as_yaml_reads_them_and_the_time_stays(pipeline: Asked)
     scale, low = pipeline.get("filters.scale", "edge_detector.low")
     assert (scale.double_value, low.integer_value) == (1.0, 33)
     assert "choose one of off" in pipeline.set(filters__blur=3).reason
+    assert "out of range" in pipeline.set(filters__scale=99).reason
     assert pipeline.set(use_sim_time=False).successful
     refused = pipeline.set(use_sim_time=True)
     assert "start it again with -p use_sim_time:=true" in refused.reason

@@ -81,7 +81,8 @@ def wanted(spec: Spec, value: Any) -> Any:
     try:
         return plain(spec, read(spec, value))
     except ParameterError:
-        return str(value) if _kind(spec) is str else value
+        kind = _kind(spec)
+        return kind(value) if kind is str or (kind is float and type(value) is int) else value
 
 
 def to_parameters(prefix: str, declared: Iterable[Spec], params: Any) -> list[Parameter]:
