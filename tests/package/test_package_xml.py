@@ -12,7 +12,7 @@ from launched import LAUNCH, PACKAGE
 
 RUNTIMES = PACKAGE / "src" / "ros_visualise" / "runtime"
 KEYS = {"rospkg": "python3-rospkg"}
-IN_OTHERS = {"rqt_gui", "usb_cam"}
+IN_OTHERS = {"diagnostic_aggregator", "rqt_gui", "rviz2", "usb_cam"}
 """What is started where a person has it."""
 
 
@@ -63,6 +63,17 @@ def test_what_a_runtime_imports_is_asked_for(version, runtime):
     }
     wanted = {KEYS.get(name, name) for name in imported - ours - set(sys.stdlib_module_names)}
     assert wanted <= needed(version, "exec_depend")
+
+
+def test_a_robot_without_a_screen_needs_no_rviz2():
+    assert not needed("2", "depend", "exec_depend") & {"rviz2", "rqt_gui", "diagnostic_aggregator"}
+
+
+def test_colcon_runs_the_tests():
+    assert "ament_cmake_pytest" in needed("2", "test_depend")
+    cmake = (PACKAGE / "CMakeLists.txt").read_text()
+    [folder] = re.findall(r"ament_add_pytest_test\(\w+ (\S+)", cmake)
+    assert list((PACKAGE / folder).glob("test_*.py"))
 
 
 @pytest.mark.parametrize(("version", "suffix"), [("1", ".launch"), ("2", ".launch.xml")])
