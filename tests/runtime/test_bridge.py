@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -126,6 +127,25 @@ def test_a_camera_display_finds_the_calibration_beside_the_image(
     own, beside, _ = (messages[0] for messages in heard)
     assert np.array_equal(own.pixels, beside.pixels)
     assert infos[0].header == own.header == beside.header
+
+
+def test_jpegs_are_as_good_as_asked(hub: Hub, peer: Peer) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (64, 64), np.uint8)
+    sizes = []
+    for quality in (5, 100):
+        with hub.running("edge_detector", jpeg_quality=quality, method="sobel"):
+            images = peer.advertise("/processed_image", Image)
+            heard = peer.hear("/edges/compressed", CompressedImage)
+            wait_for(lambda: images.connections, "the node")  # noqa: B023
+            images.publish(replace(IMAGE, data=noise))
+            sizes.append(len(wait_for(lambda: heard, "the JPEG")[0].data))  # noqa: B023
+            images.close()
+    assert 3 * sizes[0] < sizes[1]
+    for wrong in (0, 101, 50.5, "good"):
+        middleware = HubMiddleware(hub, {"jpeg_quality": wrong})
+        with pytest.raises(SystemExit) as ended:
+            run("filters", middleware)
+        assert ended.value.code == 2
 
 
 def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer) -> None:

@@ -11,10 +11,11 @@ from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions
+from ros_visualise.vision.compression import JPEG_QUALITY
 
 OPTIONS = (
     *("view", "host", "port", "allow_origin", "window", "record_dir"),
-    *("image_transport", "start", "duration", "clock", "max_memory", "params"),
+    *("image_transport", "jpeg_quality", "start", "duration", "clock", "max_memory", "params"),
 )
 """Those that every executable reads."""
 
@@ -56,6 +57,18 @@ def choose_image_transport(middleware: Middleware) -> bool:
     if transport not in ("raw", "compressed"):
         raise UsageError(f"image_transport={transport}: choose raw or compressed")
     return bool(transport == "compressed")
+
+
+def choose_jpeg_quality(middleware: Middleware) -> int:
+    """The quality of the JPEGs that are published, in percent.
+
+    Raises:
+        UsageError: ``~jpeg_quality`` is none from 1 to 100.
+    """
+    quality = _number(middleware, "jpeg_quality", JPEG_QUALITY)
+    if quality not in range(1, 101):
+        raise UsageError(f"jpeg_quality={quality:g}: must be a whole number from 1 to 100")
+    return int(quality)
 
 
 def choose_params(middleware: Middleware) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from ros_visualise.data import Image
 from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.executables.options import (
     choose_image_transport,
+    choose_jpeg_quality,
     choose_params,
     choose_view,
     seconds,
@@ -32,6 +33,7 @@ from ros_visualise.runtime.saving import of_node, save_anew
 from ros_visualise.sources.calibration_store import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
+from ros_visualise.vision.compression import JPEG_QUALITY
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +96,9 @@ def run_graph(
         playback = _playback(middleware, graph, view.stays)
         takes_images = Image in graph.inputs.values()
         compressed = takes_images and choose_image_transport(middleware)
-        made = partial(Process, middleware, graph, playback, namespaces, compressed)
+        makes_images = any(topic.type is Image for topic in graph.topics.values())
+        quality = choose_jpeg_quality(middleware) if makes_images else JPEG_QUALITY
+        made = partial(Process, middleware, graph, playback, namespaces, compressed, quality)
         process = opened(middleware, made)
     except (RosVisualiseError, KeyboardInterrupt):
         view.close()

@@ -23,7 +23,10 @@ _DEPTH = "16UC1"
 _DEPTH_HEADER = struct.Struct("<iff")  # an unused number, and the quantisation's A and B
 
 
-def compress(image: Image, quality: int = 80) -> CompressedImage:
+JPEG_QUALITY = 80
+
+
+def compress(image: Image, quality: int = JPEG_QUALITY) -> CompressedImage:
     """JPEG of 8-bit images, PNG of 16-bit ones and mosaics, whose values JPEG would mix.
 
     Alpha is left out.

@@ -136,6 +136,7 @@ class ImageOutput(Output):
         is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
         in_haste: whether a source of this process plays as fast as it goes, without loss: then a
             camera waits until an image is on its way to all, and others until they have room.
+        jpeg_quality: in percent.
     """
 
     def __init__(
@@ -145,7 +146,9 @@ class ImageOutput(Output):
         resolved: str,
         is_camera: bool,
         in_haste: Callable[[], bool],
+        jpeg_quality: int,
     ) -> None:
+        self._jpeg_quality = jpeg_quality
         names = [name, *image_names(resolved)[1:]]
         super().__init__(advertise(middleware, names, TopicType(type_name(Image))))
         self._in_haste = in_haste
@@ -198,7 +201,7 @@ class ImageOutput(Output):
         while (packet := self._to_compress.take()) is not None:
             assert isinstance(packet.message, Image)
             try:
-                compressed = compress(packet.message)
+                compressed = compress(packet.message, self._jpeg_quality)
             except (ValueError, RosVisualiseError) as error:
                 self._refusals.add(self._compressed.name, error)
             else:

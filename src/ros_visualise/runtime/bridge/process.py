@@ -31,6 +31,7 @@ from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlaybackFollower
 from ros_visualise.runtime.report import RATES, NodeReport
 from ros_visualise.sources.playback import Playback
+from ros_visualise.vision.compression import JPEG_QUALITY
 
 _DIAGNOSTICS_S = 1.0
 _FLUSH_S = 0.5
@@ -50,6 +51,7 @@ class Process:
         playback: how its source is played; None where it has no source.
         namespaces: node name -> where its parameters are below this node's private namespace.
         compressed: whether images come compressed.
+        jpeg_quality: of those that are published compressed, in percent.
 
     Raises:
         OpenError: the source cannot be opened.
@@ -63,7 +65,9 @@ class Process:
         playback: Playback | None,
         namespaces: Mapping[str, str],
         compressed: bool = False,
+        jpeg_quality: int = JPEG_QUALITY,
     ) -> None:
+        self._jpeg_quality = jpeg_quality
         self._middleware = middleware
         self._namespaces = namespaces
         names = [_outside(name) for name in (*graph.inputs, *graph.topics)]
@@ -145,8 +149,8 @@ class Process:
         if self._is_as_recorded(name):
             output = self._as_recorded(name, topic.ros)
         elif topic.type is Image:
-            declared, haste = self._declared[name], self._is_in_haste
-            output = ImageOutput(self._middleware, declared, name, is_camera, haste)
+            declared, haste, quality = self._declared[name], self._is_in_haste, self._jpeg_quality
+            output = ImageOutput(self._middleware, declared, name, is_camera, haste, quality)
         else:
             made = TopicType(type_name(topic.type), qos=topic.ros.qos)
             declared = self._declared[name]

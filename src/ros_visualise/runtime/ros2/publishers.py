@@ -17,7 +17,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.buffers import Buffer
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import PublisherEventCallbacks
-from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, profile
+from ros_visualise.runtime.ros2.quality import clash, full_name, is_named, overridden, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
 from ros_visualise.runtime.ros2.types import message_class
 from ros_visualise.sinks.encoding import Buffer as Part
@@ -96,15 +96,18 @@ class Publisher:
         self._room = getattr(data_class(type.name), "waiting", _WAITING)
         is_large = self._room < type.qos.depth
         depth = _LARGE_DEPTH if is_large else type.qos.depth
-        self._publisher = session.node.create_publisher(
-            message_class(declared.name),
-            spelled(topic),
-            profile(replace(type.qos, depth=depth)),
-            event_callbacks=PublisherEventCallbacks(
-                incompatible_qos=lambda _: session.start(self._say_why, f"{self.name} QoS"),
-                use_default_callbacks=False,
-            ),
+        events = PublisherEventCallbacks(
+            incompatible_qos=lambda _: session.start(self._say_why, f"{self.name} QoS"),
+            use_default_callbacks=False,
         )
+        with overridden(session.node, self.name, "publisher") as overrides:
+            self._publisher = session.node.create_publisher(
+                message_class(declared.name),
+                spelled(topic),
+                profile(replace(type.qos, depth=depth)),
+                event_callbacks=events,
+                qos_overriding_options=overrides,
+            )
         self._said: set[str] = set()
         self._waiting: deque[list[Part]] = deque()
         self._buffer: Buffer = np.empty(0, np.uint8)

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
+from rclpy.exceptions import ParameterException
+from rclpy.node import Node
 from rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
     QoSCompatibility,
+    QoSPolicyKind,
     QoSProfile,
     ReliabilityPolicy,
     qos_check_compatible,
 )
+from rclpy.qos_overriding_options import QoSOverridingOptions
 
+from ros_visualise.errors import UsageError
 from ros_visualise.messages.qos import QoS
 
 _RELIABLE = {True: ReliabilityPolicy.RELIABLE, False: ReliabilityPolicy.BEST_EFFORT}
 _LOCAL = {True: DurabilityPolicy.TRANSIENT_LOCAL, False: DurabilityPolicy.VOLATILE}
+
+_OVERRIDDEN = (
+    *(QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH),
+    *(QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY),
+)
 
 _UNKNOWN = ("_NODE_NAME_UNKNOWN_", "_CREATED_BY_BARE_DDS_APP_")
 """What RMWs call nodes that have not told their names yet, or are none."""
@@ -31,6 +42,28 @@ def profile(qos: QoS) -> QoSProfile:
         reliability=_RELIABLE[qos.reliable],
         durability=_LOCAL[qos.transient_local],
     )
+
+
+@contextmanager
+def overridden(node: Node, topic: str, end: str) -> Iterator[QoSOverridingOptions | None]:
+    """What a person gives as ``qos_overrides.TOPIC.END.POLICY``, to create that end with.
+
+    Args:
+        node: of this process.
+        topic: its full name.
+        end: ``publisher`` or ``subscription``.
+
+    Raises:
+        UsageError: it is no such policy, or of the wrong type.
+    """
+    prefix = f"qos_overrides.{topic}.{end}."
+    is_given = any(name.startswith(prefix) for name in node._parameter_overrides)
+    try:
+        yield QoSOverridingOptions(_OVERRIDDEN) if is_given else None
+    except (ParameterException, RuntimeError, AttributeError) as error:
+        if not is_given:
+            raise
+        raise UsageError(f"{prefix}*: {error}") from None
 
 
 def fitting(offered: Sequence[QoSProfile], depth: int) -> QoS:

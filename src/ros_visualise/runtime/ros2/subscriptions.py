@@ -21,7 +21,7 @@ from ros_visualise.messages import data_class, from_message, type_name
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.qos_events import SubscriptionEventCallbacks
-from ros_visualise.runtime.ros2.quality import fitting, profile
+from ros_visualise.runtime.ros2.quality import fitting, overridden, profile
 from ros_visualise.runtime.ros2.session import Session, spelled
 from ros_visualise.runtime.ros2.types import DEFINITIONS, message_class
 
@@ -178,15 +178,18 @@ class Subscriber:
         return _Asked(there[0].topic_type, qos)
 
     def _subscribe(self, asked: _Asked) -> Any:
-        return self._session.node.create_subscription(
-            message_class(asked.type),
-            spelled(self._topic),
-            _is_taken_here,
-            profile(asked.qos),
-            callback_group=_Apart(),
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            raw=True,
-        )
+        node = self._session.node
+        with overridden(node, self.name, "subscription") as overrides:
+            return node.create_subscription(
+                message_class(asked.type),
+                spelled(self._topic),
+                _is_taken_here,
+                profile(asked.qos),
+                callback_group=_Apart(),
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+                qos_overriding_options=overrides,
+                raw=True,
+            )
 
 
 class _Apart(CallbackGroup):  # type: ignore[misc]
