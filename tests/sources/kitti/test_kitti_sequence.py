@@ -111,7 +111,7 @@ def test_parts_of_a_sequence_will_do(opened, sequence):
     recording = opened(sequence)
     assert set(recording.topics) == {"/cam00/image_rect", "/cam00/camera_info", "/tf_static"}
     assert len(messages(recording, "/cam00/image_rect")) == 4
-    assert recording.notes == ["image_0: 1 of 5 frames are missing"]
+    assert recording.loss.notes == ["image_0: 1 of 5 frames are missing"]
 
 
 def test_without_scanner_the_cameras_look_ahead_over_the_road(opened, sequence):

@@ -3,6 +3,7 @@
 import random
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
+from ros_visualise.yaml_files import load_yaml, to_yaml
 
 STORAGES = [StoragePlugin.SQLITE3, StoragePlugin.MCAP]
 each_storage = pytest.mark.parametrize("storage", STORAGES, ids=lambda s: s.name)
@@ -196,15 +198,13 @@ def test_without_metadata_all_files_are_read(
     "content",
     ["", "{", "a: [", "- 1\n- 2", "rosbag2_bagfile_information: 3", "x: !odd 1", "\x00\x01"],
 )
-def test_metadata_that_cannot_be_read_is_said(
-    tmp_path: Path, content: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_metadata_that_cannot_be_read_is_said(tmp_path: Path, content: str) -> None:
     messages = split_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
     (tmp_path / "bag" / "metadata.yaml").write_text(content)
     found, recording = read(tmp_path / "bag")
     assert found == in_order(messages)
-    assert not recording.loss
-    assert "metadata.yaml: cannot be read" in caplog.text
+    [note] = recording.loss.notes
+    assert note.startswith("metadata.yaml: cannot be read")
 
 
 @each_storage
@@ -243,14 +243,65 @@ def test_a_file_beside_the_named_ones_is_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("claimed", [0, 10, 500])
-def test_a_wrong_count_is_no_matter_unless_messages_are_missing(
-    tmp_path: Path, claimed: int
-) -> None:
+def test_a_count_that_differs_is_said(tmp_path: Path, claimed: int) -> None:
     messages = split_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
     write_metadata(tmp_path / "bag", [f"bag_{i}.db3" for i in range(3)], claimed)
     found, recording = read(tmp_path / "bag")
     assert found == in_order(messages)
     assert recording.loss.messages == max(0, claimed - len(messages))
+    assert recording.loss.notes == [
+        f"metadata.yaml counts {claimed} messages, {len(messages)} are there"
+    ]
+
+
+@each_storage
+@pytest.mark.parametrize(
+    ("key", "where"),
+    [
+        (("topics_with_message_count", 1), " on /b"),
+        (("files", 0), " in {file}"),
+        ((), ""),
+    ],
+)
+def test_each_count_of_the_metadata_is_compared(
+    tmp_path: Path, storage: StoragePlugin, key: tuple[str, int], where: str
+) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(30)), storage)
+    assert not read(folder)[1].loss
+    path = folder / "metadata.yaml"
+    values = load_yaml(path)
+    counted = about = values["rosbag2_bagfile_information"]
+    for part in key:
+        counted = counted[part]
+    counted["message_count"] -= 1
+    path.write_text(to_yaml(values))
+    found, recording = read(folder)
+    assert len(found) == 30
+    [file] = about["relative_file_paths"]
+    there = 10 if key[:1] == ("topics_with_message_count",) else 30
+    told = f"{there - 1} messages{where.format(file=file)}, {there} are there"
+    assert recording.loss.notes == [f"metadata.yaml counts {told}"]
+    assert recording.loss.messages == 0
+
+
+def test_a_part_that_the_metadata_does_not_name_is_said(tmp_path: Path) -> None:
+    messages = split_bag(tmp_path / "bag", StoragePlugin.SQLITE3)
+    write_metadata(tmp_path / "bag", [f"bag_{i}.db3" for i in range(2)], 180)
+    found, recording = read(tmp_path / "bag")
+    assert found == in_order(messages[:180])
+    assert recording.loss.notes == ["bag_2.db3 is there, and metadata.yaml does not name it"]
+
+
+def test_rows_that_are_gone_are_said(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(30)))
+    with closing(sqlite3.connect(folder / "bag.db3")) as database:
+        database.execute("DELETE FROM messages WHERE topic_id = 2 AND timestamp > 20")
+        database.commit()
+    _, recording = read(folder)
+    assert recording.loss.messages == 3
+    assert recording.loss.notes == ["metadata.yaml counts 30 messages, 27 are there"]
 
 
 def test_a_single_file_is_a_bag(tmp_path: Path) -> None:

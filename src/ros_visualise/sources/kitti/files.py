@@ -95,3 +95,10 @@ def add_damage(loss: Loss, folder: Path, error: DamagedFile, messages: int = 0) 
     loss.messages += messages
     loss.bytes += error.size
     loss.notes.append(f"{os.path.relpath(error.path, folder)}: {error.why}")
+
+
+def add_missing(loss: Loss, sensor: str, frames: int, times: int) -> None:
+    """Say how many frames of a sensor are missing, of those that its file of times counts."""
+    if frames < times:
+        loss.messages += times - frames
+        loss.notes.append(f"{sensor}: {times - frames} of {times} frames are missing")

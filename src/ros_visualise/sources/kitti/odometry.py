@@ -24,7 +24,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, cameras, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
-from ros_visualise.sources.kitti.files import Files, add_damage, list_files, read_lines
+from ros_visualise.sources.kitti.files import Files, add_damage, add_missing, list_files, read_lines
 from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
 from ros_visualise.sources.kitti.raw import Places, camera_series
 from ros_visualise.sources.kitti.scanner import Scanner
@@ -147,11 +147,9 @@ def _stamp(
         notes.append(f"poses: more than the {len(lines)} times of times.txt; {stamped}")
     elif damaged:
         add_damage(loss, folder, damaged[0])
-    notes += [
-        f"{name}: {len(lines) - len(files)} of {len(lines)} frames are missing"
-        for name, files in parts.items()
-        if len(files) < len(lines) and name != "poses"
-    ]
+    for name, files in parts.items():
+        if name != "poses":
+            add_missing(loss, name, len(files), len(lines))
     found = {one.name: [one.times[number] for number in one.numbers] for one in sensors}
     return {name: np.array(times, np.int64) for name, times in found.items()}, notes
 

@@ -15,7 +15,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
-from ros_visualise.sources.kitti.files import Files, add_damage, list_files
+from ros_visualise.sources.kitti.files import Files, add_damage, add_missing, list_files
 from ros_visualise.sources.kitti.folders import CAMERAS, PARTS, is_unsynced
 from ros_visualise.sources.kitti.scanner import Scanner
 from ros_visualise.sources.kitti.series import (
@@ -120,11 +120,8 @@ def _stamp(drive: _Drive, synced: bool) -> dict[str, npt.NDArray[np.int64]]:
         stamps.read_stamps(name, drive.folder / name / "timestamps.txt", files.numbers)
         for name, files in drive.parts.items()
     ]
-    drive.notes += [
-        f"{one.name}: {one.missing} of {one.missing + len(one.numbers)} frames are missing"
-        for one in sensors
-        if one.missing
-    ]
+    for one in sensors:
+        add_missing(drive.loss, one.name, len(one.numbers), one.missing + len(one.numbers))
     periods_ns = {one.name: 100 * _MS for one in sensors}
     if not synced:
         periods_ns["oxts"] = 10 * _MS

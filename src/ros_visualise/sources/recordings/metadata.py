@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
@@ -21,31 +23,45 @@ class Metadata:
     """What a ``metadata.yaml`` says, as far as it can be read; None: nothing.
 
     ``compression_mode`` is empty, ``file`` or ``message``. ``custom``: texts by name that somebody
-    gave when it was recorded, or after.
+    gave when it was recorded, or after. ``by_topic`` and ``by_file``: messages, where it counts
+    them. ``damaged``: it is there, and cannot be read.
     """
 
     files: tuple[str, ...] = ()
     messages: int | None = None
     compression_mode: str | None = None
     custom: Mapping[str, str] = field(default_factory=dict)
+    by_topic: Mapping[str, int] = field(default_factory=dict)
+    by_file: Mapping[str, int] = field(default_factory=dict)
+    damaged: str = ""
 
 
 def read_metadata(folder: Path) -> Metadata:
-    """What a folder's says; that it is missing or cannot be read is logged."""
+    """What a folder's says; that it is missing is logged."""
     path = folder / METADATA
     try:
-        content = load_yaml(path)
-        about = content["rosbag2_bagfile_information"]
-        names = tuple(map(str, about.get("relative_file_paths") or ()))
-        mode = str(about.get("compression_mode") or "").lower().replace("none", "")
-        messages = about.get("message_count")
-        custom = {str(key): str(text) for key, text in (about.get(CUSTOM) or {}).items()}
+        return _parse(load_yaml(path)["rosbag2_bagfile_information"])
     except FileNotFoundError:
         log.warning("%s: %s is missing; the files tell what it would say", folder, METADATA)
+        return Metadata()
     except BadYaml as error:
-        log.warning("%s: cannot be read: %s; the files tell what it would say", path, error)
-    except (OSError, KeyError, TypeError, AttributeError):
-        log.warning("%s: cannot be read; the files tell what it would say", path)
-    else:
-        return Metadata(names, messages if isinstance(messages, int) else None, mode, custom)
-    return Metadata()
+        why = f"cannot be read: {error}"
+    except (OSError, KeyError, TypeError, AttributeError, ValueError):
+        why = "cannot be read"
+    return Metadata(damaged=f"{METADATA}: {why}; the files tell what it would say")
+
+
+def _parse(about: Any) -> Metadata:
+    messages = about.get("message_count")
+    topics = about.get("topics_with_message_count") or ()
+    return Metadata(
+        files=tuple(map(str, about.get("relative_file_paths") or ())),
+        messages=messages if isinstance(messages, int) else None,
+        compression_mode=str(about.get("compression_mode") or "").lower().replace("none", ""),
+        custom={str(key): str(text) for key, text in (about.get(CUSTOM) or {}).items()},
+        by_topic={str(t["topic_metadata"]["name"]): int(t["message_count"]) for t in topics},
+        by_file={
+            re.split(r"[/\\]", str(one["path"]))[-1]: int(one["message_count"])
+            for one in about.get("files") or ()
+        },
+    )

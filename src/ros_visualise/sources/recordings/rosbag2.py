@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -29,6 +30,7 @@ _FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
     ".db3": SqliteFile,
     ".mcap": McapFile,
 }
+_PART = re.compile(r"(.*_)\d+\.\w+(?:\.zstd)?")
 _BLOCK_BYTES = 8 << 20
 
 
@@ -53,7 +55,9 @@ def open_rosbag2(path: Path) -> Recording:
         packed = metadata.compression_mode == "message"
         if packed or metadata.compression_mode is None:
             storages = [CompressedMessages(storage, loss, packed) for storage in storages]
-        _compare(metadata, storages, loss)
+        if metadata.damaged:
+            add_note(loss, metadata.damaged)
+        _compare(metadata, list(zip(files, storages, strict=False)), loss)
         release = stack.pop_all().close
     compression = "zstd" if any(file.suffix == _PACKED for file in files) else ""
     extras = [MetadataRecord(CUSTOM, dict(metadata.custom))] if metadata.custom else []
@@ -73,6 +77,9 @@ def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
         found += _others(folder, found)
     for name in missing_parts(found) if not names else ():
         add_note(loss, f"{name} is missing")
+    for file in _others(folder, found) if names else ():
+        if _stem(file) in map(_stem, found):
+            add_note(loss, f"{file.name} is there, and {METADATA} does not name it")
     if not found:
         raise OpenError(f"{folder}: no .db3 or .mcap file in it; give the folder of a ROS 2 bag")
     return found
@@ -83,6 +90,12 @@ def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
     there = {item for item in folder.iterdir() if item.is_file() and _kind(item) in kinds}
     packed_twins = {f for f in there if f.suffix == _PACKED and f.with_suffix("") in there}
     return sorted(there - packed_twins - set(named), key=natural)
+
+
+def _stem(file: Path) -> str:
+    """What the parts of one bag have in common: ``bag_`` of ``bag_1.db3``."""
+    part = _PART.fullmatch(file.name)
+    return part[1] + _kind(file) if part else file.name
 
 
 def _kind(file: Path) -> str:
@@ -117,10 +130,26 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
     return target
 
 
-def _compare(metadata: Metadata, storages: Iterable[Storage], loss: Loss) -> None:
-    found = sum(sum(storage.counts.values()) for storage in storages)
-    missing = (metadata.messages or 0) - found
-    if missing > 0:
-        loss.messages = max(loss.messages, missing)
-        if not loss.notes:  # which say why
-            add_note(loss, f"{METADATA} counts {metadata.messages} messages, {found} are there")
+def _compare(metadata: Metadata, opened: Sequence[tuple[Path, Storage]], loss: Loss) -> None:
+    """Hold the messages that are there against those that ``metadata.yaml`` counts.
+
+    Args:
+        opened: the files; which is which does not matter where one could not be opened, as that is
+            noted already.
+    """
+    topics: Counter[str] = Counter()
+    files: Counter[str] = Counter()
+    for file, storage in opened:
+        files[file.name.removesuffix(_PACKED)] += sum(storage.counts.values())
+        for number, count in storage.counts.items():
+            if number in storage.channels:
+                topics[storage.channels[number].topic] += count
+    there = files.total()
+    loss.messages = max(loss.messages, (metadata.messages or 0) - there)
+    counted = [("", there if metadata.messages is None else metadata.messages, there)]
+    counted += [(f" on {name}", n, topics[name]) for name, n in metadata.by_topic.items()]
+    by_file = {name.removesuffix(_PACKED): n for name, n in metadata.by_file.items()}
+    counted += [(f" in {name}", n, files[name]) for name, n in by_file.items() if name in files]
+    for where, count, found in counted:
+        if count != found and not loss.notes:  # which say why
+            add_note(loss, f"{METADATA} counts {count} messages{where}, {found} are there")
