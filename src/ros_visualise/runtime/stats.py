@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections import Counter, deque
+from collections import Counter
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ros_visualise.runtime.report import NodeReport
 
@@ -28,7 +29,7 @@ class TopicStats:
         self.messages += 1
         if epoch != self._epoch:
             self._epoch = epoch
-            self._stamps.times.clear()
+            self._stamps.begin_anew()
         self._wall.count(time.monotonic_ns())
         self._stamps.count(stamp_ns)
 
@@ -37,29 +38,64 @@ class TopicStats:
         if window_s is None:
             return self._stamps.mean(), self._wall.mean()
         start = time.monotonic_ns() - int(window_s * 1e9)
-        recent = sum(1 for t in self._wall.times.copy() if t >= start)
+        recent = int((self._wall.newest() >= start).sum())
         return self._stamps.mean_of_last(recent), round(recent / window_s, 2)
+
+
+_LARGEST = 2**63 - 1  # stamps of damaged messages may be any number
+
+
+class _Newest:
+    """The newest of many numbers, in room that is taken at once and never grows."""
+
+    def __init__(self) -> None:
+        self._room = np.full(_KEPT, 0, np.int64)
+        self._count = 0
+
+    def add(self, number: int) -> None:
+        self._room[self._count % _KEPT] = min(max(number, -_LARGEST), _LARGEST)
+        self._count += 1
+
+    def clear(self) -> None:
+        self._count = 0
+
+    def all(self) -> npt.NDArray[np.int64]:
+        """In their order; of one that is added meanwhile, the oldest may be it already."""
+        count = self._count
+        if count <= _KEPT:
+            return self._room[:count].copy()
+        return np.roll(self._room, -count)
 
 
 class _Rate:
     """The mean rate of a series of times; repeated and late ones are left out."""
 
     def __init__(self) -> None:
-        self.times: deque[int] = deque(maxlen=_KEPT)
+        self._times = _Newest()
+        self._last: int | None = None
         self._steps = 0
         self._span_ns = 0
 
     def count(self, time_ns: int) -> None:
-        if self.times and time_ns > self.times[-1]:
+        if self._last is not None and time_ns > self._last:
             self._steps += 1
-            self._span_ns += time_ns - self.times[-1]
-        self.times.append(time_ns)
+            self._span_ns += time_ns - self._last
+        self._last = time_ns
+        self._times.add(time_ns)
+
+    def begin_anew(self) -> None:
+        """No time passes to the next one."""
+        self._times.clear()
+        self._last = None
+
+    def newest(self) -> npt.NDArray[np.int64]:
+        return self._times.all()
 
     def mean(self) -> float | None:
         return _hz(self._steps, self._span_ns)
 
     def mean_of_last(self, count: int) -> float | None:
-        steps = np.diff(np.array(self.times.copy(), np.int64)[-max(count, 1) :])
+        steps = np.diff(self.newest()[-max(count, 1) :])
         return _hz(int((steps > 0).sum()), int(steps[steps > 0].sum()))
 
 
@@ -70,20 +106,20 @@ class NodeStats:
         self.received = 0
         self.processed = 0
         self.dropped: Counter[str] = Counter()
-        self._latencies_ns: deque[int] = deque(maxlen=_KEPT)
-        self._steps_ns: deque[int] = deque(maxlen=_KEPT)
+        self._latencies_ns = _Newest()
+        self._steps_ns = _Newest()
 
     def answered(self, arrival_ns: int, started_ns: int) -> None:
         """The node is done with a message that the source let go at ``arrival_ns`` (monotonic)."""
         now_ns = time.monotonic_ns()
         self.processed += 1
-        self._latencies_ns.append(now_ns - arrival_ns)
-        self._steps_ns.append(now_ns - started_ns)
+        self._latencies_ns.add(now_ns - arrival_ns)
+        self._steps_ns.add(now_ns - started_ns)
 
     def report(self) -> NodeReport:
         """Counts and latencies."""
-        latencies_ms = np.array(self._latencies_ns.copy()) / 1e6
-        steps_ms = np.array(self._steps_ns.copy()) / 1e6
+        latencies_ms = self._latencies_ns.all() / 1e6
+        steps_ms = self._steps_ns.all() / 1e6
         return NodeReport(
             self.received,
             self.processed,

@@ -1,0 +1,51 @@
+"""What is counted of topics and nodes."""
+
+import time
+import tracemalloc
+
+import pytest
+
+from ros_visualise.runtime.stats import NodeStats, TopicStats
+
+MS = 1_000_000
+
+
+def test_rates_go_by_the_newest_stamps_however_many_came():
+    stats = TopicStats()
+    for number in range(20_000):
+        stats.count(number * 10 * MS, 0)
+    for number in range(5_000):
+        stats.count(200_000 * MS + number * 40 * MS, 0)
+    by_stamps, _ = stats.rates(3600)
+    assert by_stamps == 25.0
+    assert stats.rates(None)[0] == pytest.approx(25_000 / 400, rel=1e-3)
+
+
+def test_no_time_passes_between_two_epochs():
+    stats = TopicStats()
+    for epoch in range(3):
+        for number in range(10):
+            stats.count(epoch * 1000 * MS + number * 100 * MS, epoch)
+    assert stats.rates(None)[0] == 10.0
+
+
+def test_a_stamp_that_is_no_time_is_counted():
+    stats = TopicStats()
+    for stamp_ns in (0, 100 * MS, 2**70, -(2**70)):
+        stats.count(stamp_ns, 0)
+    assert stats.messages == 4
+    stats.rates(3600)
+
+
+def test_counting_takes_no_more_memory_as_time_goes_by():
+    topic, node = TopicStats(), NodeStats()
+    now_ns = time.monotonic_ns()
+    tracemalloc.start()
+    try:
+        for number in range(10_000):
+            topic.count(now_ns + number * MS, 0)
+            node.answered(now_ns, now_ns)
+        assert tracemalloc.get_traced_memory()[0] < 10_000
+    finally:
+        tracemalloc.stop()
+    assert node.report().processed == topic.messages == 10_000
