@@ -166,7 +166,7 @@ def test_a_marker_is_replaced_and_deleted_by_its_name(scene, look):
     draw(scene, shapes=MarkerArray((marker(ns="a"), marker(xyz=[5, 0, 0], ns="b"))))
     look("topics/shapes/cube", positions([[0, 0, 0], [5, 0, 0]]))
     draw(scene, shapes=MarkerArray((marker(xyz=[1, 0, 0], ns="a"),)))
-    look("topics/shapes/cube", positions([[5, 0, 0], [1, 0, 0]]))
+    look("topics/shapes/cube", positions([[1, 0, 0], [5, 0, 0]]))
     draw(scene, shapes=MarkerArray((marker(ns="b", action=MarkerAction.DELETE),)))
     look("topics/shapes/cube", positions([[1, 0, 0]]))
     everything = marker(action=MarkerAction.DELETEALL)

@@ -137,8 +137,10 @@ class MarkerArray(Message):
 
     @property
     def header(self) -> Header:
-        """That of the first; of none, an empty one."""
-        return self.markers[0].header if self.markers else Header()
+        """That of the first that is added, as what deletes others is in no frame; else of any."""
+        added = (one for one in self.markers if one.action == MarkerAction.ADD)
+        first = next(added, self.markers[0] if self.markers else None)
+        return Header() if first is None else first.header
 
     def fields(self) -> dict[str, Any]:
         """The fields of a visualization_msgs/msg/MarkerArray."""
