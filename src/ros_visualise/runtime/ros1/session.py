@@ -15,6 +15,7 @@ from ros_visualise import supervision
 from ros_visualise.errors import OpenError
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
+from ros_visualise.runtime.ros1.pollers import mend_pollers
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
 
@@ -40,6 +41,7 @@ def begin(name: str) -> None:
     """
     _return_to_where_it_was_typed()
     wait_for_master()
+    mend_pollers()
     interrupt()
     try:
         rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
