@@ -49,7 +49,7 @@ class _Newest:
     """The newest of many numbers, in room that is taken at once and never grows."""
 
     def __init__(self) -> None:
-        self._room = np.full(_KEPT, 0, np.int64)
+        self._room: npt.NDArray[np.int64] = np.full(_KEPT, 0, np.int64)
         self._count = 0
 
     def add(self, number: int) -> None:
@@ -62,9 +62,8 @@ class _Newest:
     def all(self) -> npt.NDArray[np.int64]:
         """In their order; of one that is added meanwhile, the oldest may be it already."""
         count = self._count
-        if count <= _KEPT:
-            return self._room[:count].copy()
-        return np.roll(self._room, -count)
+        whole = self._room[:count] if count <= _KEPT else np.roll(self._room, -count)
+        return whole.astype(np.int64)
 
 
 class _Rate:

@@ -19,6 +19,7 @@ from ros_visualise.ui.scene.solids import mesh_of
 _ALPHA = 0.4
 _TEXT = 0.7
 _MOST_LABELS = 50
+_BOXES = "boxes"
 
 
 class DetectedBoxes(Drawing):
@@ -44,7 +45,8 @@ class DetectedBoxes(Drawing):
             raise DamagedMessage("Detections3D: a box holds a value that is not a number")
         colors = np.array([color_of(one.class_id) for one in several]).reshape(-1, 3) / 255
         rgba = np.column_stack([colors, np.full(len(several), _ALPHA)])
-        self._boxes.show([(T, sizes, rgba)])
+        self._boxes.put(_BOXES, (T, sizes, rgba))
+        self._boxes.show()
         self._places = T[:, :3, 3]
         tops = self._places + [0, 0, 0.5] * sizes
         self._label([(one.label, top) for one, top in zip(several, tops, strict=True)])
@@ -53,7 +55,8 @@ class DetectedBoxes(Drawing):
         return self._places
 
     def reset(self) -> None:
-        self._boxes.show([])
+        self._boxes.drop(_BOXES)
+        self._boxes.show()
         self._label([])
         self._places = np.zeros((0, 3))
 

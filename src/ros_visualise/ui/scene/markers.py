@@ -163,7 +163,7 @@ class Markers(Drawing):
         T_fixed_marker = one.T_fixed_marker = one.T_fixed_frame @ pose_of(one.marker)
         if one.solids is None:
             one.solids = solids_of(one.marker)
-        parts = {kind: (T_fixed_marker @ T, *rest) for kind, T, *rest in one.solids}
+        parts = {kind: (T_fixed_marker @ T, sizes, rgba) for kind, T, sizes, rgba in one.solids}
         for kind, batch in self._batches.items():
             if kind in parts:
                 batch.put(key, parts[kind])
