@@ -12,8 +12,11 @@ from ros_visualise.data import Header, Image, PoseArray, Transforms, TransformSt
 from ros_visualise.errors import NoTransform
 from ros_visualise.graph import Graph, SourceNode, place
 from ros_visualise.nodes import node, source
-from ros_visualise.params import param
+from ros_visualise.params import Parameters, param
+from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.runtime.queues import Inbox, Packet
+from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.sources.playback import Playback
 
 MS = 1_000_000
@@ -178,3 +181,50 @@ def test_without_any_transforms_a_lookup_says_so():
     runtime = run(graph)
     assert got == [(ms, None) for ms in range(5, 50 * IMAGES, 50)]
     assert runtime.report().nodes["locator"].dropped == {"no transform": IMAGES}
+
+
+S = 1_000_000_000
+NOW_NS = 1_500_000_000 * S  # by the clock of the recording, not by the process's
+
+
+@node("seer", inputs={"image": Image}, outputs={}, frames=True)
+def seer(image, params, frames):
+    """Wants the frames of the image's time."""
+
+
+class Waiting:
+    """A node that waits for transforms, packet by packet."""
+
+    def __init__(self, lossless):
+        declared = place(seer.declared, {"image": "/image", "tf": "/tf"}, {})
+        graph = Graph(None, (declared,))
+        self.joining = joining_of(graph, NodeRunner(declared, Parameters(declared.params)))
+        self.inbox = Inbox(lossless, depth=100)
+        self.number = 0
+        self.put("tf", transform("map", "base", 0.0, NOW_NS), -1.0)
+
+    def put(self, port, message, at_s):
+        """Something that came at this time, in seconds from now."""
+        self.number += 1
+        arrival_ns, log_ns = time.monotonic_ns() + round(at_s * S), NOW_NS + round(at_s * S)
+        self.inbox.put(Packet(self.number, message, arrival_ns, port, log_ns))
+        return self.asked()
+
+    def asked(self):
+        """How many images the node is asked about by now."""
+        return sum(len(question.packets) for question in self.joining.take(self.inbox, 0))
+
+
+def test_an_image_that_waits_for_transforms_waits_no_longer_when_the_queues_turn_live():
+    waiting = Waiting(lossless=True)
+    assert waiting.put("image", image(NOW_NS + 10 * MS), -1.0) == 0
+    waiting.inbox.lossless = False
+    assert waiting.asked() == 1  # it came a second ago
+
+
+def test_an_image_that_waits_for_transforms_waits_on_when_the_queues_turn_lossless():
+    waiting = Waiting(lossless=False)
+    assert waiting.put("image", image(NOW_NS + 10 * MS), 0.0) == 0
+    waiting.inbox.lossless = True
+    assert waiting.put("tf", transform("map", "base", 0.0, NOW_NS + 5 * MS), 0.1) == 0
+    assert waiting.put("tf", transform("map", "base", 0.0, NOW_NS + 20 * MS), 0.2) == 1

@@ -103,7 +103,7 @@ class _Alone:
 class _Held(NamedTuple):
     """A set that waits for the transforms of its time."""
 
-    since_ns: int
+    since: Packet
     stamp_ns: int
     packets: tuple[Packet, ...]
 
@@ -161,7 +161,7 @@ class _Together:
         for topic in self._order.inputs:
             self._order.finish(topic)
         yield from self._ready(at_once=False)
-        self._hold(self._joiner.finish(), 0)
+        self._hold(self._joiner.finish())
         for held in self._held:
             yield self._ask(self._last._replace(number=END), held.packets)
 
@@ -173,7 +173,7 @@ class _Together:
                 break
             questions += self._put(packet, at_once=True)
             packet = inbox.take(0)
-        questions += self._released(self._last, time.monotonic_ns())
+        questions += self._released(at_once=True)
         sets = [question for question in questions if question.packets]
         for question in sets[:-1] if self._is_large else ():
             self._lost["queue"] += len(question.packets)
@@ -198,9 +198,8 @@ class _Together:
     def _ready(self, at_once: bool) -> Iterator[Question]:
         while (topic := self._order.first(at_once)) is not None:
             self._last = packet = self._order.take(topic)
-            now_ns = packet.arrival_ns if at_once else packet.log_ns or 0
-            self._gather(packet, now_ns)
-            yield from self._released(packet, now_ns)
+            self._gather(packet)
+            yield from self._released(at_once)
 
     def _end_inputs(self) -> None:
         """Tell the joiner where nothing more comes, as soon as it has all that did."""
@@ -208,7 +207,7 @@ class _Together:
             self._ending.remove(port)
             self._joiner.end(port)
 
-    def _gather(self, packet: Packet, now_ns: int) -> None:
+    def _gather(self, packet: Packet) -> None:
         """Let the joiner and the frames have a packet."""
         port, message = packet.port, packet.message
         assert message is not None
@@ -220,26 +219,33 @@ class _Together:
             self._learn(packet)
         if port in self._type.stepped:
             stamp_ns = message.header.stamp_ns
-            self._hold(self._joiner.put(port, stamp_ns, packet, message.nbytes), now_ns)
+            self._hold(self._joiner.put(port, stamp_ns, packet, message.nbytes))
             self._tell_if_silent(port)
 
-    def _hold(self, sets: Iterable[Mapping[str, Packet]], now_ns: int) -> None:
+    def _hold(self, sets: Iterable[Mapping[str, Packet]]) -> None:
         for one in sets:
             packets = tuple(one.values())
             stamps = [packet.message.header.stamp_ns for packet in packets if packet.message]
-            self._held.append(_Held(now_ns, max(stamps), packets))
+            self._held.append(_Held(self._last, max(stamps), packets))
             self._came = None
 
-    def _released(self, packet: Packet, now_ns: int) -> Iterator[Question]:
-        """The sets that wait for no transforms any more; a packet has their number."""
-        while self._held and not self._waits(self._held[0], now_ns):
-            yield self._ask(packet, self._held.popleft().packets)
+    def _released(self, at_once: bool) -> Iterator[Question]:
+        """The sets that wait for no transforms any more, under the number of the packet before."""
+        while self._held and not self._waits(self._held[0], at_once):
+            yield self._ask(self._last, self._held.popleft().packets)
 
-    def _waits(self, held: _Held, now_ns: int) -> bool:
-        is_late = now_ns - held.since_ns >= FRAMES_WAIT_S * 1e9 or len(self._held) > _MOST_HELD
+    def _waits(self, held: _Held, at_once: bool) -> bool:
+        waited_ns = self._waited_ns(held.since, at_once)
+        is_late = waited_ns >= FRAMES_WAIT_S * 1e9 or len(self._held) > _MOST_HELD
         if is_late or not self._type.frames or "tf" in (one.port for one in held.packets):
             return False
         return self._runner.frames.is_awaited(held.stamp_ns, FRAMES_WAIT_S, self._runner.told)
+
+    def _waited_ns(self, since: Packet, at_once: bool) -> int:
+        """How long ago a packet came: live by the clock, else by the times of recording."""
+        if at_once:
+            return time.monotonic_ns() - since.arrival_ns
+        return (self._last.log_ns or 0) - (since.log_ns or 0)
 
     def _ask(self, packet: Packet, packets: tuple[Packet, ...]) -> Question:
         self._last_set = packets
