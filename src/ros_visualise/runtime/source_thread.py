@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import logging
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.errors import DamagedMessage, ParameterError, RosVisualiseError
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
@@ -65,8 +66,10 @@ class SourceThread:
         self._steady = Steady()
         self._begun = self._reopened = 0
         self._epochs = Epochs(node.type.latched)
-        self._opened_with: Any = parameters.current
-        self._source = self._open()
+        self._given = self._opened_with = parameters.current
+        self._source = self._open(self._given)
+        self._swapping = threading.Lock()  # the source for one that is opened anew
+        self._is_opening = False
         parameters.accept = self._configure
 
     def run(self) -> None:
@@ -167,28 +170,53 @@ class SourceThread:
 
     def _reopen(self) -> None:
         """Open the source with its parameters of now, or return to those that it had."""
+        with self._swapping:
+            self._is_opening, tried = True, self._given
         if self._type.live:
             self._source.close()  # a device can be opened but once
         try:
-            source = self._open()
+            source = self._open(tried)
         except RosVisualiseError as error:
-            if self._opened_with == self._parameters.current:
+            if _reopening(tried) == _reopening(self._opened_with):
                 raise
             log.error("%s", error)
-            self._parameters.update(vars(self._opened_with))
+            if _reopening(tried) == _reopening(self._given):  # nobody asked for others meanwhile
+                self._parameters.update(_reopening(self._opened_with))
         else:
+            self._swap(source, tried)
+
+    def _swap(self, source: Source, opened_with: Any) -> None:
+        """Go on with a source that was opened, and with what was set since."""
+        with self._swapping:
             self._source.close()
-            self._source = source
+            self._source, self._opened_with, self._is_opening = source, opened_with, False
+            late = vars(self._given).items() - vars(opened_with).items()
+            changed = {name: value for name, value in late if name not in _reopening(opened_with)}
+            try:
+                self._hand_over(self._given, changed)
+                return
+            except ParameterError as error:
+                log.error("%s", error)
+        self._parameters.update({name: getattr(opened_with, name) for name in changed})
 
     def _configure(self, current: Any, changed: Mapping[str, Value]) -> None:
-        """Hand changed parameters to the source before they hold."""
-        self._source.configure(current, changed)
-        live = {spec.name for spec in specs(current) if not spec.restart} & changed.keys()
-        self._opened_with = replace(self._opened_with, **{name: changed[name] for name in live})
+        """Hand changed parameters to the source before they hold, or as soon as it is open."""
+        with self._swapping:
+            if not self._is_opening:
+                self._hand_over(current, changed)
+            self._given = current
 
-    def _open(self) -> Source:
-        current = self._parameters.current
-        source = self._type.make(current, self._playback)
+    def _hand_over(self, current: Any, changed: Mapping[str, Value]) -> None:
+        self._source.configure(current, changed)
+        live = {n: value for n, value in changed.items() if n not in _reopening(current)}
+        self._opened_with = replace(self._opened_with, **live)
+
+    def _open(self, params: Any) -> Source:
+        source = self._type.make(params, self._playback)
         source.set_demand(lambda port: self._outputs[port].awaited)
-        self._opened_with = current
         return source
+
+
+def _reopening(params: Any) -> dict[str, Value]:
+    """Parameters that a source has to be opened anew for."""
+    return {spec.name: getattr(params, spec.name) for spec in specs(params) if spec.restart}
