@@ -6,9 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ros_visualise.errors import DamagedMessage, ParameterError
+from ros_visualise.errors import DamagedMessage, ParameterError, Unreachable
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
@@ -17,6 +18,7 @@ from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.sinks.encoding import Encoder
+from ros_visualise.supervision import attempt
 
 if TYPE_CHECKING:
     from hub import Hub
@@ -119,13 +121,16 @@ class Subscriber:
 
     def _run(self) -> None:
         while (packet := self.inbox.take()) is not None:
-            try:
-                read = TYPES.read(type_name(self._kind), packet.message)
-                message: Any = from_message(read, self._kind)
-            except (DamagedMessage, ValueError) as error:
-                self._refuse(str(error))
-            else:
-                self._take(message)
+            attempt(f"{self.node} {self._topic.type_name}", partial(self._hand_on, packet.message))
+
+    def _hand_on(self, data: bytes) -> None:
+        try:
+            read = TYPES.read(type_name(self._kind), data)
+            message: Any = from_message(read, self._kind)
+        except (DamagedMessage, ValueError) as error:
+            self._refuse(str(error))
+        else:
+            self._take(message)
 
 
 class ParametersClient:
@@ -144,7 +149,7 @@ class ParametersClient:
 
     def set(self, values: Mapping[str, Any]) -> Mapping[str, Any]:
         if not self.is_there:
-            raise ConnectionError(f"{self._name} has gone")
+            raise Unreachable(f"{self._name} has gone")
         _, parameters = self._hub.parameters[self._name]
         try:
             return vars(parameters.update(values))

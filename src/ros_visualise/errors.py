@@ -7,6 +7,7 @@
   - UncalibratedCamera         what asks for a camera's calibration has none
   - NoTransform                where two frames are to one another is not known
   - TooLarge                   a part of an input would take more memory than it may
+  - Unreachable                who was asked does not answer at the moment
   - UsageError                 wrong usage                                  (exit status 2)
     - ParameterError           no such parameter, or a value out of its range
     - OpenError                an input or a target that cannot be opened
@@ -53,6 +54,10 @@ class NoTransform(RosVisualiseError):
 
 class TooLarge(RosVisualiseError, ValueError):
     """A part of an input would take more memory than it may."""
+
+
+class Unreachable(RosVisualiseError, ConnectionError):
+    """Who was asked does not answer at the moment; asking again may help."""
 
 
 class UsageError(RosVisualiseError):

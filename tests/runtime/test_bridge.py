@@ -7,6 +7,7 @@ from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -35,10 +36,12 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.bridge.inputs import ImageInput
 from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
+from ros_visualise.supervision import PROCESS
 
 IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))
 
@@ -184,6 +187,7 @@ def test_messages_that_a_middleware_skips_count_as_dropped(
         images = peer.advertise("/controlled_stream", Image)
         diagnostics = peer.hear("/diagnostics", DiagnosticArray)
         wait_for(lambda: "/controlled_stream" in viewer.graph.topics, "the topic")
+        wait_for(lambda: "/image_raw" in hub.topics, "the node")
         recording = viewer.start_recording(tmp_path / "r.mcap", topics=["/controlled_stream"])
         [recorded] = hub.topics["/controlled_stream"].subscribers
         [taken] = hub.topics["/image_raw"].subscribers
@@ -376,3 +380,83 @@ def test_who_is_asked_to_end_while_it_opens_something_ends(
         run("player", middleware)
     assert ended.value.code == 0
     opening.set()
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_what_comes_while_an_input_subscribes_is_taken(hub: Hub, calibrated: bool) -> None:
+    class Eager(HubMiddleware):
+        """Has something for whoever subscribes before that is done."""
+
+        def subscribe(self, topic: str, kind: type, take: Any, refuse: Any) -> Any:
+            refuse(f"{topic}: a message that contradicts itself")
+            take(CameraInfo(4, 6, np.diag([7.0, 7, 1])) if kind is CameraInfo else IMAGE)
+            return super().subscribe(topic, kind, take, refuse)
+
+    taken: list[Image] = []
+    name = "/image_raw"
+    images = ImageInput(Eager(hub), name, name, taken.append, False, calibrated=calibrated)
+    images.open()
+    images.close()
+    assert images.refused == 1 + calibrated
+    [image] = taken
+    assert (image.camera_info is not None) == calibrated
+
+
+@pytest.mark.parametrize("topic", ["/image_raw", "/image_raw/compressed"])
+def test_at_rate_0_a_slow_subscriber_gets_every_image(
+    hub: Hub, peer: Peer, tmp_path: Path, topic: str
+) -> None:
+    video = write_video(tmp_path / "v.mkv", numbered(50, 160, 120))
+    taken: list[int] = []
+
+    def take(image: Any) -> None:
+        sleep(0.01)
+        taken.append(image.header.stamp_ns)
+
+    kind = CompressedImage if topic.endswith("compressed") else Image
+    peer.middleware.subscribe(topic, kind, take, peer.refused.append)
+    with hub.running("streamer", path=str(video), rate=0.0):
+        wait_for(lambda: len(taken) == 50, "all images")
+    assert len(set(taken)) == 50
+
+
+def test_at_rate_0_a_slow_subscriber_gets_every_other_message(
+    hub: Hub, peer: Peer, tmp_path: Path
+) -> None:
+    path = tmp_path / "odom.mcap"
+    pose = Odometry(np.ones(3), np.array([0.0, 0, 0, 1]))
+    with closing(open_recorder(str(path), {"/odom": TopicType(type_name(Odometry))})) as recorder:
+        for number in range(50):
+            recorder.write("/odom", replace(pose, header=Header(10**9 + number, "odom")))
+    taken: list[int] = []
+
+    def take(odometry: Odometry) -> None:
+        sleep(0.01)
+        taken.append(odometry.header.stamp_ns)
+
+    peer.middleware.subscribe("/odom", Odometry, take, peer.refused.append)
+    with hub.running("player", path=str(path), rate=0.0):
+        wait_for(lambda: len(taken) == 50, "all messages")
+    assert sorted(taken) == taken
+
+
+def test_discovery_goes_on_after_what_a_middleware_must_not_raise(hub: Hub) -> None:
+    class Odd(HubMiddleware):
+        odd = 0
+
+        def look(self) -> Any:
+            if self.odd:
+                self.odd -= 1
+                raise KeyError("a reply that nobody expects")
+            return super().look()
+
+    middleware = Odd(hub, name="viewer")
+    remote = RemoteRuntime(middleware)
+    middleware.odd = 3
+    with hub.running("filters", ends_with=1):
+        wait_for(lambda: "filters" in remote.parameters, "the node")
+    remote.close()
+    assert {(one.who, one.kind): n for one, n in PROCESS.failures.items()} == {
+        ("discovery", "KeyError"): 3
+    }
+    PROCESS.forget()

@@ -3,6 +3,18 @@
 ``runtime/bridge`` joins a graph of this process to the topics around it, and ``runtime/remote``
 looks at nodes elsewhere, by these methods alone. A middleware lives in a folder of its own beside
 this file, and what it needs is imported there alone.
+
+What the library of a middleware raises stays in that folder: one place there makes of it
+
+- UsageError         a name or a type that the middleware cannot have
+- OpenError          a file or a package that is missing
+- DamagedMessage     a message, or the type of a recording, that it cannot hold
+- ParameterError     a value that the node refuses
+- Unreachable        nobody answers at the moment; asking again may help
+- RosVisualiseError  the answer is an error; the base of all these
+
+Anything else that a method raises is a bug. What is called from here, as ``take``, may raise
+anything: that is noted (see `ros_visualise.supervision`) and costs that one message or call.
 """
 
 from __future__ import annotations
@@ -109,7 +121,7 @@ class ParametersClient(Handle, Protocol):
 
         Raises:
             ParameterError: the node refuses.
-            ConnectionError: it does not answer.
+            Unreachable: it does not answer.
         """
 
 
@@ -257,7 +269,7 @@ class Middleware(Protocol):
         """What the graph holds now; asked twice a second, so it should not wait for other nodes.
 
         Raises:
-            ConnectionError: nobody can be asked at the moment.
+            Unreachable: nobody can be asked at the moment.
         """
 
     def clock(self) -> Clock:

@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.data import CameraInfo, CompressedImage, Image
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.runtime.middleware import Handle, Middleware, Subscriber
 from ros_visualise.vision.compression import decompress
 
 log = logging.getLogger(__name__)
@@ -27,7 +27,7 @@ _LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one i
 
 
 class Input:
-    """Feeds a topic of this process with what comes on the graph.
+    """Feeds a topic of this process with what comes on the graph, from `open` on.
 
     Args:
         middleware: what it comes by.
@@ -42,14 +42,21 @@ class Input:
     def __init__(self, middleware: Middleware, name: str, kind: type, feed: Feed) -> None:
         self.refused = 0
         self._name = middleware.resolve(name)
-        self._feed = feed
+        self._middleware = middleware
+        self._topic, self._kind, self._feed = name, kind, feed
         self._said_s: dict[str, float] = {}
-        self._subscriber = middleware.subscribe(name, kind, self._take, self._refuse)
+        self._subscriber: Subscriber | None = None
+
+    def open(self) -> None:
+        """Subscribe; messages may come before this returns."""
+        self._subscriber = self._middleware.subscribe(
+            self._topic, self._kind, self._take, self._refuse
+        )
 
     @property
     def dropped(self) -> int:
         """Messages that were skipped for newer ones."""
-        return self._subscriber.dropped
+        return 0 if self._subscriber is None else self._subscriber.dropped
 
     def _take(self, message: Any) -> None:
         try:
@@ -68,7 +75,8 @@ class Input:
 
     def close(self) -> None:
         """End it."""
-        self._subscriber.close()
+        if self._subscriber is not None:
+            self._subscriber.close()
 
 
 class ImageInput(Input):
@@ -96,7 +104,8 @@ class ImageInput(Input):
         wait_for_room: Callable[[], None] = lambda: None,
         calibrated: bool = False,
     ) -> None:
-        self._middleware = middleware
+        topic = f"{resolved}/compressed" if compressed else name
+        super().__init__(middleware, topic, CompressedImage if compressed else Image, feed)
         self._calibrated = calibrated
         self._awaits_info = calibrated
         self._got_info = threading.Event()
@@ -104,9 +113,11 @@ class ImageInput(Input):
         self._info_name = info_topic(resolved)
         self._info_subscriber: Handle | None = None
         self._info: CameraInfo | None = None
-        self.want_info(calibrated)
-        topic = f"{resolved}/compressed" if compressed else name
-        super().__init__(middleware, topic, CompressedImage if compressed else Image, feed)
+
+    def open(self) -> None:
+        """Subscribe, to the calibration first if it is always wanted."""
+        self.want_info(self._calibrated)
+        super().open()
 
     def want_info(self, wanted: bool) -> None:
         """Subscribe to the calibration, or no longer, unless it is always wanted."""

@@ -11,7 +11,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from ros_visualise import supervision
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
 from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import type_name
@@ -21,6 +20,7 @@ from ros_visualise.runtime.bridge.namesakes import advertise, image_names
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.refusals import Refusals
+from ros_visualise.supervision import attempt, start
 from ros_visualise.vision.compression import compress
 
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading
@@ -32,11 +32,19 @@ class Output:
     Args:
         publisher: of the topic.
         latched: whoever subscribes gets the last message at once.
+        in_haste: whether a source of this process plays as fast as it goes, without loss: then a
+            message waits until there is room for it.
     """
 
-    def __init__(self, publisher: Publisher, latched: bool = False) -> None:
+    def __init__(
+        self,
+        publisher: Publisher,
+        latched: bool = False,
+        in_haste: Callable[[], bool] = lambda: False,
+    ) -> None:
         self._publisher = publisher
         self._latched = latched
+        self._in_haste = in_haste
         self._refusals = Refusals()
 
     @property
@@ -66,8 +74,11 @@ class Output:
 
     def put(self, packet: Packet) -> None:
         """Publish a message."""
-        if packet.message is not None and self.awaited:
-            self._send(self._publisher, packet.message)
+        if packet.message is None or not self.awaited:
+            return
+        if self._in_haste():
+            self.wait_for_room(_PATIENCE_S)
+        self._send(self._publisher, packet.message)
 
     def _send(self, publisher: Publisher, message: Any) -> bool:
         """Publish a message, unless the middleware cannot hold it; whether it could."""
@@ -134,8 +145,7 @@ class ImageOutput(Output):
         name: the topic as the node calls it.
         resolved: its name on the graph.
         is_camera: an uncalibrated image has an empty calibration beside it, as drivers do it.
-        in_haste: whether a source of this process plays as fast as it goes, without loss: then a
-            camera waits until an image is on its way to all, and others until they have room.
+        in_haste: as of `Output`; a camera then waits until an image is on its way to all.
         jpeg_quality: in percent.
     """
 
@@ -150,14 +160,14 @@ class ImageOutput(Output):
     ) -> None:
         self._jpeg_quality = jpeg_quality
         names = [name, *image_names(resolved)[1:]]
-        super().__init__(advertise(middleware, names, TopicType(type_name(Image))))
-        self._in_haste = in_haste
+        images = advertise(middleware, names, TopicType(type_name(Image)))
+        super().__init__(images, in_haste=in_haste)
         self._info = middleware.advertise(info_topic(resolved), CAMERA_INFO)
         compressed = [f"{one}/compressed" for one in image_names(resolved)]
         self._compressed = advertise(middleware, compressed, TopicType(type_name(CompressedImage)))
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
-        supervision.start(f"{resolved}/compressed", self._compress_all)
+        start(f"{resolved}/compressed", self._compress_all)
 
     @property
     def wants_info(self) -> bool:
@@ -180,15 +190,25 @@ class ImageOutput(Output):
             return
         if self.wants_info:
             self._publish_info(image)
-        in_haste = self._in_haste()
-        if in_haste and not self._is_camera:
-            self.wait_for_room(_PATIENCE_S)
+        if self._in_haste():
+            self._send_all(image)
+            return
         if self.connections:
             self._send(self._publisher, image)
         if self._compressed.connections:
             self._to_compress.put(packet._replace(message=image))
-        if in_haste and self._is_camera:
-            self.flush(_PATIENCE_S)
+
+    def _send_all(self, image: Image) -> None:
+        """Send an image to everybody before the next one is taken, so that none is dropped."""
+        there = [one for one in (self._publisher, self._compressed) if one.connections]
+        for publisher in () if self._is_camera else there:
+            publisher.wait_for_room(_PATIENCE_S)
+        if self._publisher in there:
+            self._send(self._publisher, image)
+        if self._compressed in there:
+            self._send_compressed(image)
+        for publisher in there if self._is_camera else ():
+            publisher.flush(_PATIENCE_S)
 
     def _publish_info(self, image: Image) -> None:
         info = image.camera_info
@@ -199,10 +219,12 @@ class ImageOutput(Output):
 
     def _compress_all(self) -> None:
         while (packet := self._to_compress.take()) is not None:
-            assert isinstance(packet.message, Image)
-            try:
-                compressed = compress(packet.message, self._jpeg_quality)
-            except (ValueError, RosVisualiseError) as error:
-                self._refusals.add(self._compressed.name, error)
-            else:
-                self._send(self._compressed, compressed)
+            attempt(self._compressed.name, partial(self._send_compressed, packet.message))
+
+    def _send_compressed(self, image: Any) -> None:
+        try:
+            compressed = compress(image, self._jpeg_quality)
+        except (ValueError, RosVisualiseError) as error:
+            self._refusals.add(self._compressed.name, error)
+        else:
+            self._send(self._compressed, compressed)

@@ -89,7 +89,9 @@ class Process:
     def start(self) -> None:
         """Begin to take and to publish messages; whoever finds its parameters finds it at work."""
         self.runtime.start()
-        self._inputs = [self._open_input(*item) for item in self._graph.inputs.items()]
+        self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
+        for one in self._inputs:
+            one.open()
         self._offered = [
             self._middleware.serve_parameters(parameters, self._namespaces[name])
             for name, parameters in self.runtime.parameters.items()
@@ -159,7 +161,7 @@ class Process:
             output = (
                 StaticTransformsOutput(advertised, self._frames)
                 if is_static
-                else Output(advertised, made.qos.transient_local)
+                else Output(advertised, made.qos.transient_local, self._is_in_haste)
             )
         self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
@@ -170,7 +172,7 @@ class Process:
         publisher = self._middleware.advertise(self._declared[name], replace(recorded, qos=qos))
         if adds_up:
             return StaticTransformsOutput(publisher, self._frames)
-        return Output(publisher, qos.transient_local)
+        return Output(publisher, qos.transient_local, self._is_in_haste)
 
     def _is_as_recorded(self, name: str) -> bool:
         """Whether a topic is played under its own name; else it takes the place of a camera's."""
@@ -182,7 +184,7 @@ class Process:
         playback = self.runtime.playback
         return playback is not None and playback.state.rate == 0
 
-    def _open_input(self, name: str, kind: type) -> Input:
+    def _input(self, name: str, kind: type) -> Input:
         declared, feed = self._declared[name], partial(self.runtime.publish, name)
         if kind is Image:
             wait = partial(self._wait_for_room, name)

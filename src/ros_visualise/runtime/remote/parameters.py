@@ -11,7 +11,7 @@ from functools import partial
 from typing import Any
 
 from ros_visualise import params, supervision
-from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.errors import OpenError, ParameterError, Unreachable
 from ros_visualise.nodes import NodeType, NoParams, SourceType
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.middleware import Middleware
@@ -149,7 +149,7 @@ class RemoteParameters(Parameters[Any]):
             answers.append(self._client.set(values))
         except ParameterError as error:
             answers.append(ParameterError(f"{self._name} refuses: {error}"))
-        except ConnectionError as error:
+        except Unreachable as error:
             log.debug("%s: %s", self._name, error)
 
     def _has_come(self, asked: int, answer: Mapping[str, Any]) -> bool:

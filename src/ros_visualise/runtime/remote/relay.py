@@ -62,7 +62,9 @@ class Relay:
             self._listeners.append(listener)
             self._topic.connect(listener, latched)
             if self._input is None:
-                self._input = self._open(compressed)
+                opened = self._made(compressed)
+                opened.open()
+                self._input = opened
 
     def disconnect(self, listener: Consumer) -> None:
         """Remove a listener; more than once does no harm."""
@@ -74,7 +76,7 @@ class Relay:
                 self._dropped += self._input.dropped
                 self._input = None
 
-    def _open(self, compressed: bool) -> Input:
+    def _made(self, compressed: bool) -> Input:
         if self._kind is Image:
             feed = self._entrance.publish
             return ImageInput(self._middleware, self._name, self._name, feed, compressed)

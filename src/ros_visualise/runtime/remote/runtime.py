@@ -13,7 +13,7 @@ from typing import Any
 
 from ros_visualise import supervision
 from ros_visualise.data import Image, ParameterEvent
-from ros_visualise.errors import UsageError
+from ros_visualise.errors import Unreachable, UsageError
 from ros_visualise.graph import Graph, TopicSpec
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
@@ -157,7 +157,7 @@ class RemoteRuntime:
         """See who is there; the graph changes only if something about it has."""
         try:
             self._sight = survey(self._middleware.look(), self.name)
-        except ConnectionError as error:
+        except Unreachable as error:
             log.debug("the graph cannot be looked at: %s", error)
             return
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]

@@ -4,7 +4,6 @@
 
 from __future__ import annotations
 
-import http.client
 import logging
 import math
 import time
@@ -15,6 +14,7 @@ from typing import Any
 import rosgraph
 import rospy
 
+from ros_visualise.runtime.ros1.errors import UNANSWERED
 from ros_visualise.runtime.ros1.registration import BoundedTransport
 
 log = logging.getLogger(__name__)
@@ -25,7 +25,6 @@ _PATIENCE_S = 1.5
 _LAUNCH_S = 30.0
 """How long a process may take until it is a node or, as one, until it answers."""
 _MASTER = "master"
-_ERRORS = (OSError, http.client.HTTPException, xmlrpc.client.Error, rosgraph.MasterException)
 
 
 def watch_clock(is_over: Callable[[], bool]) -> None:
@@ -60,7 +59,7 @@ def _expected_s() -> float:
         if True in answers:
             return math.inf
         return _LAUNCH_S if None in answers or _launched() - nodes else 0.0
-    except _ERRORS as error:
+    except UNANSWERED as error:
         log.debug("the graph cannot be looked at: %s", error)
         return math.inf
 
@@ -72,7 +71,7 @@ def _answers(master: Any, node: str) -> bool | None:
         return bool(proxy.getPid(rospy.get_name()))
     except (ConnectionRefusedError, rosgraph.MasterException):
         return False
-    except _ERRORS:
+    except UNANSWERED:
         return None
 
 
@@ -83,7 +82,7 @@ def _launched() -> set[str]:
         roslaunch: Any = xmlrpc.client.ServerProxy(uri, transport=BoundedTransport())
         try:
             processes = roslaunch.get_node_names()[2]
-        except _ERRORS:  # it has ended and left its address behind
+        except UNANSWERED:  # it has ended and left its address behind
             continue
         names |= {process.rpartition("-")[0] or _MASTER for process in processes}
     return names - {_MASTER}

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from http.client import HTTPException
-from xmlrpc.client import Error as XmlRpcError
+from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
 
 from ros_visualise.runtime.middleware import Listing
+from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.registration import BoundedTransport
 
 _IMAGE = "sensor_msgs/Image"
 _DESCRIPTION = "dynamic_reconfigure/ConfigDescription"
@@ -23,16 +24,13 @@ def look() -> Listing:
     """The graph as the master has it.
 
     Raises:
-        ConnectionError: the master does not answer.
+        Unreachable: the master does not answer.
     """
     master = rosgraph.Master(rospy.get_name())
-    try:
+    with asking("the ROS master"), ServerProxy(master.master_uri, BoundedTransport()) as proxy:
+        master.handle = proxy  # its own waits for ever
         publishers, subscribers, _ = master.getSystemState()
         types = master.getTopicTypes()
-    except (OSError, HTTPException, XmlRpcError, rosgraph.MasterException) as error:
-        raise ConnectionError(f"the ROS master does not answer: {error}") from error
-    finally:
-        master.handle("close")()
     return list_graph(publishers, subscribers, types)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from ros_visualise.data import CameraInfo
@@ -19,6 +20,7 @@ from ros_visualise.runtime.ros1.services import TriggerService
 from ros_visualise.runtime.ros1.set_camera_info import SetCameraInfoService
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
 from ros_visualise.runtime.ros1.types import message_class
+from ros_visualise.supervision import attempt
 
 
 class Ros1:
@@ -77,7 +79,10 @@ class Ros1:
             else:
                 take(data)
 
-        return Subscriber(topic, message_class(type_name(kind)), taken)
+        def heard(message: Any) -> None:
+            attempt(self.resolve(topic), partial(taken, message))
+
+        return Subscriber(topic, message_class(type_name(kind)), heard)
 
     def offer(self, service: str, act: Callable[[], str | None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import rospy
 from dynamic_reconfigure.msg import Config, ConfigDescription
 from dynamic_reconfigure.srv import Reconfigure
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.errors import ParameterError, RosVisualiseError, Unreachable
 from ros_visualise.params import specs
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros1.declaration import Declaration, declare, our_own
-
-_REFUSED = "responded with an error"  # rospy has one exception for this and for no answer at all
+from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.supervision import attempt
 
 
 class ReconfigureClient:
@@ -35,9 +36,11 @@ class ReconfigureClient:
         self._last: Config | None = None
         self._lock = threading.RLock()
         self._descriptions = rospy.Subscriber(
-            f"{node}/parameter_descriptions", ConfigDescription, self._described
+            f"{node}/parameter_descriptions", ConfigDescription, self._calling(self._described)
         )
-        self._updates = rospy.Subscriber(f"{node}/parameter_updates", Config, self._updated)
+        self._updates = rospy.Subscriber(
+            f"{node}/parameter_updates", Config, self._calling(self._updated)
+        )
 
     @property
     def is_there(self) -> bool:
@@ -49,24 +52,29 @@ class ReconfigureClient:
 
         Raises:
             ParameterError: the node refuses.
-            ConnectionError: it does not answer.
+            Unreachable: it does not answer.
         """
         declaration = self._declaration
         if declaration is None:
-            raise ConnectionError("its parameters are not known yet")
+            raise Unreachable("its parameters are not known yet")
         config = declaration.encode(specs(declaration.params), values)
         try:
-            service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
-            return declaration.decode(service(config).config)
-        except (rospy.ServiceException, rospy.ROSException, OSError) as error:
-            if _REFUSED in str(error):
-                raise ParameterError(str(error)) from error
-            raise ConnectionError(str(error)) from error
+            with asking(self._node):
+                service = rospy.ServiceProxy(f"{self._node}/set_parameters", Reconfigure)
+                answer = service(config)
+        except Unreachable:
+            raise
+        except RosVisualiseError as error:
+            raise ParameterError(str(error)) from error
+        return declaration.decode(answer.config)
 
     def close(self) -> None:
         """Follow them no longer."""
         self._descriptions.unregister()
         self._updates.unregister()
+
+    def _calling(self, take: Callable[[Any], None]) -> Callable[[Any], object]:
+        return lambda message: attempt(self._node, partial(take, message))
 
     def _described(self, description: ConfigDescription) -> None:
         with self._lock:

@@ -27,14 +27,16 @@ from rospy.impl.registration import (
 )
 
 from ros_visualise import supervision
+from ros_visualise.errors import Unreachable
 from ros_visualise.printing import say
+from ros_visualise.runtime.ros1.errors import asking
 
 log = logging.getLogger(__name__)
 
+_MASTER = "the ROS master"
 _CHECK_S = 0.5
 _PATIENCE_S = 2.0
 _LESS_PATIENCE_S = 0.3  # with a master that has not answered before
-_UNREACHABLE = (OSError, http.client.HTTPException, xmlrpc.client.Error)
 _params: dict[str, Any] = {}
 
 
@@ -52,9 +54,10 @@ def set_param(name: str, value: Any) -> None:
     """Set a parameter; without a master, as soon as there is one."""
     _params[name] = value
     try:
-        rospy.set_param(name, value)
-    except _UNREACHABLE as error:
-        log.debug("the parameter server does not answer: %s", error)
+        with asking(_MASTER):
+            rospy.set_param(name, value)
+    except Unreachable as error:
+        log.debug("%s", error)
 
 
 def keep_registered(on_gone: Callable[[], None]) -> None:
@@ -82,12 +85,14 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
         self._manager = manager
         self._name = rospy.get_name()
         self._master = rospy.core.xmlrpcapi(manager.master_uri)
+        self._known = self._missed = 0  # the master's process, and calls without an answer since
 
     def reg_added(self, name: str, kind: str, direction: str) -> None:
         """A topic or service is there; with a type or an address."""
         try:
-            self._register(name, kind, direction)
-        except _UNREACHABLE as error:
+            with asking(_MASTER):
+                self._register(name, kind, direction)
+        except Unreachable as error:
             log.debug("%s is registered when the master is back: %s", name, error)
 
     def reg_removed(self, name: str, kind: str, direction: str) -> None:
@@ -99,8 +104,9 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
         }
         method, address = leave[direction]
         try:
-            getattr(self._master, method)(self._name, name, address)
-        except _UNREACHABLE as error:
+            with asking(_MASTER):
+                getattr(self._master, method)(self._name, name, address)
+        except Unreachable as error:
             log.debug("%s is not unregistered: %s", name, error)
 
     def wake(self) -> None:
@@ -110,18 +116,21 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
 
     def watch(self, on_gone: Callable[[], None]) -> None:
         """Notice that the master is gone, and register with the next one; until the end."""
-        known = missed = 0
         while not rospy.is_shutdown():
             try:
-                pid = self._master.getPid(self._name)[2]
-                if known and (missed or pid != known):
-                    self._register_all()
-                known, missed = pid, 0
-            except _UNREACHABLE:
-                missed += 1
-                if missed == 2:  # a single call may fail on a busy network
+                with asking(_MASTER):
+                    self._look()
+            except Unreachable:
+                self._missed += 1
+                if self._missed == 2:  # a single call may fail on a busy network
                     on_gone()
             time.sleep(_CHECK_S)
+
+    def _look(self) -> None:
+        _, _, pid = self._master.getPid(self._name)
+        if self._known and (self._missed or pid != self._known):
+            self._register_all()
+        self._known, self._missed = pid, 0
 
     def _register_all(self) -> None:
         topics, services = get_topic_manager(), get_service_manager()

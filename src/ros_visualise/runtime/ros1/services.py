@@ -9,6 +9,7 @@ from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
 
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.runtime.bridge.answers import answer
+from ros_visualise.runtime.ros1.errors import asking
 
 
 class TriggerService:
@@ -35,11 +36,10 @@ def call(service: str) -> None:
     """Ask a node elsewhere on the graph to do something.
 
     Raises:
-        RosVisualiseError: it cannot be asked, or has answered that it did not.
+        Unreachable: it does not answer.
+        RosVisualiseError: it has answered that it did not.
     """
-    try:
+    with asking(service):
         answer = rospy.ServiceProxy(service, Trigger)()
-    except (rospy.ServiceException, rospy.ROSException) as error:
-        raise RosVisualiseError(f"{service}: {error}") from error
     if not answer.success:
         raise RosVisualiseError(f"{service.rpartition('/')[0]}: {answer.message}")

@@ -15,6 +15,7 @@ from ros_visualise import supervision
 from ros_visualise.errors import OpenError
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
+from ros_visualise.runtime.ros1.errors import asking
 from ros_visualise.runtime.ros1.pollers import mend_pollers
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import STOPPED, Wish, interrupt, note
@@ -60,7 +61,8 @@ def arguments() -> list[str]:
 
 def option(name: str, default: Any) -> Any:
     """A private ROS parameter that is read once."""
-    return rospy.get_param(f"~{name}", default)
+    with asking("the ROS master"):
+        return rospy.get_param(f"~{name}", default)
 
 
 def resolve(name: str) -> str:

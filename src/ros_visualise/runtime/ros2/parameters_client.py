@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of
@@ -64,16 +64,16 @@ class ParameterClient:
 
         Raises:
             ParameterError: the node refuses.
-            ConnectionError: it does not answer.
+            Unreachable: it does not answer.
         """
         declaration = self._declaration
         if declaration is None:
-            raise ConnectionError("its parameters are not known yet")
+            raise Unreachable("its parameters are not known yet")
         sent = declaration.encode(values)
         asked = [Parameter(name, value=value) for name, value in sent.items()]
         answer = result_of(self._services.set(asked), _ANSWER_S)
         if answer is None:
-            raise ConnectionError("no answer")
+            raise Unreachable("no answer")
         if not answer.result.successful:
             raise ParameterError(answer.result.reason or "it gives no reason")
         with self._lock:
