@@ -1,5 +1,7 @@
 """What waits to be recorded is counted, whatever it is: a slow disk costs no memory without end."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -47,4 +49,45 @@ def test_every_kind_of_message_takes_what_its_data_do(name):
     assert 10 * least <= order.size <= 10 * (2 * least + 100_000)
     for _ in range(10):
         order.take("/out")
+    assert order.size == 0
+
+
+def naive_order(graph, topics, packets):
+    """Numbers and topics in the order of `Ordering`, by its definition: all at the end."""
+    place = {topic: at for at, topic in enumerate(topics)}
+    wanted = [(p.number, place[t], t) for t, p in packets if t in place and p.message is not None]
+    return [(number, topic) for number, _, topic in sorted(wanted)]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_order_is_that_of_numbers_and_nodes_and_nothing_comes_too_late(seed):
+    rng = np.random.default_rng(seed)
+    message = MESSAGES["imu"][0]
+
+    @node("taker", inputs={"data": Imu}, outputs={"data": Imu})
+    def taker(data, params):
+        return data
+
+    topics = [f"/out{number}" for number in range(7)]
+    places = [place(taker.declared, {"data": "/in"}, {"data": topic}) for topic in topics]
+    graph = Graph(None, tuple(replace(one, name=f"n{at}") for at, one in enumerate(places)))
+    streams = {"/in": [Packet(number, message, 0) for number in range(30)]}
+    for topic in topics:
+        there = rng.random(30) < 0.7
+        streams[topic] = [Packet(n, message if there[n] else None, 0) for n in range(30)]
+    order, taken, put = Ordering(graph, topics), [], []
+    left = {topic: iter(packets) for topic, packets in streams.items()}
+    while left:
+        topic = rng.choice(sorted(left))
+        packet = next(left[topic], None)
+        if packet is None:
+            del left[topic]
+            order.finish(topic)
+        else:
+            order.put(topic, packet)
+            put.append((topic, packet))
+        while (first := order.first(at_once=False)) is not None:
+            taken.append((order.take(first).number, first))
+    assert taken == naive_order(graph, topics, put)
+    assert order.ended
     assert order.size == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Collection
+from heapq import heappop, heappush
 
 from ros_visualise.graph import Graph
 from ros_visualise.messages import type_name
@@ -47,20 +48,26 @@ class Ordering:
         self.inputs = tuple(dict.fromkeys((*self._followers, *topics)))
         self._waiting: dict[str, deque[Packet]] = {topic: deque() for topic in topics}
         self._place = {topic: place for place, topic in enumerate(topics)}
+        self._heads: list[
+            tuple[int, int, str]
+        ] = []  # a heap: number, place and topic of what waits
         self._answered = {topic: -1 for topic in self.inputs if topic not in self._told}
+        self._open = set(self._answered)  # topics on which something may come
+        self._open_begins = set(self._followers)
         self._owed: dict[str, deque[int]] = {topic: deque() for topic in self.inputs}
+        self._debts: list[tuple[int, str]] = []  # a heap: the first number that a topic owes
         self._begun = -1  # the newest number that came from a source
         self._begun_ns: int | None = None  # and its log time
 
     @property
     def ended(self) -> bool:
         """Whether nothing more is to come."""
-        return min(self._answered.values(), default=FINISHED) == FINISHED
+        return not self._open
 
     @property
     def answered(self) -> int:
         """The newest number that all have answered to whom it went."""
-        return min(self._begun, *(owed[0] - 1 for owed in self._owed.values() if owed), END)
+        return min(self._begun, self._first_owed() - 1, END)
 
     def waits(self, topic: str) -> bool:
         """Whether a message of a topic waits."""
@@ -78,31 +85,36 @@ class Ordering:
         if topic in self._waiting and packet.message is not None:
             self._waiting[topic].append(packet)
             self.size += _size(packet)
+            if len(self._waiting[topic]) == 1:
+                self._show_head(topic)
 
     def finish(self, topic: str) -> None:
         """Nothing more comes on this topic."""
         self._answered[topic] = FINISHED
+        self._open.discard(topic)
+        self._open_begins.discard(topic)
         self._owed[topic].clear()
 
     def first(self, at_once: bool) -> str | None:
         """The topic of the next packet if it is ready, or if it is wanted at once."""
-        waiting = [
-            (packets[0].number, self._place[topic], topic)
-            for topic, packets in self._waiting.items()
-            if packets
-        ]
-        if not waiting:
+        if not self._heads:
             return None
-        number, _, topic = min(waiting)
+        number, _, topic = self._heads[0]
         return topic if at_once or self._is_answered(number) else None
 
     def take(self, topic: str) -> Packet:
         """The next packet, of the topic that `first` gave; it has a log time."""
         packet = self._waiting[topic].popleft()
+        heappop(self._heads)
+        if self._waiting[topic]:
+            self._show_head(topic)
         self.size -= _size(packet)
         is_new = packet.log_ns is None or packet.number == END
         log_ns = self._begun_ns if is_new else packet.log_ns
         return packet._replace(log_ns=recorded_ns(packet.message) if log_ns is None else log_ns)
+
+    def _show_head(self, topic: str) -> None:
+        heappush(self._heads, (self._waiting[topic][0].number, self._place[topic], topic))
 
     def _count(self, topic: str, packet: Packet) -> None:
         """Note who owes an answer to this number, or that it was given."""
@@ -113,18 +125,35 @@ class Ordering:
             self._begun, self._begun_ns = max(self._begun, number), packet.log_ns
             for follower in self._followers[topic]:
                 if self._answered[follower] < number:
-                    self._owed[follower].append(number)
+                    self._owe(follower, number)
         owed = self._owed[topic]
         while owed and owed[0] <= done:
             owed.popleft()
+            if owed:
+                heappush(self._debts, (owed[0], topic))
+
+    def _owe(self, topic: str, number: int) -> None:
+        self._owed[topic].append(number)
+        if len(self._owed[topic]) == 1:
+            heappush(self._debts, (number, topic))
+
+    def _first_owed(self) -> int:
+        """The first number that somebody owes an answer; past all numbers, where nobody does."""
+        while self._debts:
+            number, topic = self._debts[0]
+            owed = self._owed[topic]
+            if owed and owed[0] == number:
+                return number
+            heappop(self._debts)  # it was answered
+        return FINISHED
 
     def _is_answered(self, number: int) -> bool:
         """Whether nothing can come any more that belongs before this number, or to it."""
         if number == END:
             return self.ended
-        if any(owed and owed[0] <= number for owed in self._owed.values()):
+        if self._first_owed() <= number:
             return False
-        return number <= self._begun or all(self._answered[t] == FINISHED for t in self._followers)
+        return number <= self._begun or not self._open_begins
 
 
 def _told(graph: Graph) -> dict[str, TopicType]:

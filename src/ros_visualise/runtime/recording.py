@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import threading
 from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -18,14 +17,15 @@ from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
-from ros_visualise.runtime.queues import END, Packet
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.record_queue import ArrivalOrder, RecordQueue
 from ros_visualise.runtime.refusals import Refusals
 from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder
 
 log = logging.getLogger(__name__)
 
-_MAX_WAITING_BYTES = 64 * 2**20
+_HASTE_S = 0.2  # from then on, what is late is not compressed
 
 
 def record(
@@ -35,6 +35,7 @@ def record(
     topics: Collection[str],
     overwrite: bool,
     lossless: bool,
+    by_arrival: bool = False,
 ) -> RecorderThread:
     """Begin a recording of a running graph, with the parameters of its nodes as they are now.
 
@@ -45,6 +46,7 @@ def record(
         topics: those to record; none: as of `ros_visualise.sinks.open_recorder`.
         overwrite: whether the file may exist.
         lossless: see `RecorderThread`.
+        by_arrival: see `RecorderThread`.
 
     Raises:
         OpenError: it exists or cannot be written, or is being recorded already.
@@ -58,7 +60,7 @@ def record(
         named=topics,
         beside=calibration_topics(graph),
     )
-    recording = RecorderThread(recorder, graph, lossless)
+    recording = RecorderThread(recorder, graph, lossless, by_arrival)
     for node in graph.members:
         current = parameters[node.name].current
         recording.put_event(ParameterEvent(node.name, new=vars(current)))
@@ -98,39 +100,48 @@ class RecorderThread:
         recorder: writes the file, and is closed at the end.
         graph: what runs.
         lossless: whoever publishes waits while too much waits to be written; otherwise the message
-            is dropped and counted.
+            is dropped and counted, and what is late is written without compression.
+        by_arrival: messages are written as they come, for nobody tells how they belong together.
 
     Attributes:
         error: what ended it early, if anything did.
         closing: nothing more is written, and the file is brought to its end.
         written: messages that were recorded.
-        dropped: messages that were not, for want of time or as the file cannot hold them.
         topics: those that are recorded.
         inboxes: topic -> where its packets go; also those of topics that numbers come from.
     """
 
-    def __init__(self, recorder: Recorder, graph: Graph, lossless: bool) -> None:
+    def __init__(
+        self, recorder: Recorder, graph: Graph, lossless: bool, by_arrival: bool = False
+    ) -> None:
         self.error: RecordingError | None = None
         self.closing = False
-        self.dropped = 0
         self.written = 0
         self.topics = tuple(t for t in recordable(graph) if t in recorder.topics)
+        order = Ordering(graph, self.topics)
+        self.inboxes = {topic: TopicInbox(self, topic) for topic in order.inputs}
+        self._queue = RecordQueue(
+            ArrivalOrder() if by_arrival else order, lossless, str(recorder.path)
+        )
         self._lossless = lossless
-        self._order = Ordering(graph, self.topics)
-        self.inboxes = {topic: TopicInbox(self, topic) for topic in self._order.inputs}
         self._recorder = recorder
         self._calibrations = Calibrations(graph, recorder)
         self._events: deque[ParameterEvent] = deque()
         self._written_ns = 0  # the log time of what was written last
-        self._stopped = self._discarded = False
+        self._discarded = False
         self._refusals = Refusals(str(recorder.path))
-        self._changed = threading.Condition()
+        self.put, self.finish, self.missed = self._queue.put, self._queue.finish, self._queue.missed
         self._thread = supervision.start(str(recorder.path), self._write_all)
 
     @property
     def path(self) -> Path:
         """Where it is; see `ros_visualise.sinks.Recorder`."""
         return self._recorder.path
+
+    @property
+    def dropped(self) -> int:
+        """Messages that were not recorded, for want of time or as the file cannot hold them."""
+        return self._queue.dropped + self._refusals.count
 
     @property
     def refused(self) -> int:
@@ -145,42 +156,16 @@ class RecorderThread:
     @property
     def is_open(self) -> bool:
         """Whether it still takes messages."""
-        return not self._stopped
-
-    def put(self, topic: str, packet: Packet) -> None:
-        """Take what came on a topic, or the word that nothing comes for a number."""
-        with self._changed:
-            while self._lossless and self._is_full(topic, packet) and not self._stopped:
-                self._changed.wait()
-            if self._stopped:
-                return
-            if self._is_full(topic, packet):
-                self.dropped += 1
-                packet = packet._replace(message=None)
-            self._order.put(topic, packet)
-            self._changed.notify_all()
-
-    def missed(self, count: int) -> None:
-        """Count messages that were lost on their way here."""
-        with self._changed:
-            self.dropped += count
-
-    def finish(self, topic: str) -> None:
-        """Nothing more comes on this topic."""
-        with self._changed:
-            self._order.finish(topic)
-            self._changed.notify_all()
+        return not self._queue.stopped
 
     def put_event(self, event: ParameterEvent) -> None:
         """Record that parameters were set, at the time of the next message."""
-        if not self._stopped:
+        if not self._queue.stopped:
             self._events.append(event)
 
     def close(self) -> None:
         """Write what waits and close the file."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
+        self._queue.stop()
         self._thread.join()
 
     def discard(self) -> None:
@@ -191,7 +176,8 @@ class RecorderThread:
 
     def _write_all(self) -> None:
         try:
-            while (found := self._next()) is not None:
+            while (found := self._queue.take()) is not None:
+                self._recorder.haste = not self._lossless and self._queue.late_s > _HASTE_S
                 self._write(*found)
             self._write_events()
             self.closing = True
@@ -203,33 +189,12 @@ class RecorderThread:
             self._fail(RecordingError(f"{self.path}: {error}"))
         finally:
             self.closing = False
-            with self._changed:
-                self._stopped = True
-                self._changed.notify_all()
+            self._queue.stop()
 
     def _fail(self, error: RecordingError) -> None:
         log.error("%s", error)
         self.error = error
         self._recorder.close(whole=False)
-
-    def _is_full(self, topic: str, packet: Packet) -> bool:
-        """Too much waits; but a topic of which nothing waits, or that ends, holds back others."""
-        if packet.message is None or packet.number == END or not self._order.waits(topic):
-            return False
-        return self._order.size >= _MAX_WAITING_BYTES
-
-    def _next(self) -> tuple[str, Packet] | None:
-        """The next packet in order, and its topic; None at the end."""
-        with self._changed:
-            self._changed.wait_for(
-                lambda: self._stopped or self._order.ended or self._order.first(at_once=False)
-            )
-            topic = self._order.first(self._stopped)
-            if topic is None:
-                return None
-            packet = self._order.take(topic)
-            self._changed.notify_all()
-            return topic, packet
 
     def _write(self, topic: str, packet: Packet) -> None:
         message, log_ns = packet.message, packet.log_ns
@@ -251,7 +216,6 @@ class RecorderThread:
         try:
             self._recorder.write(topic, message, log_ns)
         except DamagedMessage as error:
-            self.dropped += 1
             self._refusals.add(topic, error)
             return False
         return True

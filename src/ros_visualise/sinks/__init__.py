@@ -44,7 +44,13 @@ class Settings:
 
 
 class Recorder(Protocol):
-    """An open recording; one thread at a time uses it."""
+    """An open recording; one thread at a time uses it.
+
+    Attributes:
+        haste: write as fast as can be, without compression.
+    """
+
+    haste: bool
 
     @property
     def path(self) -> Path:

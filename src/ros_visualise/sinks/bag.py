@@ -131,8 +131,9 @@ class BagRecorder(ChunkedRecorder):
     def _write_chunk(self, first_ns: int, last_ns: int) -> None:
         chunk, self._chunk = self._chunk, _Chunk()
         content = b"".join(chunk.parts)
-        compressed = _COMPRESS[self._compression](content)
-        self._file.write(_chunk_start(self._compression, len(content), len(compressed)))
+        compression = "none" if self.haste else self._compression
+        compressed = _COMPRESS[compression](content)
+        self._file.write(_chunk_start(compression, len(content), len(compressed)))
         self._file.write(compressed)
         self._file.write(self._chunk_index(chunk))
         header = _fields(

@@ -51,6 +51,8 @@ class ChunkedRecorder(ABC):
     head_bytes: ClassVar[int]
     """What a message takes in a chunk beside its own bytes, about."""
 
+    haste = False
+
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self.unplaced: Counter[str] = Counter()
         self._encoder, self._live = Encoder(settings.encoding), settings.live

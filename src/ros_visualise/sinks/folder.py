@@ -51,6 +51,15 @@ class FolderRecorder:
         return self._folder.path
 
     @property
+    def haste(self) -> bool:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._recorder.haste
+
+    @haste.setter
+    def haste(self, haste: bool) -> None:
+        self._recorder.haste = haste
+
+    @property
     def topics(self) -> tuple[str, ...]:
         """As `ros_visualise.sinks.Recorder`."""
         return self._recorder.topics

@@ -206,6 +206,8 @@ class McapRecorder(ChunkedRecorder):
         self._chunk_indexes.append(_records([found]))
 
     def _compression_of(self, chunk: _Chunk) -> str:
+        if self.haste:
+            return "none"
         if self._compression != "auto":
             return self._compression
         messages = len(chunk.parts) // 2

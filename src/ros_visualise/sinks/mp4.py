@@ -62,6 +62,8 @@ class Mp4Recorder:
     colour. While it is written the file can be read up to its last whole second.
     """
 
+    haste = False  # it cannot
+
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:
         _require_encoder(path)
         self.topics: tuple[str, ...] = (topic,)

@@ -118,7 +118,7 @@ class Arrivals:
         self._lock = threading.Lock()
 
     def put(self, topic: str, message: Any, missed: int) -> None:
-        """A message has arrived; none of the other topics has one for its number.
+        """A message has arrived.
 
         Args:
             topic: that it arrived on.
@@ -132,9 +132,7 @@ class Arrivals:
             if self._steady is not None:
                 now_ns = self._steady.of(now_ns, arrival_ns)
             log_ns = now_ns or None  # none yet: /clock has not begun
-            packet = Packet(self._number, None, arrival_ns, log_ns=log_ns)
-            for name, inbox in self._recording.inboxes.items():
-                inbox.put(packet._replace(message=message) if name == topic else packet)
+            self._recording.put(topic, Packet(self._number, message, arrival_ns, log_ns=log_ns))
 
 
 class _Arrival:

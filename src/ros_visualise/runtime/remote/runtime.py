@@ -122,7 +122,9 @@ class RemoteRuntime:
         with self._recording:
             if self._closed.is_set():
                 raise UsageError(f"{path}: the viewer is ending, so there is nothing to record")
-            recording = record(self.graph, self.parameters, path, topics, overwrite, False)
+            recording = record(
+                self.graph, self.parameters, path, topics, overwrite, False, by_arrival=True
+            )
             clock, dropped = self._middleware.clock(), self._dropped
             arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
         for topic, inbox in arrivals.inboxes.items():

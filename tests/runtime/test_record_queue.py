@@ -1,0 +1,113 @@
+"""What waits to be recorded is bounded in bytes and in time, and what has to go is said."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from ros_visualise.data import Header, Image
+from ros_visualise.runtime.queues import Packet
+from ros_visualise.runtime.record_queue import ArrivalOrder, RecordQueue
+
+MIB = 2**20
+
+
+class Clock:
+    """Monotonic seconds that a test sets."""
+
+    def __init__(self):
+        self.now_s = 100.0
+
+    def __call__(self):
+        return self.now_s
+
+
+def packet(number, mib=0.0):
+    pixels = np.zeros((1, max(int(mib * MIB), 1)), np.uint8)
+    return Packet(number, Image(pixels, "mono8", Header(number)), 0)
+
+
+def queue(lossless=False):
+    clock = Clock()
+    return RecordQueue(ArrivalOrder(), lossless, "r.mcap", clock), clock
+
+
+def numbers(one):
+    one.stop()
+    found = []
+    while (taken := one.take()) is not None:
+        found.append(taken[1].number)
+    return found
+
+
+def test_topics_are_taken_as_they_came():
+    one, _ = queue()
+    for number, topic in enumerate(("/b", "/a", "/b", "/c")):
+        one.put(topic, packet(number))
+    assert [one.take()[0] for _ in range(4)] == ["/b", "/a", "/b", "/c"]
+    assert one.dropped == 0
+
+
+def test_a_moment_without_writing_costs_nothing():
+    one, clock = queue()
+    for number in range(10):
+        one.put("/a", packet(number, 1))
+        clock.now_s += 0.04
+    assert numbers(one) == list(range(10))
+    assert one.dropped == 0
+
+
+def test_what_cannot_be_written_soon_is_dropped_and_not_kept_for_seconds():
+    one, clock = queue()
+    for number in range(30):
+        one.put("/a", packet(number, 1))
+        clock.now_s += 0.1
+    kept = numbers(one)
+    assert kept == list(range(len(kept)))
+    assert 5 <= len(kept) <= 7  # of half a second
+    assert one.dropped == 30 - len(kept)
+
+
+def test_small_messages_wait_for_a_disk_that_is_late_also_behind_large_ones():
+    one, clock = queue()
+    one.put("/map", packet(0, 20))
+    for number in range(1, 200):
+        clock.now_s += 0.01
+        one.put("/imu", packet(number))
+        one.put("/image", packet(1000 + number, 1))
+    assert [number for number in numbers(one) if number < 1000] == list(range(200))
+    assert one.dropped > 100
+
+
+def test_whatever_the_time_only_so_many_bytes_wait():
+    one, _ = queue()
+    for number in range(100):
+        one.put("/a", packet(number, 1))
+    assert len(numbers(one)) == 64
+
+
+def test_who_can_wait_waits_for_what_is_late():
+    one, clock = queue(lossless=True)
+    for number in range(5):
+        one.put("/a", packet(number, 1))
+    clock.now_s += 1.0
+    waiting = threading.Thread(target=one.put, args=("/a", packet(5, 1)))
+    waiting.start()
+    waiting.join(0.2)
+    assert waiting.is_alive()
+    assert [one.take()[1].number for _ in range(6)] == list(range(6))
+    waiting.join(10)
+    assert one.dropped == 0
+
+
+def test_drops_are_said_at_once_and_then_now_and_then(caplog: pytest.LogCaptureFixture):
+    one, clock = queue()
+    for number in range(64):
+        one.put("/a", packet(number, 1))
+    for number in range(64, 300):
+        one.put("/a", packet(number, 1))
+        clock.now_s += 0.125
+    said = "r.mcap: {} dropped by now: writing is too slow"
+    counts = ("a message was", "81 messages were", "161 messages were")
+    assert caplog.messages == [said.format(count) for count in counts]
+    assert one.dropped == 236
