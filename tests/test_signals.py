@@ -7,6 +7,7 @@ import subprocess
 import sys
 import termios
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from ros_visualise.sinks import open_recorder
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 CAMERA = ["camera", "test", "--view", "none", "--size", "64x48"]
 PATIENCE_S = 30.0
+SOURCES = Path(__file__).parents[1] / "src"
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
@@ -100,6 +102,24 @@ def count(path):
         statistics = make_reader(file).get_summary().statistics
     assert statistics.message_count > 0
     return statistics.message_count
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_executable_that_is_ended_while_it_begins_has_not_died(tmp_path, number):
+    """With another exit status than 0 ``ros2 launch`` says that it has died."""
+    (tmp_path / "ament_index_python.py").write_text("print('begun', flush=True); input()")
+    process = subprocess.Popen(
+        [sys.executable, Path(__file__).parents[1] / "nodes" / "filters"],
+        env={**os.environ, "PYTHONPATH": f"{tmp_path}:{SOURCES}", "ROS_VERSION": "2"},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "begun\n"
+    process.send_signal(number)
+    _, said = process.communicate(timeout=PATIENCE_S)
+    assert (process.returncode, said) == (0, "")
 
 
 @pytest.mark.parametrize(

@@ -10,13 +10,12 @@ import os  # noqa: E402
 # Nodes are threads already; those of NumPy's library of matrices would wait for work at full load.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from ros_visualise.signals import STOPPED, ignore, leave, leave_at_once  # noqa: E402
-
-leave_at_once()
+from ros_visualise.signals import DONE, STOPPED, ignore, leave, leave_at_once  # noqa: E402
 
 
 def main() -> int:
     """``ros-visualise``; the exit status, see `ros_visualise.cli.main`."""
+    leave_at_once()
     ended: list[int] = []
     atexit.register(leave, ended)  # before all others, so that it is called after them
     try:
@@ -30,7 +29,12 @@ def main() -> int:
 
 
 def run_executable(name: str) -> None:
-    """A ROS executable, by its name; see `ros_visualise.executables`."""
+    """A ROS executable, by its name; see `ros_visualise.executables`.
+
+    It runs until it is asked to end, so that its exit status is 0 then, however early: with another
+    one a launch says that it has died.
+    """
+    leave_at_once(DONE)
     ended = [1]  # after a bug, whose traceback is printed by then
     atexit.register(leave, ended)  # before all others, so that it is called after them
     from ros_visualise.executables import run

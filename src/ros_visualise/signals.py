@@ -18,17 +18,20 @@ from typing import Any
 STOPPED = 130
 """Exit status of a process that was asked to end before it had done its work."""
 
+DONE = 0
+"""Exit status of a process that runs until it is asked to end, and was."""
+
 _ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
-def leave_at_once() -> None:
+def leave_at_once(status: int = STOPPED) -> None:
     """End the process where it stands, from now on: while there is nothing yet to clean up.
 
     A KeyboardInterrupt would become a traceback, or another error, inside an import. Ctrl-C is
     heard also where it was ignored, as in a shell's background jobs.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    _handle(lambda *_: os._exit(STOPPED))
+    _handle(lambda *_: os._exit(status))
 
 
 def leave(ended: Sequence[int]) -> None:

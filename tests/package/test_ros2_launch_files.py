@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 from launched import LAUNCH, NEEDED, OPTIONS, PACKAGE, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
-from ros2_launch import Launched, Refused
+from ros2_launch import Launched, Refused, begun_without
 
 from ros_visualise.nodes import SourceType, find
 from ros_visualise.params import update
@@ -75,6 +75,19 @@ def check_declared(node, given):
     declared = find(node)
     kind = playing_params(declared) if isinstance(declared, SourceType) else declared.params
     update(kind(), given)
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "args"),
+    [
+        *((name, "rviz2", {"rviz": "true"}) for name in MAIN),
+        *((name, "rqt_gui", {"rqt": "true"}) for name in MAIN if name != "main_robots"),
+        ("main_usb_cam", "usb_cam", {"camera_driver": "usb_cam"}),
+    ],
+)
+def test_nothing_has_begun_where_a_package_is_missing(name, package, args):
+    """A launch that fails leaves alone what it has started, which then runs on."""
+    assert begun_without(name, package, **args) == []
 
 
 @pytest.mark.parametrize("name", MAIN)

@@ -18,7 +18,7 @@ from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import asking
 from ros_visualise.runtime.ros1.pollers import mend_pollers
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
-from ros_visualise.signals import STOPPED, Wish, interrupt, note
+from ros_visualise.signals import DONE, Wish, interrupt, note
 
 _PACKAGE = "package://"
 _LOOK_S = 1.0
@@ -47,7 +47,7 @@ def begin(name: str) -> None:
     try:
         rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
     except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
-        sys.exit(STOPPED)
+        sys.exit(DONE)
     note(_wish)
     log_to(_SAY)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
