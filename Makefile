@@ -1,5 +1,6 @@
 # `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
 # `make fuzz` gives damaged input to the commands; ARGS=--help tells how.
+# `make soak` runs the program for two hours and tells whether anything of it grows.
 # make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
 PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
@@ -9,7 +10,7 @@ ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
 OPENGL := libegl1 libgl1 libgl1-mesa-dri
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 
-.PHONY: demo test fuzz clean
+.PHONY: demo test fuzz soak clean
 
 demo: .venv/.ready
 	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
@@ -22,6 +23,9 @@ test: .venv-test/.ready
 
 fuzz: .venv-test/.ready
 	PYTHONPATH=tests:tests/sources/recordings .venv-test/bin/python -m fuzz $(ARGS)
+
+soak: .venv-test/.ready
+	.venv-test/bin/python benchmarks/soak/run.py $(ARGS) || test $$? -eq 130
 
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up, which takes a minute or so ...'
