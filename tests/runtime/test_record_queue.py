@@ -74,7 +74,7 @@ def test_small_messages_wait_for_a_disk_that_is_late_also_behind_large_ones():
     for number in range(1, 200):
         clock.now_s += 0.01
         one.put("/imu", packet(number))
-        one.put("/image", packet(1000 + number, 1))
+        one.put("/image", packet(1000 + number, 0.25))
     assert [number for number in numbers(one) if number < 1000] == list(range(200))
     assert one.dropped > 100
 
