@@ -10,6 +10,7 @@ Sliders, command line, YAML keys, ROS parameters and documentation are all made 
 from __future__ import annotations
 
 import dataclasses
+import os
 import threading
 import typing
 from collections.abc import Callable, Mapping
@@ -17,8 +18,9 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.near import near
+from ros_visualise.paths import given_folder, inside
 
 Value = int | float | bool | str | Enum
 P = TypeVar("P")
@@ -35,6 +37,7 @@ def param(
     group: str = "",
     saved: bool = True,
     used: Callable[[Any], bool] = lambda params: True,
+    file: Callable[[Any], bool] = lambda value: False,
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -47,9 +50,11 @@ def param(
         group: the folder that it is kept in on the page; none: always in view.
         saved: whether it is saved with the others; what is played, and how, is not.
         used: whether it counts beside these other values; see `when`. If not, its slider waits.
+        file: whether a value names a file. Whoever changes it while the node runs may only name one
+            in the folder of `ros_visualise.paths`, or one that it named before.
     """
     metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
-    metadata |= {"restart": restart, "group": group, "saved": saved, "used": used}
+    metadata |= {"restart": restart, "group": group, "saved": saved, "used": used, "file": file}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -78,6 +83,7 @@ class Spec:
     group: str
     saved: bool
     used: Callable[[Any], bool]
+    file: Callable[[Any], bool]
 
     @property
     def choices(self) -> tuple[str, ...]:
@@ -184,10 +190,22 @@ class Parameters(Generic[P]):
     def __init__(self, initial: P) -> None:
         self.current = initial
         self.accept: Callable[[P, Mapping[str, Value]], None] = lambda *_: None
+        self._files = _files_of(initial)
         self._lock = threading.RLock()
         self._listeners: list[Callable[[P, Mapping[str, Value]], None]] = []
 
     def update(self, changes: Mapping[str, Any]) -> P:
+        """Apply all changes or none, as a page or a graph asks for them; see `take`.
+
+        Files that they name stay in one folder, as `param` says.
+
+        Raises:
+            ParameterError: as `update`, a file elsewhere, or ``accept`` refuses it.
+        """
+        with self._lock:
+            return self.take(self._confined(changes))
+
+    def take(self, changes: Mapping[str, Any]) -> P:
         """Apply all changes or none; listeners are told what really changed.
 
         Raises:
@@ -201,6 +219,7 @@ class Parameters(Generic[P]):
             if changed:
                 self.accept(after, changed)
                 self.current = after
+                self._files |= _files_of(after)
                 for listener in tuple(self._listeners):
                     listener(after, changed)
             return self.current
@@ -210,3 +229,28 @@ class Parameters(Generic[P]):
         with self._lock:
             self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
+
+    def _confined(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """The changes, with files that were not named before as those of the one folder."""
+        values = dict(changes)
+        for spec in specs(self.current):
+            if spec.name not in values or spec.type is not str:
+                continue
+            value = str(spec.coerce(values[spec.name]))
+            if spec.file(value) and (spec.name, value) not in self._files:
+                values[spec.name] = _in_folder(spec.name, value)
+        return values
+
+
+def _files_of(params: Any) -> set[tuple[str, Any]]:
+    """The parameters that name files, with their values."""
+    values = [(spec, getattr(params, spec.name)) for spec in specs(params)]
+    return {(spec.name, value) for spec, value in values if spec.file(value)}
+
+
+def _in_folder(name: str, value: str) -> str:
+    folder = given_folder()
+    try:
+        return str(inside(folder, value.removeprefix(f"{folder}{os.sep}")))
+    except UsageError as error:
+        raise ParameterError(f"{name}: {error}") from None

@@ -21,7 +21,7 @@ def test_a_folder_that_is_none(tmp_path: Path) -> None:
 
 
 def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
-    (folder := tmp_path / "recordings").mkdir()
+    (folder := tmp_path / "run@" / "day1").mkdir(parents=True)
     (folder / "link.mcap").symlink_to(tmp_path / "outside.mcap")
     (folder / "link").symlink_to(tmp_path, target_is_directory=True)
     (folder / "old.mcap").write_text("precious")

@@ -45,11 +45,11 @@ def _prepare(page: Path, overwrite: bool) -> list[Path]:
     """Make the folder of a page; those that were made for it, the innermost first.
 
     Raises:
-        OpenError: that cannot be done, or the page is there already.
+        OpenError: that cannot be done, or there are files in it already.
     """
-    if page.exists() and not overwrite:
-        raise OpenError(f"{page}: is there already; give another folder or --overwrite")
     try:
+        if page.parent.is_dir() and any(page.parent.iterdir()) and not overwrite:
+            raise OpenError(f"{page.parent}: not empty; give another folder or --overwrite")
         missing = [one for one in page.parents if not one.exists()]
         page.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

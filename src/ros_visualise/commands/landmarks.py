@@ -18,13 +18,14 @@ from ros_visualise.data import Header
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
+from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.shown import Shown
-from ros_visualise.nodes.landmark_localizer import check_map_name, write_map
+from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.printing import answer, say, shown
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.signals import STOPPED, Wish, noticed
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.files import TargetFile, write_file
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback
@@ -97,7 +98,8 @@ def _save_map(
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
         found.map = Shown().detections(mapped.landmarks, header)
-        write_map(args.map, header.frame_id, mapped.landmarks, mapped.map.common)
+        text = map_file.to_text(header.frame_id, mapped.landmarks, mapped.map.common)
+        write_file(args.map, text.encode(), args.overwrite)
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:

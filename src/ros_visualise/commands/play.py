@@ -18,6 +18,7 @@ from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph
+from ros_visualise.paths import set_folder
 from ros_visualise.printing import answer, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
@@ -40,6 +41,7 @@ def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost."""
     targets = [parse_target(target)[0] for target in args.record]
     check_targets(targets, getattr(args, "input", None))
+    set_folder(args.record_dir, args.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
     shelf = _shelf(args)
     options = ViewOptions(

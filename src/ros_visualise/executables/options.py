@@ -8,13 +8,14 @@ from typing import Any
 
 from ros_visualise.errors import UsageError
 from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
+from ros_visualise.paths import set_folder
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
 
 OPTIONS = (
-    *("view", "host", "port", "allow_origin", "window", "record_dir"),
+    *("view", "host", "port", "allow_origin", "window", "record_dir", "overwrite"),
     *("image_transport", "jpeg_quality", "start", "duration", "clock", "max_memory", "params"),
 )
 """Those that every executable reads."""
@@ -30,7 +31,7 @@ def choose_memory(middleware: Middleware) -> None:
 
 
 def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]:
-    """The name of the view that ``~view`` gives, and how it is opened.
+    """The name of the view that ``~view`` gives, and how it is opened; and where files may go.
 
     Raises:
         UsageError: an option is of the wrong type.
@@ -44,6 +45,7 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
         options = replace(options, host=host, port=int(port), origins=origins)
     elif name == "windows":
         options = replace(options, place=str(middleware.option("window", "")))
+    set_folder(options.record_dir, bool(middleware.option("overwrite", False)))
     return name, options
 
 

@@ -11,9 +11,11 @@ from ros_visualise.params import param
 class MapParams:
     """Parameters of the map and of what belongs into it."""
 
-    map: str = param("", "YAML file of landmarks to begin with, as save_map writes it", group="map")
+    map: str = param(
+        "", "YAML file of landmarks to begin with, as save_map writes it", group="map", file=bool
+    )
     save_to: str = param(
-        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map"
+        "landmarks.yaml", "YAML file that save_map writes the landmarks to", group="map", file=bool
     )
     class_prefix: str = param(
         "landmark_",

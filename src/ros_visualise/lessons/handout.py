@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from html import escape
 from itertools import chain, count
@@ -15,7 +16,9 @@ from ros_visualise.errors import OpenError
 from ros_visualise.lessons.lesson import Drawn, Lesson
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.nodes import NoParams, action, node
+from ros_visualise.paths import may_replace
 from ros_visualise.sinks.figure import Figure
+from ros_visualise.sinks.files import write_file
 
 NAME = "handout"
 PAGE = "index.html"
@@ -78,7 +81,8 @@ def write_page(
     """Write a lesson: each figure as PNG and SVG, and a page that shows them; returns the page.
 
     Raises:
-        OpenError: it cannot be written.
+        OpenError: it cannot be written, or is there and not to be replaced.
+        RecordingError: it could not be written to its end.
     """
     parts = [f"<h1>{escape(lesson.name)}: {escape(lesson.about)}</h1>"]
     try:
@@ -90,7 +94,7 @@ def write_page(
             if text_of(step) in news:
                 parts.append(to_html(news[text_of(step)].text))
         page = folder / PAGE
-        page.write_text(_page(lesson, parts), encoding="utf-8")
+        write_file(page, _page(lesson, parts).encode(), may_replace())
     except OSError as error:
         raise OpenError(f"{folder}: {error.strerror}; choose another folder") from None
     return page
@@ -99,13 +103,13 @@ def write_page(
 def _figure(folder: Path, name: str, image: Image) -> str:
     """Write the image of a step in both formats; what shows it on the page."""
     _, png = cv2.imencode(".png", image.pixels)
-    (folder / f"{name}.png").write_bytes(bytes(png))
+    write_file(folder / f"{name}.png", bytes(png), may_replace())
     if isinstance(image.data, Drawn):
         figure, shown = image.data.figure, "svg"
     else:
         figure, shown = Figure(image.width, image.height), "png"
         figure.picture((0, 0, image.width, image.height), image.pixels)
-    (folder / f"{name}.svg").write_bytes(figure.svg())
+    write_file(folder / f"{name}.svg", figure.svg(), may_replace())
     links = " ".join(f'<a href="{name}.{kind}">{kind.upper()}</a>' for kind in ("png", "svg"))
     return (
         f'<figure><img src="{name}.{shown}" alt="{escape(name)}"/>'
@@ -125,4 +129,4 @@ def _page(lesson: Lesson, parts: Sequence[str]) -> str:
 def _unused(folder: Path) -> Path:
     """The folder, or the first that is not there of those called as it and 2, 3, ..."""
     others = (folder.with_name(f"{folder.name}_{n}") for n in count(2))
-    return next(one for one in chain([folder], others) if not one.exists())
+    return next(one for one in chain([folder], others) if not os.path.lexists(one))

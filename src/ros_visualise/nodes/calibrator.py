@@ -19,8 +19,9 @@ from ros_visualise.landmarks.calibration.progress import draw_progress
 from ros_visualise.landmarks.calibration.views import View
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
+from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import path_of
-from ros_visualise.sources.calibration_store import save
+from ros_visualise.sources.calibration_store import to_yaml
 
 log = logging.getLogger(__name__)
 
@@ -45,7 +46,10 @@ class CalibratorParams:
     dictionary: str = param("", "OpenCV's name of the set of markers; empty: the usual one")
     model: Lens = param(Lens.PINHOLE, "model of the lens")
     file: str = param(
-        "camera.yaml", "YAML file to save to; give it to the camera as camera_info_url", saved=False
+        "camera.yaml",
+        "YAML file to save to; give it to the camera as camera_info_url",
+        saved=False,
+        file=bool,
     )
 
 
@@ -94,7 +98,8 @@ class Calibrator:
         if self._found is None:
             return self._say("nothing to save yet: calibrate first")
         try:
-            save(self._found.info, path_of(self._params.file), "camera")
+            text = to_yaml(self._found.info, "camera")
+            save_again(path_of(self._params.file), text.encode())
         except RosVisualiseError as error:
             return self._say(str(error))
         return self._say(f"saved to {self._params.file}")

@@ -13,7 +13,7 @@ from ros_visualise.nodes import source
 from ros_visualise.params import param, specs
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.camera import Camera
-from ros_visualise.sources.live import parse_address
+from ros_visualise.sources.live import may_read_files, parse_address
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.v4l2_controls import GROUP, control_params
 from ros_visualise.sources.video_pixels import parse_size
@@ -28,6 +28,7 @@ class CameraParams:
         "device (/dev/video0 or 0), URL, test (a test pattern), or lavfi:GRAPH",
         restart=True,
         saved=False,
+        file=may_read_files,
     )
     size: str = param(
         "", "size of the images, WIDTHxHEIGHT; empty leaves it to the camera", restart=True
@@ -48,6 +49,7 @@ class CameraParams:
         "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
         restart=True,
         saved=False,
+        file=bool,
     )
 
 

@@ -35,11 +35,13 @@ class LandmarkParams:
         "ONNX file of a network that finds objects; empty: our own, for helipads, tags, "
         "posts and vehicles seen from the air",
         restart=True,
+        file=bool,
     )
     names: str = param(
         "",
         "text file with one class name per line; empty: the names in the network's own file",
         restart=True,
+        file=bool,
     )
     classes: str = param(
         "", "names or numbers of the classes to find, such as helipad, 7; empty: all"

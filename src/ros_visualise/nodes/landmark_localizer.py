@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import logging
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +29,7 @@ from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.nodes import action, node
 from ros_visualise.params import param
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.files import save_again
 
 log = logging.getLogger(__name__)
 
@@ -126,14 +125,15 @@ class LandmarkLocalizer:
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
-        """Write the map; what was there is replaced when all of it is written."""
+        """Write the map; its own file of before is replaced when all of it is written."""
         landmarks = self._localizer.landmarks
         if not landmarks:
             log.warning("there is no landmark yet: nothing is written")
             return
         path = Path(self._params.save_to)
         frame_id = self._frame or self._params.fixed_frame
-        write_map(path, frame_id, landmarks.values())
+        check_map_name(path)
+        save_again(path, map_file.to_text(frame_id, landmarks.values()).encode())
         log.info("%d landmarks are in %s", len(landmarks), path.absolute())
 
     def step(
@@ -221,25 +221,6 @@ class LandmarkLocalizer:
             return None
         base = T[:3, :3] @ odom.position_xyz + T[:3, 3]
         return at_camera(odom.pose_covariance, T[:3, :3], camera - base)
-
-
-def write_map(
-    path: Path, frame_id: str, landmarks: Iterable[Track], common: Floats | None = None
-) -> None:
-    """Write a map; it takes the place of what is there when all of it is written.
-
-    Args:
-        common: (6, 6) covariance of what all landmarks are off together.
-    """
-    check_map_name(path)
-    data = map_file.to_text(frame_id, landmarks, common).encode()
-    target = TargetFile(path, overwrite=True)
-    try:
-        target.require_room(len(data))
-        target.write(data)
-        target.close()
-    except OSError as error:
-        raise target.give_up(error, 0) from None
 
 
 def check_map_name(path: Path) -> None:

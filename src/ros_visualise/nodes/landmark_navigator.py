@@ -40,7 +40,8 @@ from ros_visualise.landmarks.navigation.params import NavigatorParams
 from ros_visualise.landmarks.navigation.settings import Settings
 from ros_visualise.landmarks.navigation.sights import view_of
 from ros_visualise.nodes import action, node
-from ros_visualise.nodes.landmark_localizer import write_map
+from ros_visualise.nodes.landmark_localizer import check_map_name
+from ros_visualise.sinks.files import save_again
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +107,7 @@ class LandmarkNavigator:
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
-        """Write the map; what was there is replaced when all of it is written."""
+        """Write the map; its own file of before is replaced when all of it is written."""
         tracks, common = (
             told.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
         )
@@ -114,7 +115,8 @@ class LandmarkNavigator:
             log.warning("there is no landmark yet: nothing is written")
             return
         path = Path(self._params.save_to)
-        write_map(path, self._frame, tracks, common)
+        check_map_name(path)
+        save_again(path, map_file.to_text(self._frame, tracks, common).encode())
         log.info("%d landmarks are in %s", len(tracks), path.absolute())
 
     def step(

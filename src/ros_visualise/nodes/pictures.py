@@ -19,7 +19,9 @@ from ros_visualise.sources.playback import Playback
 class PicturesParams:
     """Which pictures, and how fast."""
 
-    path: str = param("", "a picture, or a folder of pictures", restart=True, saved=False)
+    path: str = param(
+        "", "a picture, or a folder of pictures", restart=True, saved=False, file=bool
+    )
     fps: float = param(
         1.0, "pictures per second", min=0.01, max=240, slider=(0.1, 30), restart=True
     )
@@ -29,6 +31,7 @@ class PicturesParams:
         "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
         restart=True,
         saved=False,
+        file=bool,
     )
 
 

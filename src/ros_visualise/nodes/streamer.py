@@ -25,7 +25,7 @@ from ros_visualise.sources.video_pixels import parse_size
 class StreamerParams:
     """Which video, and how."""
 
-    path: str = param("", "path of the video file", restart=True, saved=False)
+    path: str = param("", "path of the video file", restart=True, saved=False, file=bool)
     size: str = param("", "scale the images to WIDTHxHEIGHT; empty keeps their size", restart=True)
     frame_id: str = param("camera_optical", "frame_id of the images", restart=True)
     camera_info_url: str = param(
@@ -33,6 +33,7 @@ class StreamerParams:
         "calibration of the camera, a YAML file of ROS: a path or file:///PATH",
         restart=True,
         saved=False,
+        file=bool,
     )
 
 

@@ -212,12 +212,13 @@ def _add_output(parser: ArgumentParser) -> None:
         type=_folder,
         default=Path(),
         metavar="DIR",
-        help="folder that the page records into (default: the current one)",
+        help="folder of the files that the page reads and writes (default: the current one)",
     )
     group.add_argument(
         "--overwrite",
         action="store_true",
-        help="replace existing recordings, each as soon as the new one is complete",
+        help="replace existing recordings, maps and calibrations, each as soon as the new one is"
+        " complete",
     )
     group.add_argument(
         "--json", action="store_true", help="print a report of the run as JSON at the end"

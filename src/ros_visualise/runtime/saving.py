@@ -12,7 +12,7 @@ from typing import Any
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.sinks.files import TargetFile
+from ros_visualise.sinks.files import write_file
 from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
 
 _FORM = "give a YAML file as NODE: {PARAM: VALUE}"
@@ -46,14 +46,7 @@ def write_yaml(values: Mapping[str, Any], path: Path) -> None:
     """Write values to a new file; raises as `save`."""
     if path.suffix != ".yaml":
         raise UsageError(f"{path.name}: give a name that ends in .yaml")
-    target = TargetFile(path, overwrite=False)
-    try:
-        data = to_yaml(values).encode()
-        target.require_room(len(data))
-        target.write(data)
-        target.close()
-    except OSError as error:
-        raise target.give_up(error, 0) from None
+    write_file(path, to_yaml(values).encode())
 
 
 def save_anew(parameters: Mapping[str, Parameters[Any]], folder: Path) -> Path:

@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 from ros_visualise.params import param
+from ros_visualise.simulation.missions import SHAPES
 
 
 def setting(default: Any, help: str, **limits: Any) -> Any:
@@ -236,6 +237,7 @@ class ScenarioParams:
     mission: str = setting(
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",
+        file=lambda mission: mission not in ("", "none", "default", *SHAPES),
     )
     repeat: bool = setting(
         False, "while somebody looks on, start the mission again a few seconds after its end"

@@ -6,12 +6,16 @@ import errno
 import io
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 from ros_visualise.errors import OpenError
 from ros_visualise.limits import disk_reserve
+from ros_visualise.paths import may_replace
 from ros_visualise.sinks.targets import Target, sync, take_over
 
+_own: dict[Path, tuple[int, ...] | None] = {}
+"""Files that `save_again` wrote: where they are, and what tells whether they are still the same."""
 _RESERVE_BYTES = 64 * 1024
 """What stays free on a disk that fills up, so that a recording can be finished."""
 
@@ -117,3 +121,38 @@ class TargetFile(Target):
 
     def _delete(self) -> None:
         self.path.unlink()
+
+
+def write_file(path: Path, data: bytes, overwrite: bool = False) -> None:
+    """Write a whole file, or nothing.
+
+    Raises:
+        OpenError: it is there and not to be replaced, or it cannot be written.
+        RecordingError: it could not be written to its end.
+    """
+    target = TargetFile(path, overwrite)
+    try:
+        target.require_room(len(data))
+        target.write(data)
+        target.close()
+    except OSError as error:
+        raise target.give_up(error, 0) from None
+
+
+def save_again(path: Path, data: bytes) -> None:
+    """Write a file that a running node is asked for, maybe more than once; raises as `write_file`.
+
+    It replaces what this process wrote there and nobody changed since; else only what
+    `ros_visualise.paths.may_replace` allows.
+    """
+    place = Path(os.path.realpath(path))
+    write_file(path, data, may_replace() or _own.get(place, ()) == _identity(place))
+    _own[place] = _identity(place)
+
+
+def _identity(path: Path) -> tuple[int, ...] | None:
+    """What changes whenever a file is replaced or written; None where there is none."""
+    with suppress(OSError):
+        about = path.stat()
+        return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns
+    return None

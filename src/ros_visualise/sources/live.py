@@ -50,6 +50,13 @@ def is_live(source: str) -> bool:
     return source == "test" or source.isdecimal() or "://" in source or source.startswith("lavfi:")
 
 
+def may_read_files(uri: str) -> bool:
+    """Whether it is anything but a device, the test pattern or a URL, as lavfi's film of a file."""
+    is_url = "://" in uri and not uri.startswith(("file:", "lavfi:"))
+    is_device = uri.isdecimal() or re.fullmatch(r"/dev/video\d+", uri)
+    return not (uri == "test" or is_device or is_url)
+
+
 def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address:
     """A device (``/dev/video0`` or ``0``), a URL, ``test`` or ``lavfi:GRAPH``.
 

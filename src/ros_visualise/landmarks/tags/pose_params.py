@@ -22,7 +22,7 @@ class PoseParams:
         slider=(0, 1),
     )
     tags: str = param(
-        "", "YAML file with the sizes of tags and with bundles, in apriltag_ros's format"
+        "", "YAML file with the sizes of tags and with bundles, in apriltag_ros's format", file=bool
     )
     corner_floor: float = param(
         0.0,

@@ -164,7 +164,7 @@ class RemoteParameters(Parameters[Any]):
                     fitting[spec.name] = spec.coerce(values[spec.name])
                 except ParameterError as error:
                     self._say_refused(spec.name, error)
-        super().update(fitting)
+        self.take(fitting)
 
     def _say_refused(self, name: str, error: ParameterError) -> None:
         if name not in self._refused:
