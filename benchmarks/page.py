@@ -55,7 +55,7 @@ def receive(received: list[int]) -> None:
 def run(path: Path, frames: int, looks: str) -> tuple[float, float]:
     """(Frames per second, MB received)."""
     command = [sys.executable, "-m", "ros_visualise", "video", str(path), "--rate", "0", "--loop"]
-    command += ["--frames", str(frames), "--json", "--port", str(PORT)]
+    command += ["--frames", str(frames), "--json", "--port", str(PORT), "--no-token"]
     for setting in SETTINGS:
         command += ["--set", setting]
     pipeline = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)

@@ -1,4 +1,4 @@
-"""A source of one's own with an action, and its edges, on a page: http://127.0.0.1:8080
+"""A source of one's own with an action, and its edges, on a page: at the printed address
 
 python examples/05_own_source.py [PORT]
 

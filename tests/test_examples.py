@@ -98,7 +98,9 @@ def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
     command = [sys.executable, EXAMPLES / "05_own_source.py", str(port)]
     shown = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
-        assert until(lambda: answers(port), 60)
+        address = next(line for line in shown.stderr if line.startswith("look at ")).split()[2]
+        assert address.startswith(f"http://127.0.0.1:{port}/")
+        assert until(lambda: answers(address.rstrip(";")), 60)
         shown.send_signal(signal.SIGINT)
         said = shown.communicate(timeout=60)[1]
     finally:
@@ -106,9 +108,9 @@ def test_the_example_of_a_source_shows_its_page_until_ctrl_c():
     assert (shown.returncode, "Traceback" in said) == (0, False), said
 
 
-def answers(port):
+def answers(address):
     try:
-        with urllib.request.urlopen(f"http://127.0.0.1:{port}", timeout=5) as page:
+        with urllib.request.urlopen(address, timeout=5) as page:
             return page.status == 200
     except OSError:
         time.sleep(0.1)

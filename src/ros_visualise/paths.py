@@ -13,6 +13,11 @@ from pathlib import Path
 from ros_visualise.errors import UsageError
 
 _MOST_BYTES = 200  # of a name that others give; file systems take 255
+_INVISIBLE = (
+    *((0x034F, 0x034F), (0x115F, 0x1160), (0x17B4, 0x17B5), (0x180B, 0x180F), (0x2800, 0x2800)),
+    *((0x3164, 0x3164), (0xFE00, 0xFE0F), (0xFFA0, 0xFFA0), (0xE0100, 0xE01EF)),
+)
+"""Letters and marks that Unicode has for the sake of those beside them (first, last)."""
 _folder, _may_replace = Path(), False
 
 
@@ -36,12 +41,15 @@ def inside(folder: Path, name: str) -> Path:
     """A file in a folder, of which somebody may choose the name, and nothing but the name.
 
     Raises:
-        UsageError: it is not a plain name, or that of a link that leads out of the folder.
+        UsageError: it is not a plain name, reads as another one, or is that of a link that leads
+            out of the folder.
     """
     size = len(name.encode(errors="replace"))
     if size > _MOST_BYTES:
         raise UsageError(f"a name of {size} bytes: give one of at most {_MOST_BYTES}")
     check_printable(name)
+    if any(map(_is_invisible, name)):
+        raise UsageError(f"{name!a}: holds invisible characters; choose another name")
     if name.startswith(".") or "\\" in name or Path(name).name != name or not name:
         raise UsageError(
             f"{name!r}: give a name alone, without folders and without a dot before it"
@@ -60,3 +68,9 @@ def check_printable(path: str | Path) -> None:
     """
     if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in str(path)):
         raise UsageError(f"{str(path)!r}: holds control characters; choose another name")
+
+
+def _is_invisible(letter: str) -> bool:
+    """Whether a character shows nothing, or turns round the order in which others are read."""
+    is_mark = any(first <= ord(letter) <= last for first, last in _INVISIBLE)
+    return is_mark or unicodedata.category(letter) in ("Cf", "Zl", "Zp")

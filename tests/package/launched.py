@@ -16,7 +16,7 @@ NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own", "re
 """The arguments that have no default."""
 
 PLAYER_OPTIONS = {"path", "topics", "image", "wait_for", "max_memory"}
-OPTIONS = {"view", "host", "port", "allow_origin", "window", "record_dir"}
+OPTIONS = {"view", "host", "port", "token", "allow_origin", "window", "record_dir"}
 OPTIONS |= {"image_transport", "start", "duration", "clock"}
 PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
 

@@ -365,5 +365,6 @@ def test_no_path_of_anybody():
 @pytest.mark.parametrize("name", ["main_video", "main_usb_cam", "main_rosbag", "main_path"])
 def test_the_page_of_a_main_launch_file_records_where_it_is_told(name: str) -> None:
     options = {"allow_origin": "https://robot.example.org", "record_dir": "/recordings"}
-    found = Launched(name, view="web", **options).params("viewer")
-    assert found.items() >= options.items()
+    found = Launched(name, view="web", token="false", **options).params("viewer")
+    assert found.items() >= {"token": False, **options}.items()
+    assert Launched(name, view="web").params("viewer")["token"] is True

@@ -8,7 +8,7 @@ from contextlib import closing
 
 import pytest
 import viser
-from page_client import Client
+from page_client import TOKEN, VIEW_TOKEN, Client
 
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
@@ -29,6 +29,13 @@ FLAGS = [
     "--no-first-run",
     "--host-resolver-rules=MAP evil.example 127.0.0.1",
 ]
+
+
+@pytest.fixture(autouse=True)
+def tokens(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All pages have the same two tokens."""
+    monkeypatch.setenv("ROS_VISUALISE_TOKEN", TOKEN)
+    monkeypatch.setenv("ROS_VISUALISE_VIEW_TOKEN", VIEW_TOKEN)
 
 
 @pytest.fixture

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
+from email.message import Message
+from http.client import HTTPConnection
 from typing import Any
 
 import msgspec
@@ -13,6 +15,9 @@ import viser
 import zstandard
 from websockets.sync.client import connect
 
+TOKEN = "a-token-of-the-tests_00"
+VIEW_TOKEN = "another-one-to-look-01"
+"""What the pages of these tests are opened with (`conftest.tokens`)."""
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": (1.0, 0.0, 0.0, 0.0),
@@ -30,11 +35,27 @@ CAMERA = {
 _POSES = {"SetPositionMessage": "position", "SetOrientationMessage": "wxyz"}
 
 
+def addresses(port: int) -> str:
+    """What a person reads where a page begins."""
+    return (
+        f"look at http://127.0.0.1:{port}/{TOKEN}; Ctrl-C ends it\n"
+        f"read-only: http://127.0.0.1:{port}/{VIEW_TOKEN}\n"
+    )
+
+
+def get(port: int, path: str = "/", token: str = TOKEN, **headers: str) -> tuple[int, Message, str]:
+    """The status, the headers and the text of an answer."""
+    with contextlib.closing(HTTPConnection("127.0.0.1", port, timeout=60)) as asked:
+        asked.request("GET", f"/{token}{path}" if token else path, headers=headers)
+        answer = asked.getresponse()
+        return answer.status, answer.headers, answer.read().decode(errors="replace")
+
+
 class Client:
     """Connects as a browser does and knows what it was told of: elements by their
     labels, nodes of the scene by their names."""
 
-    def __init__(self, port: int, path: str = "", origin: str | None = None) -> None:
+    def __init__(self, port: int, path: str = f"/{TOKEN}", origin: str | None = None) -> None:
         self.socket = connect(
             f"ws://127.0.0.1:{port}{path}",
             subprotocols=[f"viser-v{viser.__version__}"],
@@ -46,6 +67,7 @@ class Client:
         self.images = 0
         self.nodes: dict[str, dict[str, Any]] = {}
         self.plots: dict[str, Any] = {}
+        self.commands: list[str] = []  # what the protocol calls them
         self._labels: dict[str, str] = {}
         self.send(CAMERA)
 
@@ -80,6 +102,8 @@ class Client:
 
     def _take(self, message: dict[str, Any]) -> None:
         self._take_node(message)
+        if message["type"] == "RegisterCommandMessage":
+            self.commands.append(message["uuid"])
         if "uuid" not in message:
             return
         props = message.get("props") or message.get("updates") or {}

@@ -9,6 +9,7 @@ from contextlib import closing
 import cv2
 import numpy as np
 import pytest
+from page_client import TOKEN
 from scene_messages import odometry
 from scene_runtime import Told
 
@@ -23,6 +24,7 @@ from ros_visualise.data import (
 from ros_visualise.data.diagnostics import Level
 from ros_visualise.data.logs import Log
 from ros_visualise.ui.look import Looker, link
+from ros_visualise.ui.look.answers import Question, Refusal
 from ros_visualise.ui.look.taps import Taps
 from ros_visualise.ui.page import Page
 
@@ -46,7 +48,10 @@ def looker(told):
 
 
 def ask(looker, query):
-    return looker.answer(query, OURS)
+    try:
+        return looker.answer(Question(query))
+    except Refusal as refused:
+        return refused.answer
 
 
 def said(answer):
@@ -70,7 +75,7 @@ def test_pixels_come_as_they_are(told, looker, topic, pixels, encoding):
 
 def test_16_bits_are_saved_as_they_are(told, looker):
     told.say(deep=Image(DEEP, "rgb16", Header(7)))
-    answer = looker.answer("ask=png&topic=/deep", {})
+    answer = ask(looker, "ask=png&topic=/deep")
     read = cv2.imdecode(np.frombuffer(answer.body, np.uint8), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(read[..., ::-1], DEEP)
     assert 'filename="deep_7.png"' in answer.headers["Content-Disposition"]
@@ -110,10 +115,16 @@ def test_what_is_not_there_is_told(looker, query, status):
     assert said(answer)["error"]
 
 
-def test_other_sites_cannot_ask(looker):
-    assert looker.answer("ask=topics", {}).status == 403
-    assert looker.answer("ask=topics", OURS).status == 200
-    assert looker.answer("session=1", {}) is None
+def test_what_is_no_question_is_for_others(looker):
+    assert ask(looker, "ask=topics").status == 200
+    assert ask(looker, "session=1") is None
+
+
+def test_who_may_only_look_changes_nothing(looker):
+    for query in ("ask=play&toggle=1", "ask=play&seek=1", "ask=play"):
+        answer = looker.answer(Question(query), is_viewer=True)
+        assert (answer.status, said(answer)["error"]) == (403, "this address is read-only")
+    assert looker.answer(Question("ask=topics"), is_viewer=True).status == 200
 
 
 def test_a_message_is_a_tree_by_its_ros_names(told, looker):
@@ -196,7 +207,7 @@ def test_topics_are_asked_for_only_while_somebody_looks(told):
 
 def get(port, path, **headers):
     with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20)) as asked:
-        asked.request("GET", path, headers=headers)
+        asked.request("GET", f"/{TOKEN}{path}", headers=headers)
         answer = asked.getresponse()
         return answer.status, answer.headers, answer.read()
 

@@ -16,9 +16,9 @@ from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Looker
+from ros_visualise.ui.look.answers import Question
 from ros_visualise.ui.look.curve import Curve, thin
 
-OURS = {"X-Ros-Visualise": "1"}
 BLOCK = """{n}
 00:00:{a:02d},000 --> 00:00:{b:02d},000
 HOME(149.0251,-20.2532) 2017.08.05 14:11:51
@@ -29,7 +29,7 @@ WHOLE = "ask=curves&from=0&to=1e9"
 
 
 def ask(looker, query):
-    return json.loads(looker.answer(query, OURS).body)
+    return json.loads(looker.answer(Question(query)).body)
 
 
 def flight(file, count=40):
@@ -94,8 +94,8 @@ def test_a_click_goes_there(looker):
     while ask(looker, WHOLE)["position"] != 17:
         assert time.monotonic() < end_s
         time.sleep(0.01)
-    assert looker.answer("ask=play&seek=nan", OURS).status == 400
-    assert looker.answer("ask=play&seek=5", {}).status == 403
+    assert looker.answer(Question("ask=play&seek=nan")).status == 400
+    assert looker.answer(Question("ask=play&seek=5"), is_viewer=True).status == 403
 
 
 def test_what_is_live_grows():
@@ -114,7 +114,7 @@ def test_what_is_live_grows():
         *others, there = ask(looker, f"{WHOLE}&field=/image:width&field=/gone:x&{query}")["curves"]
         assert all(one["error"] and not one["times"] for one in others)
         assert there["values"][-1] == 9, "one that cannot be drawn takes no other with it"
-        assert looker.answer(f"{WHOLE}&field=odom", OURS).status == 400
+        assert looker.answer(Question(f"{WHOLE}&field=odom")).status == 400
     finally:
         looker.close()
     assert told.asked["/odom"] == 0

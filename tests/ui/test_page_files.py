@@ -4,10 +4,11 @@ import http.client
 import time
 from contextlib import closing, suppress
 from io import BytesIO
+from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
-from page_client import Client
+from page_client import TOKEN, VIEW_TOKEN, Client
 from rosbags.highlevel import AnyReader
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -42,10 +43,10 @@ def client(page, port):
         yield client
 
 
-def upload(port, pieces, origin=None, **values):
+def upload(port, pieces, origin=None, token=TOKEN, **values):
     """Send a file; returns as soon as the server has ended it."""
     query = "&".join(f"{name}={value}" for name, value in values.items())
-    with connect(f"ws://127.0.0.1:{port}/?{query}", origin=origin) as socket:
+    with connect(f"ws://127.0.0.1:{port}/{token}/?{query}", origin=origin) as socket:
         with suppress(ConnectionClosed):
             for piece in pieces:
                 socket.send(piece)
@@ -56,7 +57,7 @@ def upload(port, pieces, origin=None, **values):
 def fetch(port, query, **headers):
     asking = http.client.HTTPConnection("127.0.0.1", port)
     with closing(asking):
-        asking.request("GET", f"/?{query}", headers=headers)
+        asking.request("GET", f"/{TOKEN}/?{query}", headers=headers)
         answer = asking.getresponse()
         return answer.status, answer.read()
 
@@ -86,6 +87,7 @@ def test_an_upload_is_whole_and_is_opened_when_all_are_there(page, port, shelf, 
         ("%2Ftmp%2Faway.mp4", 4, "give a name alone"),
         (".hidden.mp4", 4, "give a name alone"),
         ("a%00.mp4", 4, "holds control characters"),
+        ("a%E2%80%AE4pm.mp4", 4, "holds invisible characters"),
         ("virus.py", 4, "give a file that ends in one of"),
         ("folder", 4, "give a file that ends in one of"),
         ("old.mp4", 4, "exists"),
@@ -104,10 +106,17 @@ def test_uploads_that_are_refused(client, port, tmp_path, name, size, said):
 
 
 def test_a_browser_that_goes_leaves_nothing(client, port, tmp_path):
-    with connect(f"ws://127.0.0.1:{port}/?upload=a.mp4&size=9") as socket:
+    with connect(f"ws://127.0.0.1:{port}/{TOKEN}/?upload=a.mp4&size=9") as socket:
         socket.send(b"1234")
-        wait_until((tmp_path / "there/a.mp4").exists)
+        wait_until(lambda: list((tmp_path / "there").glob("a.mp4.*.part")))
     client.read_until(lambda: any("the browser was closed" in html for html in client.html))
+    assert not list((tmp_path / "there").iterdir())
+
+
+def test_who_may_only_look_uploads_nothing(page, port, tmp_path):
+    with pytest.raises(InvalidStatus) as refused:
+        upload(port, [b"1234"], token=VIEW_TOKEN, upload="a.mp4", size=4, open="")
+    assert refused.value.response.status_code == 403
     assert not list((tmp_path / "there").iterdir())
 
 
@@ -181,3 +190,19 @@ def test_what_can_be_opened(shelf, tmp_path):
     with pytest.raises(UsageError, match="not there to be opened"):
         shelf.ask(tmp_path / "here/notes.txt")
     assert shelf.take() is None
+
+
+def test_what_is_there_is_opened_however_it_is_called_and_among_many(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for number in range(600):
+        (tmp_path / f"{number:03}.mp4").touch()
+    shelf = Shelf(tmp_path, Path())  # as where FILE is given with its folder
+    for path in (Path("z.mp4"), tmp_path / "z.mp4", Path(f"../{tmp_path.name}/z.mp4")):
+        with pytest.raises(UsageError, match="not there to be opened"):
+            shelf.ask(path)
+    (tmp_path / "z.mp4").touch()
+    for path in (Path("z.mp4"), tmp_path / "z.mp4", Path(f"../{tmp_path.name}/z.mp4")):
+        shelf.ask(path)
+        assert shelf.take() == tmp_path / "z.mp4"
+    with pytest.raises(UsageError, match="not there to be opened"):
+        shelf.ask(tmp_path.parent / "z.mp4")

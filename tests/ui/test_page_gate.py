@@ -1,6 +1,5 @@
 """What a page lets in: requests and messages of clients that mean no good."""
 
-import http.client
 import math
 import random
 import subprocess
@@ -13,15 +12,14 @@ from pathlib import Path
 import msgspec
 import pytest
 import viser
-from page_client import CAMERA, Client
+from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, addresses, get
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-import ros_visualise.ui.page.door
 from ros_visualise.ui.page import Page
 
-EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/"></iframe><script>
+EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}"></iframe><script>
 window.told = new Promise(tell => {{
-    const socket = new WebSocket("ws://127.0.0.1:{port}", ["viser-v{version}"]);
+    const socket = new WebSocket("ws://127.0.0.1:{port}/{token}", ["viser-v{version}"]);
     socket.onopen = () => tell("open");
     socket.onclose = () => tell("closed");
 }});
@@ -71,20 +69,12 @@ def served(port):
         assert process.stdout.readline() == "open\n"
         yield process
         out, err = process.communicate("\n", timeout=30)
-    assert (process.returncode, out, err) == (0, "", "")
+    assert (process.returncode, out, err) == (0, "", addresses(port))
 
 
-def get(port, path="/", **headers):
-    """The status, the headers and the text of an answer."""
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=20)) as asked:
-        asked.request("GET", path, headers=headers)
-        answer = asked.getresponse()
-        return answer.status, answer.headers, answer.read().decode(errors="replace")
-
-
-def all_there(port, path=""):
+def all_there(port):
     """Whether somebody who comes now sees it all."""
-    late = Client(port, path)
+    late = Client(port)
     with closing(late.socket):
         late.read_until(lambda: late.images >= 4)
     return True
@@ -146,13 +136,73 @@ def test_a_proxy_comes_in_by_its_origin(port, runtime):
     page.close()
 
 
+@pytest.mark.parametrize("path", ["/", "/index.html", "/?look=plots", "/?ask=topics", "/no/such"])
+def test_without_the_token_nothing_is_answered(page, port, path):
+    upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13"}
+    key = {"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==", "X-Ros-Visualise": "1"}
+    for token in ("", TOKEN[:-1], f"{TOKEN}x", VIEW_TOKEN[:-1], "%00", "a" * 5000):
+        status, headers, text = get(port, path, token, **key)
+        assert (status, "its token" in text) == (403, True)
+        assert headers["Referrer-Policy"] == "no-referrer"
+        assert get(port, path, token, **upgrade, **key)[0] == 403
+
+
+def test_without_a_token_where_that_is_asked_for(port, runtime, caplog, capfd):
+    page = Page(port=port, token=False)
+    page.open(runtime)
+    assert (page.url, page.view_url) == (f"http://127.0.0.1:{port}", "")
+    assert capfd.readouterr().err == f"look at http://127.0.0.1:{port}; Ctrl-C ends it\n"
+    assert get(port, "/", "")[0] == 200
+    client = Client(port, "")
+    with closing(client.socket):
+        client.read_until(lambda: client.images >= 4)
+    page.close()
+    assert not caplog.records
+    Page("0.0.0.0", port, token=False).close()
+    assert "no token: whoever reaches 0.0.0.0 can use the page" in caplog.text
+
+
+def test_the_address_is_printed_and_never_logged(port, runtime, caplog, capfd):
+    caplog.set_level("DEBUG")
+    page = Page(port=port)
+    page.open(runtime)
+    assert (page.url, page.view_url) == (
+        f"http://127.0.0.1:{port}/{TOKEN}",
+        f"http://127.0.0.1:{port}/{VIEW_TOKEN}",
+    )
+    assert capfd.readouterr().err == addresses(port)
+    assert all_there(port)
+    with pytest.raises(InvalidStatus):
+        Client(port, f"/{TOKEN}", origin="http://evil.example")
+    get(port, f"/{TOKEN}/x", "")
+    page.close()
+    assert "evil.example" in caplog.text
+    assert not any(token in caplog.text for token in (TOKEN, VIEW_TOKEN))
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_what_other_sites_ask_is_refused_before_any_work(page, port, runtime, monkeypatch, site):
+    asked = []
+    monkeypatch.setattr(runtime, "subscribe", lambda *about: asked.append(about))
+    image = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "no-cors", "Sec-Fetch-Dest": "image"}
+    link = {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"}
+    ours = {"X-Ros-Visualise": "1"}
+    for path in ("/?ask=png&topic=/edges", "/?%61sk=png&topic=/edges", "/?ask=pixels&topic=/edges"):
+        for headers in (image, link, image | ours, {"Sec-Fetch-Site": "none"}, {}):
+            assert get(port, path, **headers)[0] == 403
+    for path in ("/", "/?look=plots", "/no/such"):
+        assert get(port, path, **image)[0] == 403
+    assert get(port, "/", **link)[0] == 200
+    assert not asked
+
+
 @pytest.fixture
 def evil_site(port):
     """A site that somebody visits; its address."""
 
     class Answer(BaseHTTPRequestHandler):
         def do_GET(self):
-            text = EVIL.format(port=port, version=viser.__version__).encode()
+            text = EVIL.format(port=port, token=TOKEN, version=viser.__version__).encode()
             self.send_response(200)
             self.send_header("Content-Type", "text/html")
             self.end_headers()
@@ -176,33 +226,10 @@ def test_a_browser_at_a_foreign_site_reaches_nothing(chromium, page, port, evil_
     assert tab.evaluate("() => window.told") == "closed"
     inner = tab.frames[1]
     assert not inner.url.startswith("http://127.0.0.1"), "it shows the page inside its own"
-    rebound = tab.goto(f"http://evil.example:{port}/")
+    rebound = tab.goto(f"http://evil.example:{port}/{TOKEN}")
     assert rebound.status == 403
-    assert tab.goto(f"http://127.0.0.1:{port}/").status == 200
+    assert tab.goto(page.url).status == 200
     context.close()
-
-
-def test_beyond_this_machine_the_printed_address_has_a_token(
-    chromium, port, runtime, monkeypatch, caplog
-):
-    monkeypatch.setattr(ros_visualise.ui.page.door, "is_loopback", lambda host: False)
-    caplog.set_level("INFO")
-    page = Page(port=port)
-    page.open(runtime)
-    address, _, token = page.url.rpartition("/")
-    assert address == f"http://127.0.0.1:{port}"
-    assert len(token) >= 20
-    assert f"look at {page.url}, from elsewhere at http" in caplog.text
-    assert get(port)[0] == get(port, f"/{token[:-1]}x")[0] == 403
-    with pytest.raises(InvalidStatus):
-        Client(port)
-    assert all_there(port, f"/{token}")
-    context = chromium.new_context()
-    tab = context.new_page()
-    tab.goto(page.url)
-    tab.wait_for_function("document.querySelectorAll(\"img[src^='blob:']\").length == 3")
-    context.close()
-    page.close()
 
 
 def test_a_wild_value_is_refused_and_everybody_sees_what_is_set(client, runtime, port):

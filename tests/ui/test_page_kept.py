@@ -30,7 +30,7 @@ def test_reload_and_a_link_lose_nothing(browse, page, runtime):
     wait_until(tab, lambda: tab.url.endswith("#filters/threshold=50"))
     assert filters.current.threshold == 50  # what it was before is not set again
 
-    link = f"{page.url}/#filters/threshold=78&edge_detector/show=/edges_overlay&a/b=1&windows=x"
+    link = f"{page.url}#filters/threshold=78&edge_detector/show=/edges_overlay&a/b=1&windows=x"
     tab.goto("about:blank")
     tab.goto(link)
     wait_until(tab, lambda: filters.current.threshold == 78)
@@ -51,7 +51,9 @@ def test_what_changed_before_anybody_looked_is_kept_too(browse, page, runtime):
     wait_until(tab, lambda: tab.url.endswith("#filters/threshold=77"))
 
 
-def test_links_of_other_sites_arrange_nothing(chromium, page, runtime):
+def test_links_of_other_sites_arrange_nothing(chromium, port, runtime):
+    page = Page(port=port, token=False)  # without, no other site knows the address
+    page.open(runtime)
     context = chromium.new_context()
     tab = context.new_page()
     tab.route(
@@ -64,7 +66,14 @@ def test_links_of_other_sites_arrange_nothing(chromium, page, runtime):
     tab.click("a")
     wait_until(tab, lambda: tab.url == f"{page.url}/")
     assert runtime.parameters["filters"].current.threshold == 128
+
+    asked = []
+    tab.on("websocket", lambda socket: asked.append(socket.url))
+    tab.goto(f"{page.url}/?websocket=ws://evil.example:{port + 1}&playbackPath=x#a=b")
+    tab.wait_for_selector("img[src^='blob:']", timeout=120_000)
+    assert set(asked) == {f"ws://127.0.0.1:{port}/"}
     context.close()
+    page.close()
 
 
 def test_each_browser_has_its_own_view(port, scene, server):

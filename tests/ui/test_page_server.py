@@ -13,7 +13,7 @@ from contextlib import ExitStack, suppress
 from threading import Thread
 
 import pytest
-from page_client import Client
+from page_client import TOKEN, Client, addresses
 
 from ros_visualise.errors import OpenError
 from ros_visualise.ui.page import Page
@@ -60,7 +60,7 @@ def client(page, port):
 
 def test_listens_at_its_address_and_no_other(port):
     page = Page(port=port)
-    assert page.url == f"http://127.0.0.1:{port}"
+    assert page.url == f"http://127.0.0.1:{port}/{TOKEN}"
     socket.create_connection(("127.0.0.1", port)).close()
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.2", port))
@@ -89,7 +89,7 @@ def test_probes_and_broken_connections_leave_no_line(port):
     code = [sys.executable, "-c", DEAF, str(port)]
     pipe = subprocess.PIPE
     with subprocess.Popen(code, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as served:
-        assert served.stdout.readline() == f"open http://127.0.0.1:{port}\n"
+        assert served.stdout.readline() == f"open http://127.0.0.1:{port}/{TOKEN}\n"
         for probe in PROBES:
             with socket.create_connection(("127.0.0.1", port)) as connection:
                 connection.sendall(probe)
@@ -99,7 +99,7 @@ def test_probes_and_broken_connections_leave_no_line(port):
         deaf = Client(port)
         out, err = served.communicate("\n", timeout=20)
         deaf.socket.socket.close()
-    assert (served.returncode, out, err) == (0, "", "")
+    assert (served.returncode, out, err) == (0, "", addresses(port))
 
 
 def test_who_knocks_as_the_server_ends_is_let_go(port):

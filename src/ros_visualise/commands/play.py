@@ -53,6 +53,7 @@ def run(args: Namespace) -> int:
         browser=has_desktop(os.environ) if args.open is None else args.open,
         arrangement=read_arrangement(args.layout) if args.layout else {},
         shelf=shelf,
+        token=args.token,
     )
     graph = interruptible(lambda: graph_of(args))
     view = open_view(args.view, options)

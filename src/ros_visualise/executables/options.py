@@ -15,7 +15,7 @@ from ros_visualise.ui import ViewOptions
 from ros_visualise.vision.compression import JPEG_QUALITY
 
 OPTIONS = (
-    *("view", "host", "port", "allow_origin", "window", "record_dir", "overwrite"),
+    *("view", "host", "port", "token", "allow_origin", "window", "record_dir", "overwrite"),
     *("image_transport", "jpeg_quality", "start", "duration", "clock", "max_memory", "params"),
 )
 """Those that every executable reads."""
@@ -42,7 +42,8 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
     if name == "web":
         host, port = str(middleware.option("host", "127.0.0.1")), _number(middleware, "port", 8080)
         origins = named_in(middleware, "allow_origin", "none")
-        options = replace(options, host=host, port=int(port), origins=origins)
+        token = _switch(middleware, "token", True)
+        options = replace(options, host=host, port=int(port), origins=origins, token=token)
     elif name == "windows":
         options = replace(options, place=str(middleware.option("window", "")))
     set_folder(options.record_dir, bool(middleware.option("overwrite", False)))
@@ -104,3 +105,10 @@ def _number(middleware: Middleware, option: str, default: float) -> float:
         return float(given)
     except (TypeError, ValueError):
         raise UsageError(f"{option}={given}: must be a number") from None
+
+
+def _switch(middleware: Middleware, option: str, default: bool) -> bool:
+    given = middleware.option(option, default)
+    if not isinstance(given, bool):
+        raise UsageError(f"{option}={given}: give true or false")
+    return given

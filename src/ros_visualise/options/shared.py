@@ -100,6 +100,12 @@ def _add_viewing(parser: ArgumentParser) -> None:
         "--port", type=_port, default=8080, help="port of the page (default: %(default)s)"
     )
     group.add_argument(
+        "--no-token",
+        dest="token",
+        action="store_false",
+        help="let everybody who reaches the page use it (default: its address holds a token)",
+    )
+    group.add_argument(
         "--open",
         action=BooleanOptionalAction,
         help="open the page in a browser (default: from a terminal on a desktop)",

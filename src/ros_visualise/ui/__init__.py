@@ -45,6 +45,7 @@ class ViewOptions:
     Attributes:
         host, port: where the page is served.
         origins: other web sites that may use the page.
+        token: whether the page opens by addresses with a token alone.
         record_dir: the only folder in which the page records, and to which it uploads.
         shelf: the files that can be opened from the page; None: none.
         title: what is shown, for the browser's tab.
@@ -67,6 +68,7 @@ class ViewOptions:
     place: str = ""
     flag: str = "--{} {}"
     shelf: Shelf | None = None
+    token: bool = True
 
     def __post_init__(self) -> None:
         record_folder(self.record_dir)
@@ -92,6 +94,7 @@ def open_view(name: str, options: ViewOptions) -> View:
             browser=options.browser,
             arrangement=options.arrangement,
             shelf=options.shelf,
+            token=options.token,
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

@@ -44,9 +44,10 @@ class Shelf:
         Raises:
             UsageError: it is none of these files.
         """
-        if path not in self.files().values():
+        folder = next((one for one in self._folders if _is_same(one, path.parent)), None)
+        if folder is None or not _is_openable(path) or not path.exists():
             raise UsageError(f"{path}: is not there to be opened; choose another file")
-        self._asked = path
+        self._asked = folder / path.name
 
     def take(self) -> Path | None:
         """What was asked for since; None: nothing."""

@@ -7,6 +7,9 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs
 
+HEADER = "X-Ros-Visualise"
+"""What our own pages send with each question. No other site can: browsers would ask us first."""
+READ_ONLY = "this address is read-only"
 MAX_QUERY = 8192
 """Characters of a question; the names of many fields are the longest."""
 
@@ -17,6 +20,11 @@ class Refusal(Exception):
     def __init__(self, text: str, status: int = 400) -> None:
         super().__init__(text)
         self.status = status
+
+    @property
+    def answer(self) -> Answer:
+        """What is answered."""
+        return as_json({"error": str(self)}, self.status)
 
 
 class Answer(NamedTuple):

@@ -13,7 +13,7 @@ from ros_visualise.errors import RosVisualiseError
 from ros_visualise.near import near
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.colors import PALETTE, css
-from ros_visualise.ui.look.answers import Answer, Question, Refusal, as_json
+from ros_visualise.ui.look.answers import READ_ONLY, Answer, Question, Refusal, as_json
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images
 from ros_visualise.ui.look.logs import Lines
@@ -28,8 +28,6 @@ viewBox='0 0 16 16'%3E%3Ccircle cx='8' cy='8' r='7' fill='%23228be6'/%3E\
 %3Ccircle cx='8' cy='8' r='3' fill='white'/%3E%3C/svg%3E">"""
 _FOLDER = Path(__file__).parent / "pages"
 PAGES = ("image", "plots", "messages", "log", "diagnostics")
-_HEADER = "X-Ros-Visualise"
-"""What our own pages send with each question. No other site can: browsers would ask us first."""
 _WAIT_S = 0.5
 
 
@@ -47,25 +45,26 @@ class Looker:
         self._answers: Mapping[str, Callable[[Question], Answer]] = {
             "topics": self._topics,
             "pixels": self._images.pixels,
+            "png": self._images.png,
             "message": self._message,
             "fields": self._curves.fields,
             "curves": self._curves.curves,
             "log": self._log,
             "diagnostics": self._diagnostics,
-            "play": self._play,
         }
+        self._acts: Mapping[str, Callable[[Question], Answer]] = {"play": self._play}
 
-    def answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
-        """The answer to a request; None where it is not for us.
+    def answer(self, question: Question, is_viewer: bool = False) -> Answer | None:
+        """The answer to a question; None where it is not for us.
 
         Args:
-            query: what its address has after the ``?``.
-            headers: what came with it.
+            question: what is asked.
+            is_viewer: whether it may change nothing.
         """
         try:
-            return self._answer(Question(query), headers)
+            return self._answer(question, is_viewer)
         except Refusal as refusal:
-            return as_json({"error": str(refusal)}, refusal.status)
+            return refusal.answer
         except (RosVisualiseError, ValueError) as error:  # such as an image that is damaged
             return as_json({"error": str(error)}, 422)
 
@@ -84,19 +83,18 @@ class Looker:
         self._curves.close()
         self._told.close()
 
-    def _answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
+    def _answer(self, question: Question, is_viewer: bool) -> Answer | None:
         if "look" in question:
             return _page(question.text("look"))
         if "ask" not in question:
             return None
         asked = question.text("ask")
-        if asked == "png":  # which a person saves: a link, without headers of ours
-            return self._images.png(question)
-        if headers.get(_HEADER) != "1":
-            raise Refusal("only pages of this server may ask", 403)
-        if asked not in self._answers:
-            raise Refusal(f"there is no such question{near(asked, self._answers)}", 404)
-        return self._answers[asked](question)
+        if asked in self._acts and is_viewer:
+            raise Refusal(READ_ONLY, 403)
+        answers = {**self._answers, **self._acts}
+        if asked not in answers:
+            raise Refusal(f"there is no such question{near(asked, answers)}", 404)
+        return answers[asked](question)
 
     def _topics(self, _: Question) -> Answer:
         topics = self._runtime.graph.topics

@@ -5,20 +5,22 @@ from __future__ import annotations
 import logging
 import socket
 import threading
-import webbrowser
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from ros_visualise import supervision
+from ros_visualise.printing import say
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import Answer, Looker
-from ros_visualise.ui.look.answers import Question, Refusal, as_json
+from ros_visualise.ui.look.answers import Question, Refusal
+from ros_visualise.ui.page.browser import Browser
 from ros_visualise.ui.page.desk import Desk
-from ros_visualise.ui.page.door import open_door
+from ros_visualise.ui.page.door import Door, open_door
 from ros_visualise.ui.page.files import Files
 from ros_visualise.ui.page.kept import Memory
+from ros_visualise.ui.page.pool import Pool
 from ros_visualise.ui.page.server import close_server, empty_server, open_server, url
 from ros_visualise.ui.shelf import Shelf
 
@@ -26,22 +28,25 @@ log = logging.getLogger(__name__)
 
 _TITLE = "ros_visualise"
 _CLOSE_S, _LEAVE_S = 0.3, 5.0
+_ANSWERING = 8  # threads: some wait a second for an image
 
 
 class Page:
     """Serves the page, from the start.
 
     Args:
-        host, port: where it listens; an address that other machines can reach needs a token.
+        host, port: where it listens.
         title: of the page.
         origins: other web sites that may use the page, as ``https://robot.example.org``.
         record_dir: the only folder in which it records, and to which it uploads.
         browser: whether to open one on this machine.
         arrangement: how it is arranged at first.
         shelf: the files that can be opened from it; None: none.
+        token: whether it opens by addresses with a token alone.
 
     Attributes:
         url: its address for a browser on this machine.
+        view_url: the address by which it is read-only; empty without tokens.
 
     Raises:
         OpenError: the port is in use, or the address is not one of this machine.
@@ -61,14 +66,19 @@ class Page:
         browser: bool = False,
         arrangement: Arrangement = MappingProxyType({}),
         shelf: Shelf | None = None,
+        token: bool = True,
     ) -> None:
+        door = open_door(host, origins, token)
+        if door.addresses and not token:
+            log.warning("no token: whoever reaches %s can use the page", host)
         self._files, self._memory = Files(record_dir, shelf), Memory(arrangement)
-        door = open_door(host, origins)
+        self._questions = Pool("page answers", _ANSWERING)
         self.url = url(host, port, door.token)
-        self._elsewhere = url(socket.gethostname(), port, door.token) if door.token else ""
+        self.view_url = url(host, port, door.view_token) if token else ""
+        self._addresses = _lines(host, port, door)
         self._looker: Looker | None = None  # somebody may ask as soon as there is a server
         self._server = open_server(host, port, title, door, flag, self._answer, self._files.receive)
-        self._opens = browser
+        self._browser = Browser(self.url, lambda: not self.awaited) if browser else None
         self._desk: Desk | None = None
         self._ended = threading.Event()
 
@@ -90,10 +100,10 @@ class Page:
             self._server.gui.set_panel_label(self._files.title)
             return
         self._show(runtime)
-        elsewhere = f", from elsewhere at {self._elsewhere}" if self._elsewhere else ""
-        log.info("look at %s%s; Ctrl-C ends it", self.url, elsewhere)
-        if self._opens:
-            supervision.start("browser", self._open_browser)
+        for line in self._addresses:
+            say(line)
+        if self._browser is not None:
+            self._browser.open()
 
     def _show(self, runtime: Runtime) -> None:
         self._looker = Looker(runtime)
@@ -107,21 +117,14 @@ class Page:
         self._looker.close()
         empty_server(self._server)
 
-    def _open_browser(self) -> None:
-        if not webbrowser.open(self.url):
-            log.warning("no browser could be opened: open %s in one", self.url)
-
-    def _answer(self, query: str, headers: Mapping[str, str]) -> Answer | None:
-        try:
-            question = Question(query)
-            found = self._files.answer(question, headers)
-            if found is None and self._looker is None and ("ask" in question or "look" in question):
-                raise Refusal("nothing is shown yet; try again in a moment", 503)
-        except Refusal as refusal:
-            return as_json({"error": str(refusal)}, refusal.status)
-        if found is not None or self._looker is None:
-            return found
-        return self._looker.answer(query, headers)
+    async def _answer(self, question: Question, is_viewer: bool) -> Answer | None:
+        if question.text("ask") == "recorded":
+            return await self._files.answer(question)
+        if self._looker is not None:
+            return await self._questions.do(partial(self._looker.answer, question, is_viewer))
+        if "ask" in question or "look" in question:
+            raise Refusal("nothing is shown yet; try again in a moment", 503)
+        return None
 
     def spin(self, timeout_s: float) -> None:
         """Wait: nothing has to be done on the main thread."""
@@ -137,3 +140,18 @@ class Page:
         if self._looker is not None:
             self._looker.close()
         close_server(self._server)
+        self._questions.close()
+        self._files.close()
+        if self._browser is not None:
+            self._browser.close()
+
+
+def _lines(host: str, port: int, door: Door) -> list[str]:
+    """What a person reads of where the page is. Logs have none of it: it holds tokens."""
+    names = [host] if not door.addresses else [host, socket.gethostname()]
+    addresses = ", from elsewhere at ".join(url(name, port, door.token) for name in names)
+    lines = [f"look at {addresses}; Ctrl-C ends it"]
+    if door.view_token:
+        addresses = ", from elsewhere at ".join(url(name, port, door.view_token) for name in names)
+        lines.append(f"read-only: {addresses}")
+    return lines

@@ -12,6 +12,7 @@ from ros_visualise.graph import Graph, Member
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.ui.look import PAGES, Looker, link
+from ros_visualise.ui.page.connection import viewers
 from ros_visualise.ui.page.driving import Driving
 from ros_visualise.ui.page.fields import FieldPlot
 from ros_visualise.ui.page.files import Files, Opener
@@ -69,6 +70,7 @@ class Desk:
         self._driver = Worker(self._notice.say, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
         self._scene = Scene(server)
+        self._scene.view.onlookers = partial(viewers, server)
         self._scene.look = Look(names=is_tree(topics_of(self._graph)))
         robot = teller(self._graph)[0]
         self._robot_name = None if robot is None else robot.name

@@ -2,7 +2,8 @@
 
 A web site that somebody visits can send requests to programs on their machine. With each request,
 browsers say the server's name (``Host``) and the site that asks (``Origin``), and no site can forge
-these. A site whose name suddenly points to this machine (DNS rebinding) shows in both.
+these. A site whose name suddenly points to this machine (DNS rebinding) shows in both. Who has an
+account on this machine reaches its servers too, so the page's address holds a token.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import os
 import re
 import secrets
 import socket
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from ipaddress import ip_address
+from typing import NamedTuple
 from urllib.parse import SplitResult, urlsplit
 
 from ros_visualise.errors import UsageError
@@ -22,9 +24,24 @@ from ros_visualise.errors import UsageError
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 _PORTS = {"http": 80, "https": 443}
 _SITE = re.compile(r"https?://([a-z0-9.-]+|\[[0-9a-f:.]+\])(:\d{1,5})?")
+_OWN_SITES = ("none", "same-origin")  # "none": typed, or a bookmark
 _SHOWN = 100  # characters of what a stranger sent
-_TOKEN_VARIABLE = "ROS_VISUALISE_TOKEN"
+_TOKEN_VARIABLE, _VIEW_TOKEN_VARIABLE = "ROS_VISUALISE_TOKEN", "ROS_VISUALISE_VIEW_TOKEN"
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{16,200}")
+
+
+class Fetch(NamedTuple):
+    """What a browser says of why it asks (``Sec-Fetch-Site``, ``-Mode``, ``-Dest``).
+
+    Browsers send it to this machine and over https; from elsewhere it is empty.
+    """
+
+    site: str = ""
+    mode: str = ""
+    dest: str = ""
+
+
+_UNSAID = Fetch()
 
 
 @dataclass(frozen=True)
@@ -37,6 +54,7 @@ class Door:
         addresses: whether ``Host`` may be any address, as for a server on all interfaces.
         origins: other web sites that may use the page, as ``https://example.org``.
         token: what the path of a request has to begin with; empty: nothing.
+        view_token: what it may begin with instead, of requests that change nothing.
     """
 
     names: frozenset[str]
@@ -44,14 +62,16 @@ class Door:
     addresses: bool = False
     origins: frozenset[str] = frozenset()
     token: str = ""
+    view_token: str = ""
 
-    def refusal(self, path: str, host: str, origin: str | None) -> str:
+    def refusal(self, path: str, host: str, origin: str | None, fetch: Fetch = _UNSAID) -> str:
         """Why a request is refused, in words; empty if it is allowed.
 
         Args:
             path: the path that is asked for.
             host: its ``Host``: the name or address, and the port, of this server.
             origin: its ``Origin``: the site that asks, if a page does.
+            fetch: what led to it.
         """
         called = _split(f"//{host}").hostname
         if called not in self.proxies and not self._is_called(called):
@@ -59,22 +79,33 @@ class Door:
             return f"this server is not called {name}; --allow-origin http://NAME allows a name"
         if origin is not None and origin not in self.origins and not self._is_own(origin, host):
             return f"a page of {origin[:_SHOWN]!r} asked for access; --allow-origin SITE allows it"
-        if self.token and not hmac.compare_digest(_first_part(path).encode(), self.token.encode()):
+        if origin not in self.origins and not self._may_lead_here(fetch):
+            return "another web site asked; it may only link to the page"
+        if self.token and not (_begins(path, self.token) or self.is_viewer(path)):
             return "open the whole address, with its token, that was printed at the start"
         return ""
 
-    def is_foreign(self, sites: Sequence[str]) -> bool:
-        """Whether another web site may have led a browser here.
+    def is_viewer(self, path: str) -> bool:
+        """Whether an allowed request may look, and change nothing."""
+        return bool(self.view_token) and _begins(path, self.view_token)
 
-        Args:
-            sites: each ``Sec-Fetch-Site`` of an allowed request. Browsers send it to this machine
-                and over https. Where they do not, the token tells that nobody else made the link.
+    def is_foreign(self, fetch: Fetch) -> bool:
+        """Whether another web site may have made the link that led a browser here.
+
+        No other site knows the token.
         """
-        return list(sites) not in (["none"], ["same-origin"]) and not (self.token and not sites)
+        return not self.token and fetch.site not in _OWN_SITES
 
     def inside(self, path: str) -> str:
         """The path of an allowed request, without the token."""
-        return path.removeprefix(f"/{self.token}") if self.token else path
+        token = self.view_token if self.is_viewer(path) else self.token
+        return path.removeprefix(f"/{token}") if token else path
+
+    def _may_lead_here(self, fetch: Fetch) -> bool:
+        """Whether it is no request of another site, or only a link there that somebody follows."""
+        framed = {"iframe", "frame"} if self.origins else set()
+        is_link = fetch.mode == "navigate" and fetch.dest in {"document"} | framed
+        return is_link or not fetch.site or fetch.site in _OWN_SITES
 
     def _is_own(self, origin: str, host: str) -> bool:
         """Whether a page came from this server."""
@@ -87,22 +118,29 @@ class Door:
         return name is not None and (name in self.names or (self.addresses and _is_address(name)))
 
 
-def open_door(host: str, origins: Collection[str] = ()) -> Door:
+def open_door(host: str, origins: Collection[str] = (), token: bool = True) -> Door:
     """The checks for a server that listens at an address.
 
-    If other machines can reach it, every request needs a token: a new one for each run, or that in
-    the environment variable ``ROS_VISUALISE_TOKEN``.
+    Every request needs a token: a new one for each run, or that in the environment variable
+    ``ROS_VISUALISE_TOKEN``. With that in ``ROS_VISUALISE_VIEW_TOKEN`` it can look and change
+    nothing.
+
+    Args:
+        host: the address.
+        origins: other web sites that may use the page.
+        token: False: no request needs a token.
 
     Raises:
-        UsageError: an origin is not a site, or the token is too short or has other characters.
+        UsageError: an origin is not a site, or a token is too short or has other characters.
     """
     allowed = frozenset(map(_origin, origins))
     proxies = frozenset(_split(origin).hostname or "" for origin in allowed)
-    if is_loopback(host):
-        return Door(LOOPBACK_NAMES | {host.lower()}, proxies, origins=allowed)
-    own = socket.gethostname().lower()
-    names = LOOPBACK_NAMES | {host.lower(), own, f"{own}.local", socket.getfqdn().lower()}
-    return Door(names, proxies, addresses=True, origins=allowed, token=_choose_token(os.environ))
+    names, addresses = LOOPBACK_NAMES | {host.lower()}, not is_loopback(host)
+    if addresses:
+        own = socket.gethostname().lower()
+        names |= {own, f"{own}.local", socket.getfqdn().lower()}
+    tokens = _choose_tokens(os.environ) if token else ("", "")
+    return Door(names, proxies, addresses, allowed, *tokens)
 
 
 def is_loopback(host: str) -> bool:
@@ -114,11 +152,26 @@ def is_loopback(host: str) -> bool:
     return all(ip_address(str(address[0]).partition("%")[0]).is_loopback for *_, address in found)
 
 
-def _choose_token(environment: Mapping[str, str]) -> str:
-    token = environment.get(_TOKEN_VARIABLE) or secrets.token_urlsafe(16)
+def _choose_tokens(environment: Mapping[str, str]) -> tuple[str, str]:
+    """The one for everything, and the one for looking."""
+    token = _choose_token(environment, _TOKEN_VARIABLE)
+    view_token = _choose_token(environment, _VIEW_TOKEN_VARIABLE)
+    if token == view_token:
+        raise UsageError(f"{_TOKEN_VARIABLE}, {_VIEW_TOKEN_VARIABLE}: give two that differ")
+    return token, view_token
+
+
+def _choose_token(environment: Mapping[str, str], variable: str) -> str:
+    token = environment.get(variable) or secrets.token_urlsafe(16)
     if not _TOKEN.fullmatch(token):
-        raise UsageError(f"{_TOKEN_VARIABLE}: give 16 to 200 letters, digits, - or _")
+        raise UsageError(f"{variable}: give 16 to 200 letters, digits, - or _")
     return token
+
+
+def _begins(path: str, token: str) -> bool:
+    """Whether a token is the first part of a path; as long as that takes says nothing of it."""
+    first = re.split("[/?]", path.removeprefix("/"), maxsplit=1)[0]
+    return hmac.compare_digest(first.encode(), token.encode())
 
 
 def _origin(text: str) -> str:
@@ -148,7 +201,3 @@ def _is_address(name: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _first_part(path: str) -> str:
-    return re.split("[/?]", path.removeprefix("/"), maxsplit=1)[0]

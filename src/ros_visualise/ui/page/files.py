@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import partial
 from html import escape
 from pathlib import Path
 from threading import Lock
@@ -12,14 +12,15 @@ import viser
 
 from ros_visualise.ui.look.answers import Answer, Question, Refusal
 from ros_visualise.ui.page.controls import set_value
-from ros_visualise.ui.page.uploads import MAX_GIB, Receive, Uploads
+from ros_visualise.ui.page.gate import Receive
+from ros_visualise.ui.page.pool import Pool
+from ros_visualise.ui.page.uploads import MAX_GIB, Uploads
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.page.zipped import ZippedFolder
 from ros_visualise.ui.shelf import SUFFIXES, Shelf
 
 FOLDER = "open"
 _PIECE_BYTES = 8 << 20
-_HEADER = "X-Ros-Visualise"  # which no other site can send
 _NONE = "choose a file"
 
 
@@ -37,6 +38,7 @@ class Files:
         self._recorded: dict[str, Path] = {}
         self._zipped: dict[Path, ZippedFolder] = {}
         self._zipping = Lock()
+        self._downloads = Pool("page downloads", 2)
 
     @property
     def title(self) -> str:
@@ -57,12 +59,21 @@ class Files:
             for name in self._recorded
         )
 
-    def answer(self, question: Question, headers: Mapping[str, str]) -> Answer | None:
-        """A piece of what was recorded; None: something else is asked for."""
-        if question.text("ask") != "recorded":
-            return None
-        if headers.get(_HEADER) != "1":
-            raise Refusal("only pages of this server may ask", 403)
+    async def answer(self, question: Question) -> Answer:
+        """A piece of what was recorded.
+
+        Raises:
+            Refusal: there is no such recording.
+        """
+        return await self._downloads.do(partial(self._read, question))
+
+    def close(self) -> None:
+        """End the threads."""
+        self._downloads.close()
+        if self.uploads is not None:
+            self.uploads.close()
+
+    def _read(self, question: Question) -> Answer:
         path = self._recorded.get(question.text("name"))
         try:
             if path is None:
@@ -80,14 +91,10 @@ class Files:
             zipped = self._zipped[path]
         return zipped.read(start, _PIECE_BYTES), zipped.size
 
-    async def receive(self, query: str, receive: Receive) -> bool:
-        """Take in an upload; whether it is one."""
-        question = Question(query)
-        if "upload" not in question:
-            return False
+    async def receive(self, question: Question, receive: Receive) -> None:
+        """Take in an upload."""
         if self.uploads is not None:
             await self.uploads.take(question, receive)
-        return True
 
 
 def _read(path: Path, start: int) -> tuple[bytes, int]:

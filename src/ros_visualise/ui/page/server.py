@@ -11,11 +11,16 @@ import viser
 
 from ros_visualise import supervision
 from ros_visualise.errors import OpenError
+from ros_visualise.ui.page.connection import guarded_by
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.gate import Answers, Gate, Receiver
 from ros_visualise.ui.page.outbox import keep_tidy, mend_outboxes
 
 _CLOSE_S = 0.8
+
+
+async def _nothing(*_: object) -> None:
+    return None
 
 
 def open_server(
@@ -24,7 +29,7 @@ def open_server(
     title: str,
     door: Door,
     flag: str = "--{} {}",
-    answer: Answers = lambda *_: None,
+    answer: Answers = _nothing,
     receive: Receiver | None = None,
 ) -> viser.ViserServer:
     """Bind a server to this address and no other; it checks every request.
@@ -42,7 +47,7 @@ def open_server(
     _silence()
     mend_outboxes()
     gate = Gate(door, title, answer, receive)
-    with gate.guard():
+    with guarded_by(gate):
         server = viser.ViserServer(host, port, label=title, verbose=False)
     keep_tidy(server)
     gate.gui = server.gui

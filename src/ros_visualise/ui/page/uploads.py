@@ -4,37 +4,54 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+import shutil
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
-from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.errors import RecordingError, RosVisualiseError, UsageError
+from ros_visualise.limits import disk_reserve
 from ros_visualise.paths import inside
-from ros_visualise.sinks.files import TargetFile
 from ros_visualise.ui.look.answers import Question, Refusal
+from ros_visualise.ui.page.gate import UPLOAD, Receive
+from ros_visualise.ui.page.incoming import Incoming
+from ros_visualise.ui.page.pool import Pool
 from ros_visualise.ui.shelf import SUFFIXES
 
 log = logging.getLogger(__name__)
 
-MAX_GIB = 8
-"""Of one upload."""
-Receive = Callable[[], Awaitable[str | bytes]]
-"""Gives the next piece of what a browser sends, or raises where it has gone."""
+MAX_GIB, MAX_TOTAL_GIB = 8, 32
+"""Maximum size of one upload, and of all those of a run that are still there."""
+_MOST = 4  # at once
+_IDLE_S = 30.0
 
 
 class Uploads:
-    """Takes in one file at a time; its calls come from the server's loop.
+    """Takes in files; its calls come from the server's loop.
 
     Args:
         folder: where all of them go.
         ask: called with the file that is to be opened then.
-
-    Attributes:
-        state: of the present upload, in words; empty: there is none.
+        idle_s: how long a browser may send nothing.
+        total: bytes, the most of all uploads that are still there.
     """
 
-    def __init__(self, folder: Path, ask: Callable[[Path], None]) -> None:
-        self.folder, self._ask = folder, ask
-        self.state = ""
+    def __init__(
+        self,
+        folder: Path,
+        ask: Callable[[Path], None],
+        idle_s: float = _IDLE_S,
+        total: int = MAX_TOTAL_GIB << 30,
+    ) -> None:
+        self.folder, self._ask, self._idle_s, self._total = folder, ask, idle_s, total
+        self._incoming: list[Incoming] = []
+        self._taken: list[Path] = []
+        self._writing = Pool("page uploads", 2)
+
+    @property
+    def state(self) -> str:
+        """How far the present uploads are, in words; empty if there are none."""
+        return ", ".join(f"{one.path.name}: {one.percent} %" for one in list(self._incoming))
 
     async def take(self, question: Question, receive: Receive) -> None:
         """Take in the file of which a question tells the name and the size.
@@ -42,61 +59,73 @@ class Uploads:
         With ``open`` in it, that file is opened when this one is there.
         """
         try:
-            target, size = self._begin(question)
-            self.state = f"{target.path.name}: 0 %"
+            incoming = self._begin(question)
+            self._incoming.append(incoming)
             try:
-                await self._write(target, size, receive)
+                await self._write(incoming, receive)
             finally:
-                self.state = ""
+                self._incoming.remove(incoming)
             if question.text("open"):
                 self._ask(inside(self.folder, question.text("open")))
         except (RosVisualiseError, Refusal) as error:
             log.warning("not uploaded: %s", error)
 
-    def _begin(self, question: Question) -> tuple[TargetFile, int]:
-        """The new file, and its size.
+    def close(self) -> None:
+        """End the threads."""
+        self._writing.close()
+
+    def _begin(self, question: Question) -> Incoming:
+        """The new file.
 
         Raises:
-            OpenError: it is there already, or the disk is full.
-            UsageError: no such file is taken.
+            UsageError: it is not taken.
+            RecordingError: it cannot be written.
         """
-        name, size = question.text("upload"), question.whole("size") or 0
+        name, size = question.text(UPLOAD), question.whole("size") or 0
         path = inside(self.folder, name)
         if path.suffix.lower() not in SUFFIXES:
             raise UsageError(f"{path.name}: give a file that ends in one of {' '.join(SUFFIXES)}")
         if not 0 < size <= MAX_GIB << 30:
             raise UsageError(f"{path.name}: give a file of 1 byte to {MAX_GIB} GiB")
-        if self.state:
-            raise UsageError(f"{path.name}: wait until the present upload has ended")
-        target = TargetFile(path, overwrite=False, live=True)
-        try:
-            target.require_room(size)
-        except OSError as error:
-            raise target.give_up(error, 0) from None
-        return target, size
+        if any(one.path == path for one in self._incoming):
+            raise UsageError(f"{path.name}: is being uploaded already; choose another name")
+        if len(self._incoming) >= _MOST:
+            raise UsageError(f"{path.name}: wait until one of {_MOST} uploads has ended")
+        self._require_room(path.name, size)
+        return Incoming(path, size)
 
-    async def _write(self, target: TargetFile, size: int, receive: Receive) -> None:
+    def _require_room(self, name: str, size: int) -> None:
+        there = sum(path.stat().st_size for path in self._taken if path.is_file())
+        if there + sum(one.size for one in self._incoming) + size > self._total:
+            gib = self._total / 2**30
+            raise UsageError(f"{name}: uploads may take {gib:.3g} GiB in all; delete some of them")
+        disk = shutil.disk_usage(self.folder)
+        reserve, words = disk_reserve(disk.total)
+        if disk.free < sum(one.missing for one in self._incoming) + size + reserve:
+            raise RecordingError(f"{name}: its disk would have less than {words} left")
+
+    async def _write(self, incoming: Incoming, receive: Receive) -> None:
         """All of it, or nothing is left of it.
 
         Raises:
             RecordingError: it did not come to its end.
         """
-        written = 0
         try:
-            while written < size:
-                data = await receive()
-                if isinstance(data, str) or written + len(data) > size:
-                    raise OSError("it is not the file that was announced")
-                written += await asyncio.to_thread(target.write, data)
-                self.state = f"{target.path.name}: {100 * written // size} %"
-            target.close()
+            while incoming.missing:
+                data = await asyncio.wait_for(receive(), self._idle_s)
+                await self._writing.do(partial(incoming.write, data))
+            await self._writing.do(incoming.finish)
         except BaseException as error:  # also of a browser that has gone, and at the end
-            failed = target.give_up(error if isinstance(error, OSError) else _Gone(), 0)
+            incoming.discard()
             if isinstance(error, Exception):
-                raise failed from None
+                reason = self._reason(error)
+                raise RecordingError(f"{incoming.path}: {reason}; nothing was kept") from None
             raise
+        self._taken.append(incoming.path)
 
-
-class _Gone(Exception):
-    def __str__(self) -> str:
+    def _reason(self, error: Exception) -> str:
+        if isinstance(error, asyncio.TimeoutError):
+            return f"nothing came for {self._idle_s:g} s"
+        if isinstance(error, OSError):
+            return error.strerror or str(error)
         return "the browser was closed before the end"

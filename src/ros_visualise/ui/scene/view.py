@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import numpy as np
 import numpy.typing as npt
@@ -29,10 +29,15 @@ class View:
 
     To follow the robot, the world moves under the cameras: however people move these, it does not
     jerk, and coordinates stay small.
+
+    Attributes:
+        follows: whether it goes along with the robot.
+        onlookers: gives the numbers of the browsers whose views are not kept.
     """
 
     def __init__(self, server: viser.ViserServer, clock: Callable[[], float]) -> None:
         self.follows = True
+        self.onlookers: Callable[[], Collection[int]] = tuple
         self._server, self._clock = server, clock
         self._started_s: float | None = None
         self._settled = False
@@ -84,7 +89,9 @@ class View:
     def moved(self) -> tuple[Floats, Floats] | None:
         """Where people look from and at, in the browser whose view was moved last, as (3,) metres
         from the `anchor`; None where it is as it is by itself."""
-        clients = self._server.get_clients().values()
+        onlookers = self.onlookers()
+        there = self._server.get_clients().items()
+        clients = [client for number, client in there if number not in onlookers]
         if not clients or not self.shown:
             return None
         camera = max(clients, key=lambda client: client.camera.update_timestamp).camera

@@ -18,10 +18,9 @@ function show() {
   if (!state.one) return;
   say(state.alone);
   try { stage.show(canvases()); } catch (error) { say(error.message); }
-  const { width, height, encoding, stamp, topic } = state.one;
+  const { width, height, encoding, stamp } = state.one;
   $("facts").textContent = `${width} × ${height} ${encoding}, ${Number(stamp) / 1e9} s${later()}`;
   $("range").textContent = drawHistogram($("histogram"), seen());
-  $("png").href = `?${new URLSearchParams({ ask: "png", topic, stamp })}`;
   tell();
 }
 const seen = () => stage.layers[0]?.picture || state.one;
@@ -29,14 +28,18 @@ function later() {  // how far the stamps are apart, where none is the same
   const apart = state.other ? Number(BigInt(state.other.stamp) - BigInt(state.one.stamp)) / 1e6 : 0;
   return apart ? `; the other one ${Math.abs(apart)} ms ${apart > 0 ? "later" : "earlier"}` : "";
 }
-function savePng(event) {  // a difference is made here: it is saved as it is shown
-  if (seen() === state.one) return;
-  event.preventDefault();
-  stage.layers[0].canvas.toBlob((data) => {
-    const link = Object.assign(element("a"), { href: URL.createObjectURL(data), download: "difference.png" });
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
-  });
+async function savePng() {  // a difference is made here: it is saved as it is shown
+  if (seen() !== state.one)
+    return stage.layers[0].canvas.toBlob((data) => save(data, "difference.png"));
+  const { topic, stamp } = state.one;
+  const answer = await ask("png", { topic, stamp });
+  const [, name] = answer.headers.get("Content-Disposition").match(/filename="(.*)"/);
+  return save(await answer.blob(), name);
+}
+function save(data, name) {
+  const link = Object.assign(element("a"), { href: URL.createObjectURL(data), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 function describe(picture, [x, y]) {
   const names = picture.names();
@@ -127,7 +130,7 @@ async function start() {
   $("mode").onchange = $("stretch").onchange = show;
   $("hold").onclick = hold;
   $("line").onclick = drawLine;
-  $("png").onclick = savePng;
+  $("png").onclick = () => state.one && savePng().catch((error) => say(error.message));
   $("fit").onclick = () => stage.fit();
   $("one").onclick = () => stage.exact();
   const keys = { h: hold, l: drawLine, f: () => stage.fit(), 1: () => stage.exact() };

@@ -14,22 +14,24 @@ from websockets.http11 import Response
 from ros_visualise.ui.page.worker import Worker
 
 _FOLDER = Path(__file__).parent
-_SCRIPTS = ("send.js", "hold.js", "pick.js", "address.js", "mark.js", "files.js")
+_SCRIPTS = ("send.js", "viewer.js", "hold.js", "pick.js", "address.js", "mark.js", "files.js")
 """In the order in which they run, before viser's own."""
 _HEAD, _TITLE = b"<head>", b"<title>Viser</title>"
 
 
-def complete(response: Response, title: str, is_foreign: bool) -> Response:
+def complete(response: Response, title: str, is_foreign: bool, is_viewer: bool = False) -> Response:
     """The answer to a request; viser's page with title and scripts, anything else as it is.
 
     Args:
         response: the answer.
         title: of the page.
         is_foreign: another web site may have led here, and the page's address arranges nothing.
+        is_viewer: the page is read-only.
     """
     if response.headers.get("Content-Type", "").startswith("text/html"):
         is_packed = response.headers.get("Content-Encoding") == "gzip"
-        response.body = _completed(bytes(response.body or b""), is_packed, title, is_foreign)
+        body = bytes(response.body or b"")
+        response.body = _completed(body, is_packed, title, is_foreign, is_viewer)
         del response.headers["Content-Length"]
         response.headers["Content-Length"] = str(len(response.body))
     return response
@@ -58,15 +60,18 @@ def add_channel(
     gui.add_html(f'<i hidden data-channel="{name}" data-uuid="{element._impl.uuid}"></i>')
 
 
-@lru_cache(maxsize=4)
-def _completed(page: bytes, is_packed: bool, title: str, is_foreign: bool) -> bytes:
+@lru_cache(maxsize=8)
+def _completed(
+    page: bytes, is_packed: bool, title: str, is_foreign: bool, is_viewer: bool
+) -> bytes:
     if is_packed:
         page = gzip.decompress(page)
     if _HEAD not in page or _TITLE not in page:
         raise RuntimeError("this viser has another page: nothing can be added to it")
     texts = [(_FOLDER / name).read_text() for name in _SCRIPTS]
-    if is_foreign:
-        texts.insert(1, "rv.isForeign = true;\n")  # rv is made by the first
+    facts = {"rv.isForeign": is_foreign, "rv.isViewer": is_viewer}
+    told = [f"{name} = true;\n" for name, holds in facts.items() if holds]
+    texts[1:1] = told  # rv is made by the first
     scripts = "".join(f"<script>\n{text}</script>" for text in texts)
     page = page.replace(_HEAD, _HEAD + scripts.encode(), 1)
     page = page.replace(_TITLE, f"<title>{escape(title)}</title>".encode(), 1)

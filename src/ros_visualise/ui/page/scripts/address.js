@@ -2,7 +2,8 @@
 // data-address, and "view=x,y,z,x,y,z", where this browser's camera is and what it looks at, from
 // data-anchor. A page that is opened with such an address, or whose program was started again, tells
 // it the program. If another web site opened it (rv.isForeign), it tells nothing. viser takes what
-// is behind the # for a part of its server's address, and must not see it as it starts.
+// is behind the # for a part of its server's address, and behind the ? for another server; it must
+// not see these as it starts, nor write its server's address, which holds the token, into ours.
 (() => {
   const PERIOD_MS = 500;
   const isForeign = rv.isForeign || window.opener !== null;
@@ -13,7 +14,9 @@
   // Loaded again before the program heard of it, a tab still knows it.
   const opened = location.hash || sessionStorage.getItem("rv-opened") || "";
   if (!isForeign) sessionStorage.setItem("rv-opened", opened);
-  history.replaceState(null, "", location.pathname + location.search);
+  const replace = history.replaceState.bind(history);
+  replace(null, "", location.pathname);
+  history.replaceState = (state, title, url) => title === "Viser" || replace(state, title, url);
 
   function split(hash) {
     const [, address, view] = hash.match(/^#?(.*?)(?:(?:^|&|(?<=#))view=([^&]*))?$/);
@@ -36,7 +39,7 @@
   function write(address) {
     const hash = [address, view && `view=${view}`].filter(Boolean).join("&");
     if (hash !== location.hash.slice(1))
-      history.replaceState(null, "", location.pathname + location.search + (hash && `#${hash}`));
+      replace(null, "", location.pathname + (hash && `#${hash}`));
     sessionStorage.setItem("rv-shown", `${run} ${address}`);
     sessionStorage.removeItem("rv-opened");
   }

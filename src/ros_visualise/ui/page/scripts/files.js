@@ -15,10 +15,15 @@
     const socket = new WebSocket(address);
     const ended = new Promise((end) => (socket.onclose = socket.onerror = end));
     await Promise.race([new Promise((open) => (socket.onopen = open)), ended]);
-    for (let at = 0; at < file.size && socket.readyState === WebSocket.OPEN; at += PIECE) {
-      socket.send(await file.slice(at, at + PIECE).arrayBuffer());
-      while (socket.bufferedAmount > MOST_WAITING && socket.readyState === WebSocket.OPEN)
-        await new Promise((wake) => setTimeout(wake, 20));
+    const isOpen = () => socket.readyState === WebSocket.OPEN;
+    try {
+      for (let at = 0; at < file.size && isOpen(); at += PIECE) {
+        socket.send(await file.slice(at, at + PIECE).arrayBuffer());
+        while (socket.bufferedAmount > MOST_WAITING && isOpen())
+          await new Promise((wake) => setTimeout(wake, 20));
+      }
+    } catch {
+      socket.close(); // it cannot be read, as a folder: the program says that it was not uploaded
     }
     await ended;
   }
@@ -48,7 +53,7 @@
     setTimeout(() => URL.revokeObjectURL(saved.href), 60_000);
   }
 
-  const input = () => document.querySelector("input[data-upload]");
+  const input = () => (rv.isViewer ? null : document.querySelector("input[data-upload]"));
   const isDropped = (event) => input() && event.dataTransfer?.types.includes("Files");
 
   window.addEventListener("dragover", (event) => isDropped(event) && event.preventDefault());

@@ -1,0 +1,59 @@
+"""Opens the page in a browser of this machine."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+from collections.abc import Callable
+from html import escape
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from ros_visualise import supervision
+from ros_visualise.printing import say
+
+_FORWARD = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0;url={0}"><a href="{0}">ros_visualise</a>
+"""
+_PATIENCE_S, _LOOK_S, _CLOSE_S = 30.0, 0.2, 0.5
+
+
+class Browser:
+    """Opens an address that nobody else on this machine is to know.
+
+    Every account reads the command lines of programs. So the browser is given a file that leads
+    there, and that only its owner may read.
+
+    Args:
+        url: the address.
+        has_come: whether a browser shows it.
+    """
+
+    def __init__(self, url: str, has_come: Callable[[], bool]) -> None:
+        self._url, self._has_come = url, has_come
+        self._ended = threading.Event()
+        self._opening: threading.Thread | None = None
+
+    def open(self) -> None:
+        """Open it, from a thread of its own: that may take long."""
+        self._opening = supervision.start("browser", self._open)
+
+    def close(self) -> None:
+        """Leave no file."""
+        self._ended.set()
+        if self._opening is not None:
+            self._opening.join(_CLOSE_S)
+
+    def _open(self) -> None:
+        with TemporaryDirectory(prefix="ros-visualise-") as folder:  # its owner's alone
+            path = Path(folder, "page.html")
+            path.write_text(_FORWARD.format(escape(self._url)))
+            if not (webbrowser.open(path.as_uri()) and self._wait()):
+                say("no browser has opened the page: open its address in one")
+
+    def _wait(self) -> bool:
+        """Whether a browser came, or nobody waits for one any more."""
+        for _ in range(int(_PATIENCE_S / _LOOK_S)):
+            if self._has_come() or self._ended.wait(_LOOK_S):
+                return True
+        return False

@@ -1,0 +1,152 @@
+"""The read-only address: who comes by it sees all and changes nothing, whatever they send."""
+
+import json
+from contextlib import closing
+
+import pytest
+from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, get
+from waiting import wait_for
+from websockets.exceptions import InvalidStatus
+
+from ros_visualise.ui.page import Page
+
+OURS = {"X-Ros-Visualise": "1"}
+NAMED = {"threshold", "time", "playback", "● record", "save parameters", "save layout", "fps"}
+"""Some of what can be changed."""
+CHANNELS = {
+    "address": "filters/threshold=3",
+    "view": "1,2,3,4,5,6",
+    "pick": "filters 0.5 0.5",
+    "mark": "[",
+}
+CLICK = {
+    "type": "ScenePointerMessage",
+    "event_type": "click",
+    "ray_origin": (0.0, 0.0, 0.0),
+    "ray_direction": (0.0, 0.0, 1.0),
+    "screen_pos": [(0.5, 0.5)],
+    "modifier": None,
+}
+
+
+@pytest.fixture
+def page(port, runtime, tmp_path):
+    shown = Page(port=port, record_dir=tmp_path)
+    shown.open(runtime)
+    yield shown
+    shown.close()
+
+
+@pytest.fixture
+def owner(page, port):
+    client = Client(port)
+    with closing(client.socket):
+        client.read_until(lambda: client.images >= 4 and client.values.keys() >= NAMED)
+        yield client
+
+
+@pytest.fixture
+def viewer(page, port):
+    client = Client(port, f"/{VIEW_TOKEN}")
+    with closing(client.socket):
+        client.read_until(lambda: client.images >= 4 and client.values.keys() >= NAMED)
+        client.read_until(lambda: len(client.commands) == 4)
+        yield client
+
+
+def everything(viewer):
+    """A message of every kind that changes something, for each element."""
+    for label, value in list(viewer.values.items()):
+        uuid = viewer.uuid(label)
+        other = CHANNELS.get(label, changed(value))
+        yield {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": other}}
+        yield {"type": "GuiButtonHoldMessage", "uuid": uuid, "frequency": 10}
+        yield {"type": "GuiRemoveMessage", "uuid": uuid}
+    for uuid in viewer.commands:
+        yield {"type": "CommandTriggerMessage", "uuid": uuid}
+    yield CLICK
+    yield {"type": "FileTransferStartUpload", "transfer_uuid": "x", "part_count": 1}
+    yield {"type": "ShareUrlRequest"}
+    yield {"type": "ResetSceneMessage"}
+
+
+def changed(value):
+    """Another value of the same type; a press of what is a button."""
+    if isinstance(value, bool):
+        return not value
+    return value + 1 if isinstance(value, int | float) else "none"
+
+
+def test_no_message_of_a_viewer_changes_anything(page, owner, viewer, runtime, tmp_path, port):
+    before = dict(owner.values)
+    params = {name: one.current for name, one in runtime.parameters.items()}
+    state = runtime.playback.state
+    for message in everything(viewer):
+        viewer.send(message)
+    owner.set("threshold", 77)  # is done after all that
+    owner.read_until(lambda: runtime.parameters["filters"].current.threshold == 77)
+    later = Client(port)
+    with closing(later.socket):
+        later.read_until(lambda: later.values.get("threshold") == 77)
+        later.read_until(lambda: later.values.keys() >= before.keys())
+        moving = {"time"}
+        assert {k: v for k, v in later.values.items() if k not in moving} == {
+            k: 77 if k == "threshold" else v for k, v in before.items() if k not in moving
+        }
+    assert runtime.playback.state == state
+    after = {name: one.current for name, one in runtime.parameters.items()}
+    assert {k: v for k, v in after.items() if k != "filters"} == {
+        k: v for k, v in params.items() if k != "filters"
+    }
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_viewer_sees_what_others_change(owner, viewer, runtime):
+    owner.set("threshold", 77)
+    viewer.read_until(lambda: viewer.values["threshold"] == 77)
+    seen = viewer.images
+    runtime.playback.play()
+    viewer.read_until(lambda: viewer.images > seen + 3)
+
+
+def test_what_a_viewer_sent_is_said_once(owner, viewer, caplog):
+    for _ in range(50):
+        viewer.set("threshold", 3)
+    viewer.send(CAMERA)
+    owner.read_until(lambda: any("this address is read-only" in html for html in owner.html))
+    said = [one.getMessage() for one in caplog.records if "read-only" in one.getMessage()]
+    assert said == ["the page: a viewer tried to change something: this address is read-only"]
+
+
+@pytest.mark.parametrize("query", ["ask=play&toggle=1", "ask=play&seek=1", "ask=play&step=on"])
+def test_a_viewer_asks_and_commands_nothing(page, port, runtime, query):
+    state = runtime.playback.state
+    status, _, text = get(port, f"/?{query}", VIEW_TOKEN, **OURS)
+    assert (status, json.loads(text)["error"]) == (403, "this address is read-only")
+    assert runtime.playback.state == state
+    assert get(port, "/?ask=topics", VIEW_TOKEN, **OURS)[0] == 200
+    assert get(port, "/?ask=pixels&topic=/edges", VIEW_TOKEN, **OURS)[0] == 200
+    assert get(port, "/?look=plots", VIEW_TOKEN)[0] == 200
+    assert get(port, f"/?{query}", **OURS)[0] == 200
+    wait_for(lambda: runtime.playback.state != state, "what its owner asked for")
+
+
+def test_an_upload_of_a_viewer_is_refused(page, port):
+    for query in ("upload=a.mp4&size=1", "size=1&%75pload=a.mp4"):
+        with pytest.raises(InvalidStatus) as refused:
+            Client(port, f"/{VIEW_TOKEN}/?{query}")
+        assert refused.value.response.status_code == 403
+
+
+def test_a_viewer_never_learns_the_token(page, owner, viewer, port):
+    _, _, lines = get(port, "/?ask=log&after=0", VIEW_TOKEN, **OURS)
+    assert TOKEN not in lines
+    assert TOKEN not in get(port, "/", VIEW_TOKEN)[2]
+    assert TOKEN not in "".join(viewer.html)
+    assert TOKEN not in json.dumps(viewer.values)
+
+
+def test_the_view_of_a_viewer_is_not_kept(page, owner, viewer):
+    onlookers = page._desk._scene.view.onlookers()
+    assert len(onlookers) == 1
+    assert len(page._server.get_clients().keys() - onlookers) == 1

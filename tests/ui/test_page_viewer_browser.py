@@ -1,0 +1,91 @@
+"""Both printed addresses in a real browser: one changes things, the other one only looks."""
+
+import re
+
+import pytest
+from page_client import TOKEN, VIEW_TOKEN
+from test_page_browser import element, image, value_of, wait_until
+from waiting import wait_for
+
+READY = "document.querySelectorAll(\"img[src^='blob:']\").length == 3"
+
+
+@pytest.fixture
+def printed(capfd, page):
+    """The addresses as a person reads them: the one for everything, and the read-only one."""
+    return re.findall(r"http://\S+", capfd.readouterr().err.replace(";", ""))
+
+
+@pytest.fixture
+def visit(chromium):
+    """Opens an address in a browser of its own, which notes what it asks for."""
+    contexts = []
+
+    def open_tab(address):
+        context = chromium.new_context(viewport={"width": 1280, "height": 720})
+        contexts.append(context)
+        tab = context.new_page()
+        tab.goto(address)
+        tab.wait_for_function(READY, timeout=120_000)
+        return tab
+
+    yield open_tab
+    for context in contexts:
+        context.close()
+
+
+def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtime):
+    own, view = printed
+    assert own.endswith(f"/{TOKEN}")
+    assert view.endswith(f"/{VIEW_TOKEN}")
+    looking, working = visit(view), visit(own)
+    assert [looking.url, working.url] == [view, own]
+    assert looking.get_by_text("Read-only").count() == 1
+    assert working.get_by_text("Read-only").count() == 0
+
+    slider = element(looking, "threshold", "*[contains(@class,'Slider-trackContainer')]")
+    box = slider.bounding_box()
+    looking.mouse.click(box["x"] + 2, box["y"] + box["height"] / 2)
+    looking.keyboard.press("Space")  # plays
+    looking.evaluate("rv.send('address', 'filters/threshold=3')")
+    assert value_of(looking, "threshold") == 128
+
+    runtime.parameters["filters"].update({"threshold": 77})
+    for tab in (looking, working):
+        wait_until(tab, lambda tab=tab: value_of(tab, "threshold") == 77)
+    working.keyboard.press("Space")
+    wait_until(working, lambda: runtime.playback.state.playing)
+
+
+def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, runtime, tmp_path):
+    for address in printed:  # the read-only one last: what plays goes on
+        tab = visit(address)
+        box = image(tab, "/edges").bounding_box()
+        with tab.context.expect_page(timeout=60_000) as opened:
+            tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        whole = opened.value
+        whole.locator("#facts", has_text="640").wait_for(timeout=60_000)
+        assert whole.url.startswith(address)
+        with whole.expect_download(timeout=60_000) as saved:
+            whole.click("#png")
+        assert saved.value.suggested_filename.startswith("edges_")
+        whole.get_by_role("link", name="plots").click()
+        play = whole.locator("#play")
+        play.wait_for(timeout=60_000)
+        play.click()
+        if address.endswith(VIEW_TOKEN):
+            whole.get_by_text("this address is read-only").wait_for(timeout=60_000)
+            assert runtime.playback.state.playing
+        else:
+            wait_for(lambda: runtime.playback.state.playing, "the playback")
+
+
+def test_a_download_by_the_read_only_address(page, printed, visit, runtime, tmp_path):
+    (tmp_path / "mine.mcap").write_bytes(bytes(range(256)) * 100)
+    page._files.recorded(tmp_path / "mine.mcap")
+    page._desk._recorder._show_links()
+    for address in printed:
+        tab = visit(address)
+        with tab.expect_download(timeout=60_000) as saved:
+            tab.locator("a[data-download]").click()
+        assert saved.value.path().read_bytes() == (tmp_path / "mine.mcap").read_bytes()
