@@ -428,3 +428,11 @@ def test_the_example_with_a_memory(video, request):
     own = ["--node", f"{example}:FrameDifference@fps_control", "--set", "difference.show=mask"]
     report = json.loads(run("video", video, *QUICK, "--json", *own).stdout)
     assert report["topics"]["/difference"]["messages"] == 29
+
+
+def test_what_comes_after_two_dashes_is_a_file_whatever_it_is_called(tmp_path):
+    write_video(tmp_path / "--odd.mp4", frames=3)
+    done = run("video", *QUICK, "--json", "--", "--odd.mp4", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["topics"]["/image_raw"]["messages"] == 3
+    assert "no such file" in refused("video", *QUICK, "--", "--other")

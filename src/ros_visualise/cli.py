@@ -82,7 +82,8 @@ class _Parser(argparse.ArgumentParser):
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As argparse does it; an option that there is not is said first, with what was meant."""
         options = [name for name in self._option_string_actions if name.startswith("--")]
-        for text in args or () if self._subparsers is None else ():  # of a command, that is
+        given = list(args or () if self._subparsers is None else ())  # of a command, that is
+        for text in given[: given.index("--")] if "--" in given else given:
             name = text.partition("=")[0]
             if _OPTION.fullmatch(name) and not any(one.startswith(name) for one in options):
                 self.error(f"no option {name}{near(name, options, listed=False)}")

@@ -1,9 +1,14 @@
 """The Allan deviation against closed formulas."""
 
+import re
+
 import numpy as np
 import pytest
 
+from ros_visualise.data import Header, Imu, Text
 from ros_visualise.lessons.methods.allan import allan_deviation, random_walk
+from ros_visualise.lessons.topics import sensors
+from ros_visualise.lessons.topics.sensors import Allan
 
 
 def test_white_noise_falls_with_the_root_of_the_time():
@@ -42,3 +47,26 @@ def test_too_little_has_no_deviation():
     times_s, deviation = allan_deviation(np.zeros((3, 6)), 0.01)
     assert times_s.size == 0
     assert deviation.shape == (0, 6)
+
+
+def told_s(times_s):
+    """The seconds that the lesson says were measured."""
+    rng = np.random.default_rng(0)
+    shown, lesson = None, Allan(None)
+    for time_s in times_s:
+        header = Header(round(time_s * 1e9))
+        imu = Imu(np.array([0, 0, 0, 1.0]), *rng.normal(0, 0.01, (2, 3)), header=header)
+        shown = lesson.step(imu, None) or shown
+    [text] = [one.text for one in shown.values() if isinstance(one, Text)]
+    return int(re.search(r"measurements\s+in\s+(\d+)\s+s", text)[1])
+
+
+def test_the_lesson_tells_how_long_was_measured_and_not_the_gaps():
+    first, second = np.arange(0, 500, 0.1), np.arange(800, 1300, 0.1)
+    assert 940 <= told_s(np.concatenate([first, second])) <= 1000
+
+
+def test_the_lesson_tells_how_long_the_measurements_last_that_it_keeps(monkeypatch):
+    monkeypatch.setattr(sensors, "_MOST", 1000)
+    monkeypatch.setattr(sensors, "_DROPPED", 100)
+    assert 80 <= told_s(np.arange(0, 300, 0.1)) <= 100

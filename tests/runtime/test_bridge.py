@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
@@ -31,7 +32,7 @@ from ros_visualise.data import (
 from ros_visualise.data import (
     Path as PathMessage,
 )
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
@@ -460,3 +461,34 @@ def test_discovery_goes_on_after_what_a_middleware_must_not_raise(hub: Hub) -> N
         ("discovery", "KeyError"): 3
     }
     PROCESS.forget()
+
+
+class Unwilling(HubMiddleware):
+    """A middleware that has no messages of one type."""
+
+    def subscribe(self, topic: str, kind: type, *others: Any) -> Any:
+        if kind is Odometry:
+            raise UsageError("no messages of type nav_msgs/msg/Odometry")
+        return super().subscribe(topic, kind, *others)
+
+
+def test_a_topic_that_cannot_be_subscribed_leaves_neither_a_thread_nor_a_file(
+    hub: Hub, peer: Peer, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    poses, images = peer.advertise("/said", Odometry), peer.advertise("/seen", Image)
+    with closing(RemoteRuntime(Unwilling(hub, name="viewer"))) as viewer:
+        wait_for(lambda: {"/said", "/seen"} <= viewer.graph.topics.keys(), "the topics")
+        before = threading.active_count()
+        for number in range(5):
+            with pytest.raises(UsageError, match="nothing to record: /said: no messages of type"):
+                viewer.start_recording(tmp_path / f"{number}.mcap", topics=["/said"])
+        assert threading.active_count() == before
+        assert not list(tmp_path.iterdir())
+        assert not viewer.report().recordings
+        recording = viewer.start_recording(tmp_path / "r.mcap", topics=["/said", "/seen"])
+        wait_for(lambda: images.connections, "the viewer")
+        images.publish(IMAGE)
+        poses.publish(Odometry(np.zeros(3), np.array([0.0, 0, 0, 1])))
+        wait_for(lambda: recording.written, "the image")
+        viewer.stop_recording(recording)
+    assert f"{tmp_path / 'r.mcap'}: /said is not recorded: no messages of type" in caplog.text

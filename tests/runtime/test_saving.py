@@ -195,3 +195,11 @@ def answer(hub, service):
             return None
 
     return wait_for(call, service)
+
+
+@pytest.mark.parametrize("text", ["null: {fps: 3}", "fps_control: {null: 3}", "7: {fps: 3}"])
+def test_names_that_are_none_are_refused_in_one_line(text, tmp_path):
+    path = tmp_path / "p.yaml"
+    path.write_text(text)
+    with pytest.raises(OpenError, match=r"p.yaml: (null|7) is not a name; must hold NODE"):
+        load(path)

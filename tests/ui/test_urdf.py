@@ -54,3 +54,41 @@ def test_a_shape_stands_where_its_origin_says():
 def test_what_is_no_description_is_refused(text):
     with pytest.raises(ValueError, match="no URDF"):
         read_shapes(text)
+
+
+def test_materials_without_names_color_their_own_shape_alone():
+    found = read_shapes("""
+    <robot name="r"><link name="a">
+      <visual><geometry><sphere radius="1"/></geometry>
+        <material><color rgba="1 0 0 1"/></material></visual>
+      <visual><geometry><sphere radius="2"/></geometry>
+        <material name=""><color rgba="0 1 0 1"/></material></visual>
+      <visual><geometry><sphere radius="3"/></geometry></visual>
+      <visual><geometry><sphere radius="4"/></geometry><material/></visual>
+    </link></robot>""")
+    gray = (0.6, 0.6, 0.6, 1)
+    assert [one.rgba for one in found] == [(1, 0, 0, 1), (0, 1, 0, 1), gray, gray]
+
+
+WRONG_NUMBERS = {
+    '<box size="1 2"/>': r"link a, box: size must be 3 numbers, not '1 2'",
+    '<box size="1 2 3 4"/>': r"link a, box: size must be 3 numbers, not '1 2 3 4'",
+    '<box size="1 2 nan"/>': r"size must be 3 numbers",
+    "<box/>": r"link a, box: size must be 3 numbers, not ''",
+    '<sphere radius="1 2"/>': r"link a, sphere: radius must be a number, not '1 2'",
+    '<cylinder radius="1"/>': r"link a, cylinder: length must be a number, not ''",
+}
+
+
+@pytest.mark.parametrize(("shape", "why"), WRONG_NUMBERS.items(), ids=WRONG_NUMBERS)
+def test_a_shape_with_other_numbers_is_named(shape, why):
+    visual = f"<visual><geometry>{shape}</geometry></visual>"
+    with pytest.raises(ValueError, match=why):
+        read_shapes(f'<robot name="r"><link name="a">{visual}</link></robot>')
+
+
+def test_an_origin_or_a_color_with_other_numbers_is_refused():
+    for wrong in ('<origin xyz="1 2"/>', '<material><color rgba="1 0 0"/></material>'):
+        visual = f'<visual>{wrong}<geometry><sphere radius="1"/></geometry></visual>'
+        with pytest.raises(ValueError, match=r"must be . numbers"):
+            read_shapes(f'<robot name="r"><link name="a">{visual}</link></robot>')

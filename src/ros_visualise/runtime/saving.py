@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 from enum import Enum
 from itertools import count
@@ -101,7 +101,23 @@ def load(path: Path) -> dict[str, dict[str, Any]]:
     values = {} if values is None else values
     if not isinstance(values, dict) or not all(isinstance(v, dict) for v in values.values()):
         raise OpenError(f"{path}: must hold NODE: {{PARAM: VALUE}}")
+    for key in _keys(values):
+        if not isinstance(key, str):
+            raise OpenError(
+                f"{path}: {_as_yaml(key)} is not a name; must hold NODE: {{PARAM: VALUE}}"
+            )
     return values
+
+
+def _keys(values: Mapping[Any, Any]) -> Iterator[Any]:
+    for key, value in values.items():
+        yield key
+        if isinstance(value, dict):
+            yield from _keys(value)
+
+
+def _as_yaml(key: Any) -> str:
+    return "null" if key is None else repr(key)
 
 
 def of_node(values: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -37,8 +37,11 @@ class TopicStats:
         """Hz by the stamps and by the wall clock, of the whole run or of the last seconds."""
         if window_s is None:
             return self._stamps.mean(), self._wall.mean()
-        start = time.monotonic_ns() - int(window_s * 1e9)
-        recent = int((self._wall.newest() >= start).sum())
+        now = time.monotonic_ns()
+        newest = self._wall.newest()
+        recent = int((newest >= now - int(window_s * 1e9)).sum())
+        if recent == _KEPT:  # there were more in that time: the rate is that of the newest
+            window_s = max((now - int(newest[0])) / 1e9, 1e-9)
         return self._stamps.mean_of_last(recent), round(recent / window_s, 2)
 
 

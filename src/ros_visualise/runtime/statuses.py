@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+import time
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from ros_visualise.data import DiagnosticStatus, Level
 from ros_visualise.runtime.report import NodeReport
 
+_PAUSE_S = 2.0
+"""Between two questions; after a longer one nobody knows what was lost in the last second."""
+
 
 class Statuses:
-    """Says of nodes whether they have lost anything since they were asked for last."""
+    """Says of nodes, when asked once a second, whether they have lost anything in that second.
 
-    def __init__(self) -> None:
-        self._lost: dict[str, int] = {}
+    What was lost before anybody asked, or while nobody did, is not of the last second.
+
+    Args:
+        clock: monotonic seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._lost: dict[str, tuple[int, float]] = {}  # by name: how much there was, and when
 
     def status(self, name: str, report: NodeReport, figures: Mapping[str, Any]) -> DiagnosticStatus:
         """The status of one node.
@@ -23,7 +35,10 @@ class Statuses:
             report: its part of the run report.
             figures: what is told of it, which may be nested.
         """
-        new, self._lost[name] = report.lost - self._lost.get(name, 0), report.lost
+        now_s = self._clock()
+        before, asked_s = self._lost.get(name, (0, -math.inf))
+        self._lost[name] = report.lost, now_s
+        new = report.lost - before if now_s - asked_s < _PAUSE_S else 0
         return DiagnosticStatus(
             name,
             Level.WARN if new else Level.OK,

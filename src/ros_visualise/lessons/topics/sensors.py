@@ -19,6 +19,7 @@ from ros_visualise.sinks.figure import Figure
 _PERIOD_S = 1.0
 _GROWS = 0.02
 _MOST, _DROPPED = 200_000, 20_000  # samples that are kept, and that make way for new ones
+_GAP = 5  # periods without a measurement
 _LEAST = 100
 
 
@@ -116,6 +117,12 @@ class _Samples:
     def period_s(self) -> float:
         """From one to the next, by their median."""
         return float(np.median(np.diff(self.times_s)))
+
+    @property
+    def covered_s(self) -> float:
+        """How long was measured, of those that are kept; gaps are left out."""
+        steps = np.diff(self.times_s)
+        return float(steps[steps < _GAP * self.period_s].sum())
 
     def wait(self, imu: Imu) -> dict[str, Message]:
         """What is told while there is not enough."""
@@ -226,7 +233,7 @@ class Allan:
             _draw_allan(times_s, gyro, force),
             text,
             count=len(self._samples.values),
-            seconds=self._samples.times_s[-1],
+            seconds=self._samples.covered_s,
             gyro_walk=random_walk(times_s, gyro),
             gyro_floor=gyro.min() / OF_BIAS,
             force_walk=random_walk(times_s, force),

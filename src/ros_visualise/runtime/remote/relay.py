@@ -57,14 +57,22 @@ class Relay:
             listener: who takes the messages.
             compressed: whether to subscribe to the compressed images, if nobody listens yet.
             latched: give it the last message at once, if there was one.
+
+        Raises:
+            UsageError: the topic cannot be subscribed to; the listener is not added.
         """
         with self._lock:
             self._listeners.append(listener)
             self._topic.connect(listener, latched)
-            if self._input is None:
-                opened = self._made(compressed)
-                opened.open()
-                self._input = opened
+            try:
+                if self._input is None:
+                    opened = self._made(compressed)
+                    opened.open()
+                    self._input = opened
+            except BaseException:
+                self._listeners.remove(listener)
+                self._topic.disconnect(listener)
+                raise
 
     def disconnect(self, listener: Consumer) -> None:
         """Remove a listener; more than once does no harm."""

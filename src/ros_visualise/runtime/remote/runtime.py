@@ -13,7 +13,7 @@ from typing import Any
 
 from ros_visualise import supervision
 from ros_visualise.data import Image, ParameterEvent
-from ros_visualise.errors import Unreachable, UsageError
+from ros_visualise.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.graph import Graph, TopicSpec
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
@@ -127,9 +127,30 @@ class RemoteRuntime:
             )
             clock, dropped = self._middleware.clock(), self._dropped
             arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)
-        for topic, inbox in arrivals.inboxes.items():
-            self._relay(topic).connect(inbox, self._comes_compressed(topic))
+        try:
+            self._connect(recording, arrivals)
+        except BaseException:
+            self.stop_recording(recording)
+            recording.discard()
+            del self._recordings[recording]
+            raise
         return recording
+
+    def _connect(self, recording: RecorderThread, arrivals: Arrivals) -> None:
+        """Subscribe to what is recorded; a topic that cannot be is said, and others are recorded.
+
+        Raises:
+            UsageError: none of them can be.
+        """
+        failed: list[str] = []
+        for topic, inbox in arrivals.inboxes.items():
+            try:
+                self._relay(topic).connect(inbox, self._comes_compressed(topic))
+            except RosVisualiseError as error:
+                failed.append(f"{topic}: {error}")
+                log.warning("%s: %s is not recorded: %s", recording.path, topic, error)
+        if failed and len(failed) == len(arrivals.inboxes):
+            raise UsageError(f"{recording.path}: nothing to record: {'; '.join(failed)}")
 
     def stop_recording(self, recording: RecorderThread) -> None:
         """End and close a recording; more than once does no harm."""
