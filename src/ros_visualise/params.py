@@ -38,6 +38,8 @@ def param(
     saved: bool = True,
     used: Callable[[Any], bool] = lambda params: True,
     file: Callable[[Any], bool] = lambda value: False,
+    step: float | None = None,
+    label: str = "",
 ) -> Any:
     """Declare one parameter of type int, float, bool, str or Enum.
 
@@ -52,9 +54,12 @@ def param(
         used: whether it counts beside these other values; see `when`. If not, its slider waits.
         file: whether a value names a file. Whoever changes it while the node runs may only name one
             in the folder of `ros_visualise.paths`, or one that it named before.
+        step: from one value to the next; None: any value will do.
+        label: its name for people, where that is no name of Python's.
     """
     metadata: dict[str, Any] = {"help": help, "min": min, "max": max, "slider": slider}
     metadata |= {"restart": restart, "group": group, "saved": saved, "used": used, "file": file}
+    metadata |= {"step": step, "label": label}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -84,6 +89,8 @@ class Spec:
     saved: bool
     used: Callable[[Any], bool]
     file: Callable[[Any], bool]
+    step: float | None
+    label: str
 
     @property
     def choices(self) -> tuple[str, ...]:

@@ -155,7 +155,7 @@ def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
     node.declare_parameter("names", ["a", "b"])
     seen = RemoteParameters(ros2, "/other")
     assert seen.wait(PATIENCE_S)
-    assert vars(seen.current) == {"camera_gain": 1.5}
+    assert vars(seen.current) == {"camera_gain": 1.5, "names": "['a', 'b']"}
     seen.update({"camera_gain": 2.5})
     assert node.get_parameter("camera.gain").value == 2.5
     node.add_on_set_parameters_callback(lambda _: _refusal())

@@ -42,6 +42,9 @@ class Somebody:
         )
         self._node.declare_parameter("turns", 3, turns)
         self._node.declare_parameter("label", "a")
+        self._node.declare_parameter("min-x", 0.5)
+        self._node.declare_parameter("gains", [1.0, 2.5])
+        self._node.declare_parameter("frame", "odom", ParameterDescriptor(read_only=True))
         self._node.add_on_set_parameters_callback(_judge)
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._node.create_publisher(OccupancyGrid, "map", kept).publish(_map())
@@ -163,8 +166,12 @@ def test_its_parameters_have_ranges_and_are_set(viewer: RemoteRuntime):
     wait_for(lambda: seen.current.turns == 3, "its values")
     turns = next(spec for spec in specs(seen.current) if spec.name == "turns")
     assert (turns.min, turns.max, turns.help) == (1, 9, "turns a minute")
-    seen.update({"turns": 5})
-    assert seen.current.turns == 5
+    assert (turns.step, seen.current.gains, seen.current.frame) == (1, "[1.0, 2.5]", "odom")
+    fixed = {spec.name for spec in specs(seen.current) if not spec.used(seen.current)}
+    assert {"gains", "frame"} <= fixed
+    assert "min-x" in {spec.label for spec in specs(seen.current)}
+    seen.update({"turns": 5, "min_x": 0.25})
+    assert (seen.current.turns, seen.current.min_x) == (5, 0.25)
     with pytest.raises(ParameterError, match="I do not like it"):
         seen.update({"label": "bad"})
     assert seen.current.label == "a"

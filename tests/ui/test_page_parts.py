@@ -19,12 +19,14 @@ from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.nodes.filters import FiltersParams
 from ros_visualise.params import Parameters, param, specs
 from ros_visualise.pipelines import chain, image_pipeline
+from ros_visualise.runtime.remote.declaring import Told, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.colors import PALETTE
 from ros_visualise.ui.page.controls import Controls, add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.worker import Worker
+from ros_visualise.ui.trackbars import scale_of
 
 
 class Mode(Enum):
@@ -55,6 +57,23 @@ def elements():
     return {spec.name: add_element(Gui(), spec, shown(spec.default)) for spec in specs(Every)}
 
 
+def test_a_parameter_of_a_foreign_node_is_as_that_describes_it():
+    range_ = {"min": 0, "max": 2, "step": 0.5}
+    told = [
+        Told("min_x", float, 1.0, **range_, label="min-x"),
+        Told("free", int, 3, step=3),
+        Told("gains", str, "[1.0, 2.5]", read_only=True),
+    ]
+    params = declared(told)
+    min_x, free, gains = specs(params)
+    assert add_element(Gui(), min_x, 1.0)[:6] == ("slider", "min-x", 0, 2, 0.5, 1)
+    assert scale_of(min_x).last == 4
+    assert add_element(Gui(), free, 3)[:3] == ("number", "free", 3)
+    assert add_element(Gui(), free, 3)[-1]["step"] == 3
+    assert (gains.used(params()), min_x.used(params())) == (False, True)
+    assert [spec.saved for spec in (min_x, free, gains)] == [False, True, False]
+
+
 def test_no_two_colours_look_alike():
     lab = cv2.cvtColor(np.array([PALETTE], np.float32) / 255, cv2.COLOR_RGB2LAB)[0]
     for one, other in combinations(lab, 2):
@@ -65,7 +84,8 @@ def test_no_two_colours_look_alike():
 def test_each_type_has_its_element(elements):
     assert elements["count"][:6] == ("slider", "count", 0, 800, 1, 5)
     assert elements["free"][:3] == ("number", "free", 7)
-    assert elements["free"][-1] == {"min": 1, "max": None, "hint": "no upper limit"}
+    given = {"min": 1, "max": None, "step": None, "hint": "no upper limit"}
+    assert elements["free"][-1] == given
     assert elements["on"][:3] == ("checkbox", "on", True)
     assert elements["name"][:3] == ("text", "name", "x")
     assert elements["mode"][:3] == ("dropdown", "mode", ("soft", "3"))

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import math
 
+from ros_visualise.params import Spec
+
 _ROUNDING = 1e-9
+
+
+def step_of(spec: Spec, low: float, high: float, count: int) -> float:
+    """The step of a number's slider: as declared, else 1, or a round one for about so many."""
+    if spec.step:
+        return spec.step
+    return 1 if spec.type is int else round_step((high - low) / count)
 
 
 def round_step(largest: float) -> float:

@@ -11,7 +11,7 @@ import cv2
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value, specs
-from ros_visualise.ui.steps import round_step
+from ros_visualise.ui.steps import step_of
 
 _STEPS = 100  # that a float's range is divided into, at least
 
@@ -52,7 +52,7 @@ def scale_of(spec: Spec) -> Scale | None:
         low, high, step = 0.0, float(max(len(spec.choices) - 1, spec.type is bool)), 1.0
     elif spec.range is not None:
         low, high = spec.range
-        step = 1.0 if spec.type is int else round_step((high - low) / _STEPS)
+        step = float(step_of(spec, low, high, _STEPS))
     else:
         return None
     last = math.ceil((high - low) / step - 1e-9)

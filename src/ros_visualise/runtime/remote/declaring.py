@@ -24,6 +24,9 @@ class Told:
         max: the highest value.
         group: under which it is shown.
         choices: text of a choice -> the value that is sent for it; empty where any value will do.
+        step: from one value to the next; None: any value will do.
+        label: its name there, where ``name`` is another one.
+        read_only: it can be looked at alone.
     """
 
     name: str
@@ -34,6 +37,9 @@ class Told:
     max: float | None = None
     group: str = ""
     choices: Mapping[str, Any] = field(default_factory=dict)
+    step: float | None = None
+    label: str = ""
+    read_only: bool = False
 
     @property
     def is_choice(self) -> bool:
@@ -59,13 +65,17 @@ def name_there(name: str) -> str:
 def _field(told: Told) -> tuple[str, type, Any]:
     name = name_here(told.name)
     kind, value = _choice(told) if told.is_choice else (told.type, told.default)
+    is_same = name == told.name and not (told.choices or told.label)
     made = param(
         value,
         told.help,
         min=told.min,
         max=told.max,
         group=told.group,
-        saved=name == told.name and not told.choices,  # else it is called or written otherwise here
+        saved=is_same and not told.read_only,  # else it is called or written otherwise here
+        used=lambda _: not told.read_only,
+        step=told.step,
+        label=told.label,
     )
     return name, kind, made
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,7 +14,7 @@ from ros_visualise.nodes import NodeType, SourceType
 from ros_visualise.params import specs
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.remote.declaring import Told, declared, name_here
-from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain
+from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain, step
 from ros_visualise.runtime.ros2.session import OF_ROS
 
 _NO_NAME = re.compile(r"\W")
@@ -55,12 +55,13 @@ def declare(
         prefix: what the names begin with of those that are meant.
     """
     mine = [one for one in told if _is_meant(one, prefix) and one.name in values]
-    key = frozenset(_told(one, prefix) for one in mine)
+    key = frozenset(_told(one, prefix) for one in mine if not _is_fixed(one))
     if key in our_own():
         params, node = our_own()[key]
         return Declaration(params, node, {s.name: prefix + s.name for s in specs(params)})
-    names = {_field(one.name, prefix): one.name for one in mine}
-    made = [_made(one, values[one.name], prefix) for one in mine]
+    names = _fields([one.name for one in mine], prefix)
+    by_name = {one.name: one for one in mine}
+    made = [_made(field, by_name[n], values[n], prefix) for field, n in names.items()]
     return Declaration(declared(made), None, names)
 
 
@@ -74,8 +75,12 @@ def our_own() -> dict[frozenset[Any], tuple[type, NodeType | SourceType]]:
 
 
 def _is_meant(told: ParameterDescriptor, prefix: str) -> bool:
-    is_ours = told.name.startswith(prefix) and not told.name.startswith(OF_ROS)
-    return is_ours and told.type in KINDS and not told.read_only
+    return told.name.startswith(prefix) and not told.name.startswith(OF_ROS)
+
+
+def _is_fixed(told: ParameterDescriptor) -> bool:
+    """Whether it can be looked at alone."""
+    return bool(told.read_only) or told.type not in KINDS
 
 
 def _told(told: ParameterDescriptor, prefix: str) -> Any:
@@ -83,21 +88,30 @@ def _told(told: ParameterDescriptor, prefix: str) -> Any:
     return told.name.removeprefix(prefix), told.type, *text, limits(told)
 
 
-def _field(name: str, prefix: str) -> str:
-    """A name that a field can have: parameters' have dots in them."""
-    text = _NO_NAME.sub("_", name.removeprefix(prefix))
-    return name_here(text if text.isidentifier() else f"_{text}")
+def _fields(names: Iterable[str], prefix: str) -> dict[str, str]:
+    """Names that fields can have -> those of parameters, which have dots and hyphens in them."""
+    fields: dict[str, str] = {}
+    for name in names:
+        text = _NO_NAME.sub("_", name.removeprefix(prefix))
+        field = name_here(text if text.isidentifier() else f"_{text}")
+        while field in fields:
+            field += "_"
+        fields[field] = name
+    return fields
 
 
-def _made(told: ParameterDescriptor, value: Any, prefix: str) -> Told:
+def _made(field: str, told: ParameterDescriptor, value: Any, prefix: str) -> Told:
     low, high = limits(told)
     name = told.name.removeprefix(prefix)
     return Told(
-        _field(told.name, prefix),
-        KINDS[told.type],
+        field,
+        KINDS.get(told.type, str),
         value,
         told.description or name,
         low,
         high,
         group=name.rpartition(".")[0],
+        step=step(told),
+        label=name if name != field else "",
+        read_only=_is_fixed(told),
     )

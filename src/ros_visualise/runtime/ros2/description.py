@@ -27,6 +27,16 @@ _TYPES: dict[type, int] = {
     float: ParameterType.PARAMETER_DOUBLE,
     str: ParameterType.PARAMETER_STRING,
 }
+_LISTS = {
+    ParameterType.PARAMETER_BYTE_ARRAY: "byte_array_value",
+    ParameterType.PARAMETER_BOOL_ARRAY: "bool_array_value",
+    ParameterType.PARAMETER_INTEGER_ARRAY: "integer_array_value",
+    ParameterType.PARAMETER_DOUBLE_ARRAY: "double_array_value",
+    ParameterType.PARAMETER_STRING_ARRAY: "string_array_value",
+}
+_SHOWN = 200
+"""Characters of a list that are shown."""
+
 _FIELDS = {
     ParameterType.PARAMETER_BOOL: "bool_value",
     ParameterType.PARAMETER_INTEGER: "integer_value",
@@ -67,6 +77,13 @@ def limits(told: ParameterDescriptor) -> tuple[float | None, float | None]:
     return None, None
 
 
+def step(told: ParameterDescriptor) -> float | None:
+    """From one value of a number to the next; None where any value will do."""
+    return (
+        next((one.step for one in (*told.integer_range, *told.floating_point_range)), None) or None
+    )
+
+
 def plain(spec: Spec, value: Value) -> bool | int | float | str:
     """A parameter's value as ROS 2 holds it: of an Enum that of its choice, of an int 64 bits."""
     kind, held = _kind(spec), value.value if isinstance(value, Enum) else value
@@ -94,12 +111,16 @@ def to_parameters(prefix: str, declared: Iterable[Spec], params: Any) -> list[Pa
 
 
 def values_of(names: Iterable[str], told: Iterable[Any]) -> dict[str, Any]:
-    """The single values among rcl_interfaces/msg/ParameterValue messages, by their names."""
-    return {
-        name: getattr(one, _FIELDS[one.type])
-        for name, one in zip(names, told, strict=False)
-        if one.type in _FIELDS
-    }
+    """The values in rcl_interfaces/msg/ParameterValue messages, by their names; lists as text."""
+    pairs = list(zip(names, told, strict=False))
+    single = {n: getattr(one, _FIELDS[one.type]) for n, one in pairs if one.type in _FIELDS}
+    lists = {n: list(getattr(one, _LISTS[one.type])) for n, one in pairs if one.type in _LISTS}
+    return single | {name: _text(values) for name, values in lists.items()}
+
+
+def _text(values: list[Any]) -> str:
+    text = str(values)
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]} ... ({len(values)} values)"
 
 
 def _kind(spec: Spec) -> type:

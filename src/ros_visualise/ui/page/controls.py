@@ -14,7 +14,7 @@ from ros_visualise.errors import ParameterError
 from ros_visualise.params import Parameters, Spec, Value
 from ros_visualise.ui.page.elements import widen
 from ros_visualise.ui.page.worker import Worker
-from ros_visualise.ui.steps import round_step
+from ros_visualise.ui.steps import step_of
 
 _STEPS = 200
 """A slider over a range of floats has about so many steps."""
@@ -87,7 +87,7 @@ class Controls:
 
 def add_element(gui: viser.GuiApi, spec: Spec, value: Any) -> viser.GuiInputHandle[Any]:
     """The element that fits one parameter, in the present container."""
-    label = spec.name.replace("_", " ")
+    label = spec.label or spec.name.replace("_", " ")
     if spec.choices:
         return gui.add_dropdown(label, spec.choices, initial_value=value, hint=spec.help)
     if spec.type is bool:
@@ -121,7 +121,8 @@ def _add_number(gui: viser.GuiApi, spec: Spec, label: str, value: Any) -> viser.
     number = spec.type
     if spec.range is None:
         low, high = (None if limit is None else number(limit) for limit in (spec.min, spec.max))
-        return gui.add_number(label, number(value), min=low, max=high, hint=spec.help)
+        step = None if spec.step is None else number(spec.step)
+        return gui.add_number(label, number(value), min=low, max=high, step=step, hint=spec.help)
     low, high = number(min(spec.range[0], value)), number(max(spec.range[1], value))
-    step = 1 if number is int else round_step((high - low) / _STEPS)
+    step = number(step_of(spec, low, high, _STEPS))
     return gui.add_slider(label, low, high, step, number(value), hint=spec.help)
