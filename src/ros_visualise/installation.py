@@ -23,7 +23,7 @@ def check_installation() -> None:
     if missing := [name for name in _FROM_PIP if find_spec(name) is None]:
         raise OpenError(
             f"not installed: {', '.join(missing)}; in a workspace,"
-            f" {_pip_install()} -e 'src/ros_visualise[system,sim]'"
+            f" {_pip_install()} -e 'src/ros_visualise[system,sim,detect]'"
         )
     said = StringIO()
     try:

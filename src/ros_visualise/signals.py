@@ -1,8 +1,9 @@
 """What ends a process from outside: Ctrl-C, SIGTERM, and SIGHUP, which a closed terminal sends.
 
-All three mean the same, and the exit status is `STOPPED` for each. Only the first one counts:
-whoever is ending already is not disturbed. A process that was started with ``nohup`` goes on when
-its terminal is closed.
+All three mean the same, with one exit status: `STOPPED` of a command, which has left its work
+undone; 0 of a ROS executable, whose work ends so. Only the first one counts: a process that is
+ending already is not disturbed. One that was started with ``nohup`` goes on when its terminal is
+closed.
 """
 
 from __future__ import annotations
@@ -51,21 +52,28 @@ def leave(ended: Sequence[int]) -> None:
     os._exit(ended[-1])
 
 
-def interrupt() -> None:
-    """Raise a KeyboardInterrupt in the main thread, from now on; once."""
+class Wish:
+    """Whether somebody ``asked`` for the end."""
+
+    asked = False
+
+
+def interrupt() -> Wish:
+    """Raise a KeyboardInterrupt in the main thread, from now on; once.
+
+    Returns:
+        Whether that has happened, for a caller of code that may swallow it.
+    """
+    wish = Wish()
 
     def raise_once(*_: object) -> None:
+        wish.asked = True
         ignore()
         _leave_terminal()
         raise KeyboardInterrupt
 
     _handle(raise_once)
-
-
-class Wish:
-    """Whether somebody ``asked`` for the end."""
-
-    asked = False
+    return wish
 
 
 def note(wish: Wish) -> dict[Any, Any]:

@@ -17,7 +17,7 @@ NEEDED = {"video": "flight.mp4", "bag": "/flight.bag", "node": "own.py:own", "re
 
 PLAYER_OPTIONS = {"path", "topics", "image", "wait_for", "max_memory"}
 OPTIONS = {"view", "host", "port", "token", "allow_origin", "window", "record_dir"}
-OPTIONS |= {"image_transport", "start", "duration", "clock"}
+OPTIONS |= {"image_transport", "start", "duration", "stay", "clock"}
 PIPELINE_OPTIONS = OPTIONS | {"source", "nodes"}
 
 

@@ -273,6 +273,16 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
     assert (rest, node.returncode) == ("", 0)
 
 
+@pytest.mark.parametrize("uri", ["nonsense", "", "http://localhost:port"])
+def test_an_address_of_the_master_that_is_not_valid_is_wrong_usage(ros_master, uri):
+    environment = {**ros_master.environment, "ROS_MASTER_URI": uri}
+    command = [sys.executable, NODES / "filters"]
+    done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=60)
+    assert done.returncode == 2
+    assert "set ROS_MASTER_URI=http://HOST:11311" in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+
+
 def test_a_closed_terminal_ends_a_node_as_ctrl_c_does(start):
     ended = []
     for number in (signal.SIGINT, signal.SIGHUP):

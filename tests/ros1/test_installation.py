@@ -63,5 +63,5 @@ def test_missing_packages_are_named():
     assert done.stderr.startswith("filters: not installed: ")
     assert done.stderr.endswith(
         "viser; in a workspace, /usr/bin/python3 -m pip install --user --break-system-packages"
-        " -e 'src/ros_visualise[system,sim]'\n"
+        " -e 'src/ros_visualise[system,sim,detect]'\n"
     )

@@ -79,6 +79,25 @@ def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
     assert len(launched.ours) == (1 if pipeline == "true" else len(expected.members))
 
 
+@pytest.mark.parametrize(
+    ("name", "args", "required"),
+    [
+        ("main_video", {}, {"streamer"}),
+        ("main_video", {"pipeline": "true"}, {"pipeline"}),
+        ("main_usb_cam", {}, {"camera"}),
+        ("main_usb_cam", {"camera_driver": "usb_cam"}, {"usb_cam"}),
+        ("main_rosbag", {"pipeline": "true"}, {"player"}),
+        ("main_path", {"bag": "none"}, {"husky"}),
+        ("main_landmarks", {"source": "none"}, set()),
+    ],
+)
+def test_a_launch_ends_with_its_source_and_with_no_other_node(name, args, required):
+    launched = Launched(name, **args)
+    assert {node.name for node in launched.config.nodes if node.required} == required
+    for source in required & {"streamer", "player"}:
+        assert launched.params(source)["stay"] is True  # a source that was played has not failed
+
+
 def test_usb_cam_publishes_what_the_nodes_take():
     launched = Launched("main_usb_cam", camera_driver="usb_cam")
     assert launched.resolve("usb_cam", "/usb_cam/image_raw") == "/image_raw"

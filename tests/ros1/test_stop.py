@@ -114,7 +114,7 @@ def test_rosnode_kill_ends_every_node(launched):
     wait_for(lambda: not launched.alive(), "the nodes to end")
     launched.process.send_signal(signal.SIGINT)
     said = launched.process.communicate(timeout=60)[0]
-    assert "has died" not in said
+    assert "exit code" not in said  # the source is required, so roslaunch ended too
 
 
 @pytest.mark.parametrize("after_s", [0, 0.2, 0.4, 0.6, 0.9, 1.4])

@@ -43,6 +43,7 @@ from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
 from ros_visualise.supervision import PROCESS
+from ros_visualise.ui.page.tables import end_lines
 
 IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))
 
@@ -337,6 +338,41 @@ def test_a_video_is_played_for_whoever_subscribes(hub: Hub, peer: Peer, tmp_path
         heard = peer.hear("/image_raw", Image)
         wait_for(lambda: len(heard) > 5, "images")
     assert {(image.height, image.width, image.encoding) for image in heard} == {(48, 64, "bgr8")}
+
+
+END = "streamer has ended; to play it again, set its parameter paused to false"
+
+
+def test_a_film_that_has_ended_is_reported_and_can_be_played_again(
+    hub: Hub, peer: Peer, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level("INFO")
+    video = write_video(tmp_path / "v.mkv", numbered(25, 16, 12))
+    images = peer.hear("/image_raw", Image)
+    given = {"path": str(video), "stay": True, "paused": True}
+    with (
+        hub.running("streamer", **given),
+        closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer,
+    ):
+        for lap in (1, 2):
+            before = len(images)
+            wait_for(lambda: _is_paused(viewer, "streamer"), "it to wait")
+            viewer.parameters["streamer"].update({"paused": False})
+            wait_for(lambda b=before: len(images) - b >= 24, "the images")
+            wait_for(lambda n=lap: sum(END in line for line in caplog.messages) == n, "its end")
+        wait_for(lambda: viewer.report().nodes["streamer"].ended, "its figures")
+        assert "streamer: has ended; to play it again" in end_lines(viewer.report())
+
+
+def _is_paused(viewer: RemoteRuntime, node: str) -> bool:
+    parameters = viewer.parameters.get(node)
+    return parameters is not None and bool(getattr(parameters.current, "paused", False))
+
+
+def test_a_source_that_breaks_does_not_stay(hub: Hub, tmp_path: Path) -> None:
+    path = tmp_path / "cut.mkv"
+    with hub.running("streamer", ends_with=2, path=str(path), stay=True) as streamer:
+        wait_for(streamer.is_over, "its end")
 
 
 def test_who_looks_knows_our_own_nodes_and_sees_no_robot_beside_it(

@@ -16,7 +16,8 @@ from ros_visualise.vision.compression import JPEG_QUALITY
 
 OPTIONS = (
     *("view", "host", "port", "token", "allow_origin", "window", "record_dir", "overwrite"),
-    *("image_transport", "jpeg_quality", "start", "duration", "clock", "max_memory", "params"),
+    *("image_transport", "jpeg_quality", "start", "duration", "stay"),
+    *("clock", "max_memory", "params"),
 )
 """Those that every executable reads."""
 

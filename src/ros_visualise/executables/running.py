@@ -93,7 +93,8 @@ def run_graph(
     view = _open_view(name, shown)
     try:
         graph = _configured(middleware, graph, namespaces, options)
-        playback = _playback(middleware, graph, view.stays)
+        stays = bool(middleware.option("stay", False))
+        playback = _playback(middleware, graph, stays or view.stays)
         takes_images = Image in graph.inputs.values()
         compressed = takes_images and choose_image_transport(middleware)
         makes_images = any(topic.type is Image for topic in graph.topics.values())
@@ -108,7 +109,7 @@ def run_graph(
         with conduct(middleware, process):
             process.start()
             with closing(offer_saving(middleware, lambda: process.parameters, shown.record_dir)):
-                _spin(middleware, process, view)
+                _spin(middleware, process, view, stays)
     finally:
         view.close()
         process.stop()
@@ -136,8 +137,12 @@ def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
     return opening.result()
 
 
-def _spin(middleware: Middleware, process: Process, view: View) -> None:
-    while not (middleware.is_over() or view.closed or process.runtime.wait(0)):
+def _spin(middleware: Middleware, process: Process, view: View, stays: bool) -> None:
+    """Run until the end: of the graph too, unless it stays there and nothing has failed."""
+    runtime = process.runtime
+    while not (middleware.is_over() or view.closed):
+        if runtime.wait(0) and (runtime.failed or not stays):
+            return
         view.spin(_SPIN_S)
         process.follow()
 

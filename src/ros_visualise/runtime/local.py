@@ -103,6 +103,11 @@ class LocalRuntime:
         if self._source is not None:
             self._source.close()
 
+    def report_lost(self) -> None:
+        """Warn of what the source could not read so far, of each thing once."""
+        if self._source is not None:
+            self._source.report_lost()
+
     @property
     def steps(self) -> int | None:
         """How many messages recordings have worked on by now; None while none has work left."""

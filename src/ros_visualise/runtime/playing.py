@@ -23,6 +23,9 @@ class LiveParams:
 class PlayingParams(LiveParams):
     """How a recording is played; a source's own parameters come beside these."""
 
+    paused: bool = param(
+        False, "stop at the image shown now; true at the end, where false plays again", saved=False
+    )
     rate: float = param(
         1.0,
         "speed of playing; 0 is as fast as it goes",
@@ -69,8 +72,7 @@ class PlaybackFollower:
 
     def _state(self) -> dict[str, Value]:
         state = self._playback.state
-        paused = not (state.playing or state.ended)
-        every = {"rate": state.rate, "loop": state.loop, "paused": paused}
+        every = {"rate": state.rate, "loop": state.loop, "paused": not state.playing}
         return {name: value for name, value in every.items() if name in self._names}
 
     def _apply(self, current: Any, changed: Mapping[str, Value]) -> None:

@@ -9,6 +9,9 @@ from typing import Any
 RATES = ("hz", "wall_hz")
 """Those of a topic: by the stamps, and by the wall clock."""
 
+ENDED = "ended"
+"""The figure of a source that says whether it waits at its end to be played again."""
+
 
 @dataclass(frozen=True)
 class TopicReport:
@@ -66,6 +69,11 @@ class NodeReport:
     def requested_hz(self) -> float | None:
         """The rate that a person asked for, where the node controls one."""
         return self.own.get("requested_hz")
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is a source elsewhere that waits at its end to be played again."""
+        return bool(self.own.get(ENDED))
 
     @property
     def travel(self) -> TravelReport | None:

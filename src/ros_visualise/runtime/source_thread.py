@@ -65,6 +65,7 @@ class SourceThread:
         self._refusals = Refusals(node.name)
         self._steady = Steady()
         self._begun = self._reopened = 0
+        self._reported: set[str] = set()
         self._epochs = Epochs(node.type.latched)
         self._given = self._opened_with = parameters.current
         self._source = self._open(self._given)
@@ -75,7 +76,7 @@ class SourceThread:
     def run(self) -> None:
         """Until the source ends or the playback is closed."""
         try:
-            for work in (self._publish_all, self._say_lost):
+            for work in (self._publish_all, self.report_lost):
                 self._do(work)
         finally:
             for topic in self._outputs.values():
@@ -88,6 +89,13 @@ class SourceThread:
         if self._refusals.count:
             dropped["error"] = dropped.get("error", 0) + self._refusals.count
         return replace(self._stats.report(), dropped=dropped, own=own)
+
+    def report_lost(self) -> None:
+        """Warn of what could not be read so far, of each thing once."""
+        for note in self.report().unread:
+            if note not in self._reported:
+                self._reported.add(note)
+                log.warning("%s: %s", self.name, note)
 
     def act(self, name: str) -> None:
         """Run an action of the source."""
@@ -154,11 +162,6 @@ class SourceThread:
         """When to record it: live, time goes on evenly, also where the stamps' clock is set."""
         log_ns = recorded_ns(message)
         return self._steady.of(log_ns, arrival_ns) if self._type.live else log_ns
-
-    def _say_lost(self) -> None:
-        """What could not be read; it is known at the end."""
-        for note in self.report().unread:
-            log.warning("%s: %s", self.name, note)
 
     def _messages(self) -> Iterator[tuple[str, Any]]:
         while True:

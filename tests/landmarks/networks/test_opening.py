@@ -63,7 +63,7 @@ def test_a_file_that_is_too_large(tmp_path, monkeypatch):
 def test_onnxruntime_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     said = refused(made.yolo_8(tmp_path / "n.onnx", 64, 64))
-    assert said.endswith("pip install 'ros_visualise[detect]', in a clone '.[detect]'")
+    assert said.endswith(f": {sys.executable} -m pip install onnxruntime")
 
 
 def test_cuda_is_missing(tmp_path):

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import mmap
 import re
+import sys
 from contextlib import suppress
 from enum import Enum
 from functools import cache, partial
@@ -19,7 +20,7 @@ from ros_visualise import limits
 from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
 from ros_visualise.landmarks.networks.stopping import stoppable
 
-_INSTALL = "pip install 'ros_visualise[detect]', in a clone '.[detect]'"
+_INSTALL = f"{sys.executable} -m pip install onnxruntime"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too
 _NO_MEMORY = "is smaller than requested bytes"
 _LONGEST_WORD = 200
@@ -95,7 +96,7 @@ class Session:
         name = f"{provider.value.upper()}ExecutionProvider"
         if name not in self._runtime.get_available_providers():
             raise OpenError(
-                f"provider={provider.value}: the onnxruntime that is installed has it not;"
+                f"provider={provider.value}: the installed onnxruntime does not support it;"
                 " pip install onnxruntime-gpu in its place, or set provider=cpu"
             )
         return name

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from collections.abc import Mapping
@@ -29,9 +30,11 @@ from ros_visualise.runtime.bridge.services import offer_actions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlaybackFollower
-from ros_visualise.runtime.report import RATES, NodeReport
+from ros_visualise.runtime.report import ENDED, RATES, NodeReport
 from ros_visualise.sources.playback import Playback
 from ros_visualise.vision.compression import JPEG_QUALITY
+
+log = logging.getLogger(__name__)
 
 _DIAGNOSTICS_S = 1.0
 _FLUSH_S = 0.5
@@ -77,6 +80,7 @@ class Process:
         self._frames = StaticFrames()
         self._outputs = {name: self._open_output(name) for name in self._graph.topics}
         self._player: PlaybackFollower | None = None
+        self._is_at_end = False
         if playback is not None and self._graph.source is not None:
             parameters = self.runtime.parameters[self._graph.source.name]
             self._player = PlaybackFollower(playback, parameters)
@@ -103,6 +107,7 @@ class Process:
         """Do what has to be done now and then: some ten times a second."""
         if self._player is not None:
             self._player.follow()
+        self._notice_end()
         outputs = [one for one in self._outputs.values() if isinstance(one, ImageOutput)]
         for one in self._inputs:
             if isinstance(one, ImageInput):
@@ -202,6 +207,17 @@ class Process:
         for output in self._outputs.values():
             output.wait_for_room(end_s - time.monotonic())
 
+    def _notice_end(self) -> None:
+        """Report that the source has come to its end, where it stays, each time that it does."""
+        playback, source = self.runtime.playback, self._graph.source
+        if playback is None or source is None:
+            return
+        was_at_end, self._is_at_end = self._is_at_end, playback.holds and playback.state.ended
+        if self._is_at_end and not was_at_end:
+            self.runtime.report_lost()
+            what = "%s has ended; to play it again, set its parameter paused to false"
+            log.info(what, source.name)
+
     def _statuses(self) -> dict[str, NodeStatus]:
         """What is told of every node, under its full name on the graph."""
         report = self.runtime.report(_DIAGNOSTICS_S)
@@ -217,6 +233,8 @@ class Process:
             }
             name = f"{own}/{self._namespaces[node.name]}".rstrip("/")
             found = self._with_lost(node, report.nodes[node.name])
+            if node is self._graph.source:
+                found = replace(found, own={**found.own, ENDED: self._is_at_end})
             statuses[name] = NodeStatus(found, node.inputs, outputs)
         return statuses
 

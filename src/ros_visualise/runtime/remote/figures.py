@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping
+from typing import Any
 
 from ros_visualise.data import DiagnosticArray
 from ros_visualise.runtime.bridge.diagnostics import GATE
 from ros_visualise.runtime.middleware import Middleware
-from ros_visualise.runtime.report import RATES, NodeReport
+from ros_visualise.runtime.report import ENDED, RATES, NodeReport
 
 log = logging.getLogger(__name__)
 
@@ -30,6 +31,9 @@ class Figures:
         told = self._fresh(name)
         dropped = {k.removeprefix("dropped/"): n for k, n in told.items() if "dropped/" in k[:8]}
         requested_hz = _number(told.get("requested_hz"))
+        own: dict[str, Any] = {ENDED: True} if told.get(ENDED) == str(True) else {}
+        if requested_hz is not None:
+            own["requested_hz"] = requested_hz
         return NodeReport(
             received=int(_number(told.get("received")) or 0),
             processed=int(_number(told.get("processed")) or 0),
@@ -37,7 +41,7 @@ class Figures:
             p50_ms=_number(told.get("p50_ms")),
             p99_ms=_number(told.get("p99_ms")),
             step_ms=_number(told.get("step_ms")),
-            own={} if requested_hz is None else {"requested_hz": requested_hz},
+            own=own,
             publishes="achieved_hz" in told,
             achieved_hz=_number(told.get("achieved_hz")),
             gate=told.get(GATE),

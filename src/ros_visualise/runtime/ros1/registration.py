@@ -27,7 +27,7 @@ from rospy.impl.registration import (
 )
 
 from ros_visualise import supervision
-from ros_visualise.errors import Unreachable
+from ros_visualise.errors import Unreachable, UsageError
 from ros_visualise.printing import say
 from ros_visualise.runtime.ros1.errors import asking
 
@@ -41,9 +41,16 @@ _params: dict[str, Any] = {}
 
 
 def wait_for_master() -> None:
-    """Wait until there is a ROS master, and from then on for none of its answers for ever."""
-    uri = rosgraph.get_master_uri()
-    if not rosgraph.is_master_online():
+    """Wait until there is a ROS master, and from then on for none of its answers for ever.
+
+    Raises:
+        UsageError: its address is not a valid one.
+    """
+    try:
+        uri, is_online = rosgraph.get_master_uri(), rosgraph.is_master_online()
+    except ValueError as error:
+        raise UsageError(f"{error}; set ROS_MASTER_URI=http://HOST:11311") from None
+    if not is_online:
         say(f"no ROS master at {uri} yet, waiting; start one with: roscore")
     while not rosgraph.is_master_online():
         time.sleep(_CHECK_S)

@@ -12,7 +12,7 @@ import rospkg
 import rospy
 
 from ros_visualise import supervision
-from ros_visualise.errors import OpenError
+from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import asking
@@ -43,12 +43,14 @@ def begin(name: str) -> None:
     _return_to_where_it_was_typed()
     wait_for_master()
     mend_pollers()
-    interrupt()
+    stop = interrupt()
     try:
         rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
-    except (KeyboardInterrupt, rospy.ROSInitException):  # asked to end before it has begun
-        sys.exit(DONE)
-    note(_wish)
+        note(_wish)
+    except (KeyboardInterrupt, rospy.ROSInitException) as error:
+        if stop.asked:  # before it has begun
+            sys.exit(DONE)
+        raise RosVisualiseError(f"{name} cannot join the ROS graph: {error}") from None
     log_to(_SAY)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
     supervision.start("clock watch", partial(watch_clock, is_over), again_s=_LOOK_S)

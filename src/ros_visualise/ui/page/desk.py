@@ -29,7 +29,7 @@ from ros_visualise.ui.page.saver import Saver
 from ros_visualise.ui.page.scripts import add_channel
 from ros_visualise.ui.page.space import Space
 from ros_visualise.ui.page.style import BESIDE_SCENE, IMAGES_ALONE, STYLE
-from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines
+from ros_visualise.ui.page.tables import end_lines, loss_lines, topic_table, travel_lines
 from ros_visualise.ui.page.tools import Tools
 from ros_visualise.ui.page.transport import Transport
 from ros_visualise.ui.page.tree import tree_picture
@@ -266,7 +266,7 @@ class Desk:
 
     def _show_report(self, report: RunReport) -> None:
         if self._runtime.graph is self._graph:  # else the report may be of the next one
-            lines = travel_lines(report) + loss_lines(report)
+            lines = end_lines(report) + travel_lines(report) + loss_lines(report)
             self._table.content = topic_table(self._graph, report) + lines
             self._plots.add(report)
 

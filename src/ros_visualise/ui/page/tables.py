@@ -35,6 +35,14 @@ def loss_lines(report: RunReport) -> str:
     return _lines((name, note) for name, node in report.nodes.items() for note in node.unread)
 
 
+def end_lines(report: RunReport) -> str:
+    """Which sources elsewhere have ended, and how to play them again, in HTML."""
+    ended = (name for name, node in report.nodes.items() if node.ended)
+    return _lines(
+        (name, "has ended; to play it again, untick paused in its window") for name in ended
+    )
+
+
 def _lines(told: Iterable[tuple[str, str]]) -> str:
     return "".join(f'<div class="rv-note">{escape(n)}: {escape(text)}</div>' for n, text in told)
 
