@@ -43,7 +43,7 @@ from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
 from ros_visualise.supervision import PROCESS
-from ros_visualise.ui.page.tables import end_lines
+from ros_visualise.ui.page.tables import end_lines, topic_table
 
 IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))
 
@@ -151,6 +151,17 @@ def test_jpegs_are_as_good_as_asked(hub: Hub, peer: Peer) -> None:
         with pytest.raises(SystemExit) as ended:
             run("filters", middleware)
         assert ended.value.code == 2
+
+
+def test_topics_of_unknown_types_are_listed(hub: Hub, peer: Peer) -> None:
+    for topic, kind in (("/chatter", "odd_msgs/msg/<Odd>"), ("/set", "dynamic_reconfigure/msg/C")):
+        hub.topic(topic, kind).publishers.append("/talker")
+    with closing(RemoteRuntime(peer.middleware)) as viewer:
+        report = wait_for(viewer.report, "a report")
+        assert report.unknown == {"/chatter": "odd_msgs/msg/<Odd>"}
+        table = topic_table(viewer.graph, report)
+    assert "/chatter<small>odd_msgs/&lt;Odd&gt;</small>" in table
+    assert "unknown type" in table
 
 
 def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer) -> None:

@@ -110,11 +110,15 @@ class RecordingReport:
 
 @dataclass(frozen=True)
 class RunReport:
-    """All of it: topics and nodes by their names, recordings by their files."""
+    """All of it: topics and nodes by their names, recordings by their files.
+
+    ``unknown`` are topics elsewhere whose messages cannot be shown, with their types.
+    """
 
     topics: Mapping[str, TopicReport]
     nodes: Mapping[str, NodeReport]
     recordings: Mapping[str, RecordingReport] = field(default_factory=dict)
+    unknown: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def is_incomplete(self) -> bool:

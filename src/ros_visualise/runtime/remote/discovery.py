@@ -20,6 +20,9 @@ from ros_visualise.runtime.middleware import Listing
 
 _COMPRESSED = type_name(CompressedImage)
 _TOLD = {kind.type_name: kind for kind in (Log, Ros1Log, DiagnosticArray)}
+_OF_THE_GRAPH = ("dynamic_reconfigure/", "rcl_interfaces/", "rosgraph_msgs/", "service_msgs/")
+"""How types begin by which ROS itself works."""
+
 _TOLD_AGAIN = "/rosout_agg"
 _SHOWN = set(MESSAGES) - {DiagnosticArray, ParameterEvent, Text}
 
@@ -37,13 +40,15 @@ class Sight(NamedTuple):
     """What there is at one moment.
 
     ``types``: the topics of messages that we have a class for, with that; ``told``: those on which
-    nodes tell of themselves; ``compressed``: image topics that come compressed too.
+    nodes tell of themselves; ``compressed``: image topics that come compressed too; ``unknown``:
+    topics of messages that cannot be shown, with their types.
     """
 
     peers: tuple[Peer, ...]
     types: Mapping[str, type]
     told: Mapping[str, type]
     compressed: frozenset[str]
+    unknown: Mapping[str, str] = {}
 
 
 def survey(listing: Listing, own: str) -> Sight:
@@ -74,7 +79,9 @@ def survey(listing: Listing, own: str) -> Sight:
         if _matters(peer, shown, listing.onlookers):
             peers.append(peer)
     told = {name: _TOLD[kind] for name, kind in kinds if kind in _TOLD and name != _TOLD_AGAIN}
-    return Sight(tuple(peers), shown, told, frozenset(compressed))
+    near = {topic for topic, node in published if _is_seen(node, own)}
+    unknown = {topic: kind for topic, kind in kinds if topic in near and _is_unknown(kind)}
+    return Sight(tuple(peers), shown, told, frozenset(compressed), unknown)
 
 
 def _again(shown: Mapping[str, type], publishers: Mapping[str, Sequence[str]]) -> dict[str, str]:
@@ -94,6 +101,10 @@ def _pairs(ends: Iterable[tuple[str, Iterable[str]]]) -> list[tuple[str, str]]:
 def _is_seen(node: str, own: str) -> bool:
     here, there = own.rpartition("/")[0] + "/", node.rpartition("/")[0] + "/"
     return node != own and (here.startswith(there) or there.startswith(here))
+
+
+def _is_unknown(kind: str) -> bool:
+    return data_class(kind) is None and not kind.startswith(_OF_THE_GRAPH)
 
 
 def _base(topic: str, compressed: Collection[str]) -> str:

@@ -107,7 +107,8 @@ class RemoteRuntime:
         topics = {
             name: self._topic_report(name, topic, window_s) for name, topic in graph.topics.items()
         }
-        return RunReport(topics, nodes, report_recordings(tuple(self._recordings)))
+        recordings = report_recordings(tuple(self._recordings))
+        return RunReport(topics, nodes, recordings, self._sight.unknown)
 
     def start_recording(
         self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()

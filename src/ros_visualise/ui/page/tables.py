@@ -21,6 +21,7 @@ def topic_table(graph: Graph, report: RunReport) -> str:
         _row(name, topic, report.nodes[graph.topics[name].publisher])
         for name, topic in report.topics.items()
     ]
+    rows += [_unknown_row(name, kind) for name, kind in sorted(report.unknown.items())]
     return f'<table class="rv-topics">{_HEAD}{"".join(rows)}</table>'
 
 
@@ -64,8 +65,15 @@ def _row(name: str, topic: TopicReport, node: NodeReport) -> str:
         f'<span title="{escape(_reasons(node.dropped.items()))}">{node.lost}</span>',
         _number(node.p50_ms),
     )
-    first = f"<td>{escape(name)}<small>{escape(topic.type.replace('/msg/', '/'))}</small></td>"
-    return f"<tr>{first}{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+    return f"<tr>{_name(name, topic.type)}{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _unknown_row(name: str, kind: str) -> str:
+    return f'<tr>{_name(name, kind)}<td colspan="4">unknown type</td></tr>'
+
+
+def _name(topic: str, kind: str) -> str:
+    return f"<td>{escape(topic)}<small>{escape(kind.replace('/msg/', '/'))}</small></td>"
 
 
 def _reasons(drops: Iterable[tuple[str, int]]) -> str:
