@@ -6,8 +6,10 @@ import struct
 import numpy as np
 import pytest
 
+from ros_visualise import limits
 from ros_visualise.data import Image, Imu, NavSatFix
 from ros_visualise.pipelines import film_pipeline
+from ros_visualise.sources import demux
 from ros_visualise.sources.film import Film
 from ros_visualise.sources.logs.gpmf import read_samples
 from ros_visualise.sources.playback import Playback
@@ -67,6 +69,29 @@ def test_times_are_those_in_the_film(series):
     assert np.median(steps_ns) == pytest.approx(5e6, rel=0.02)  # 200 a second
 
 
+def test_the_images_of_a_film_are_not_read_for_its_telemetry(karma, monkeypatch):
+    read = []
+
+    class Counted(demux._File):
+        def read(self, size=-1):
+            data = super().read(size)
+            read.append(len(data))
+            return data
+
+    monkeypatch.setattr(demux, "_File", Counted)
+    demux.open_container(karma).close()
+    to_open = sum(read)
+    read.clear()
+    assert len(telemetry_of(karma)) == 2
+    assert sum(read) == to_open > 0
+
+
+def test_telemetry_that_is_too_large_is_left_out_and_said(karma, monkeypatch, caplog):
+    monkeypatch.setattr(limits, "_max_memory", 1 << 20)
+    assert telemetry_of(karma) == []
+    assert "played without its telemetry: a file of 0 MiB" in caplog.text
+
+
 def test_a_drone_in_the_air_feels_its_weight(series):
     imu = series["imu"]
     messages = [imu.make(number) for number in range(0, len(imu.stamps_ns), 10)]
@@ -82,11 +107,11 @@ def test_streams_are_scaled_by_their_own_scales():
     scale = klv("SCAL", "l", 4, struct.pack(">5l", 10_000_000, 10_000_000, 1000, 1000, 100))
     fix = klv("GPSF", "L", 4, struct.pack(">L", 3))
     packet = nest("DEVC", nest("STRM", fix, scale, klv("GPS5", "l", 20, gps, gps)))
-    [samples] = read_samples(packet)
+    [samples] = read_samples(packet, {"GPS5"})
     assert (samples.key, samples.fix, samples.values.shape) == ("GPS5", 3, (2, 5))
     assert samples.values[1] == pytest.approx([33.1253688, -117.3310668, 15.711, 2.003, 8.8])
     for cut in range(len(packet)):
-        list(read_samples(packet[:cut]))  # as far as it goes
+        list(read_samples(packet[:cut], {"GPS5"}))  # as far as it goes
 
 
 def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):

@@ -6,22 +6,24 @@ its name. There are fixes, and of GoPro's cameras accelerations and rates.
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Imu, NavSatFix
 from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_text
+from ros_visualise.limits import check_file, check_text
 from ros_visualise.sources.demux import open_container
 from ros_visualise.sources.logs.gpmf import Samples, read_samples
 from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt
 from ros_visualise.sources.series import Series
+
+log = logging.getLogger(__name__)
 
 _TRACK = "GoPro MET"
 _FIX, _NO_FIX = 0, -1
@@ -29,6 +31,7 @@ _NO_ORIENTATION = -np.eye(3) * [[1, 0, 0]]  # of what is not measured (REP 145)
 _GPS, _IMU = "gps", "camera_link"
 _PLACES = {"GPS5": (0, 1, 2), "GPS9": (0, 1, 2), "GLPI": (1, 2, 3)}
 """Streams with latitude, longitude and altitude, the better first, and where these stand."""
+_READ = {*_PLACES, "ACCL", "GYRO"}
 _FIX_OF_GPS9 = 8
 _UP_RIGHT_FORWARD = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
 """R_link_gopro: forward, left, up of the axes that GoPro names up, right, forward."""
@@ -40,35 +43,62 @@ def telemetry_of(film: str | Path) -> list[Series]:
     There are none in a film that cannot be opened: whoever plays it says why.
     """
     path = Path(film)
-    found: list[Series] = []
-    with suppress(OpenError, TooLarge):
-        found = list(_of_gopro(path)) or _of_dji(path)
-    return found
+    try:
+        return list(_of_gopro(path)) or _of_dji(path)
+    except TooLarge as error:
+        log.warning("%s: played without its telemetry: %s", path, error)
+    except OpenError:
+        pass
+    return []
 
 
 def _of_gopro(path: Path) -> Iterator[Series]:
     rows: dict[str, list[tuple[npt.NDArray[np.int64], Samples]]] = {}
+    for packet in _packets(path):
+        for samples in read_samples(packet.data, _READ):
+            rows.setdefault(samples.key, []).append((packet.times_ns(len(samples.values)), samples))
+    yield from _fixes(rows)
+    if "ACCL" in rows and "GYRO" in rows:
+        yield _imu(*(_joined(rows[key]) for key in ("ACCL", "GYRO")))
+
+
+class _Packet(NamedTuple):
+    """What was measured in a part of the film, in seconds."""
+
+    begin_s: float
+    length_s: float
+    data: bytes
+
+    def times_ns(self, count: int) -> npt.NDArray[np.int64]:
+        """(N,) times in the film: samples are spread over the time of their packet."""
+        times_s = self.begin_s + np.arange(count) / count * self.length_s
+        return np.round(times_s * 1e9).astype(np.int64)
+
+
+def _packets(path: Path) -> Iterator[_Packet]:
+    """The packets of the track of telemetry, read by the film's index and without its images.
+
+    Raises:
+        TooLarge: they would take too much.
+    """
     with open_container(path) as container:
         tracks = [
             one
             for one in container.streams
             if one.type == "data" and _TRACK in one.metadata.get("handler_name", "")
         ]
-        if not tracks:
+        track = tracks[0] if tracks else None
+        if track is None:
             return
-        for packet in container.demux(tracks[0]):
-            for samples in read_samples(bytes(packet)):
-                rows.setdefault(samples.key, []).append((_times_ns(packet, samples), samples))
-    yield from _fixes(rows)
-    if "ACCL" in rows and "GYRO" in rows:
-        yield _imu(*(_joined(rows[key]) for key in ("ACCL", "GYRO")))
-
-
-def _times_ns(packet: Any, samples: Samples) -> npt.NDArray[np.int64]:
-    """(N,) times in the film: the samples of a packet are spread over its time."""
-    begin, length = ((packet.pts or 0), (packet.duration or 0))
-    shares = np.arange(len(samples.values)) / len(samples.values)
-    return np.round((begin + shares * length) * float(packet.time_base) * 1e9).astype(np.int64)
+        tick_s = float(track.time_base or 0)
+        places = [(one.timestamp, one.pos, one.size) for one in track.index_entries]
+        ends = [*(begin for begin, _, _ in places[1:]), track.duration or 0]
+    check_file(sum(size for _, _, size in places))
+    with path.open("rb") as file:
+        for (begin, position, size), end in zip(places, ends, strict=False):
+            file.seek(max(0, position))
+            data = file.read(max(0, size))
+            yield _Packet(begin * tick_s, max(0, end - begin) * tick_s, data)
 
 
 def _joined(rows: list[tuple[npt.NDArray[np.int64], Samples]]) -> tuple[Any, Floats]:

@@ -6,7 +6,7 @@ Source: GoPro, GPMF Introduction (gopro/gpmf-parser): KLV triplets, TYPE, SCAL; 
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -42,13 +42,15 @@ class _Item(NamedTuple):
     data: bytes
 
 
-def read_samples(packet: bytes) -> Iterator[Samples]:
-    """The samples of every stream in a packet; what cannot be read of it is left out."""
+def read_samples(packet: bytes, keys: Container[str]) -> Iterator[Samples]:
+    """The samples of some streams in a packet; what cannot be read of it is left out."""
     for stream in _streams(packet, 0):
         items = {item.key: item for item in stream}
         last = stream[-1] if stream else None
-        values = None if last is None else _values(last, items)
-        if last is not None and values is not None:
+        if last is None or last.key not in keys:
+            continue
+        values = _values(last, items)
+        if values is not None:
             yield Samples(last.key, values, _fix(items))
 
 
