@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from ros_visualise.yaml_files import BadYaml, load_yaml
+from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml
 
 NINE = "[" + ",".join(["lol"] * 9) + "]"
 LAUGHS = f"a0: &a0 {NINE}\n" + "".join(
@@ -26,14 +26,14 @@ def load(tmp_path):
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        (LAUGHS, "more than 200000 values in line 6"),
-        ("a: &a [1, *a]", "more than 200000 values"),
+        (LAUGHS, "more than 32768 values in line 5"),
+        ("a: &a [1, *a]", "more than 32768 values"),
         (LAUGHS.replace("[", "{<<: [").replace("]", "]}"), "YAML|values|mapping"),
         ("a: " + "[" * 100_000, "nested more than 50 deep in line 1"),
-        ("a: [" + "1," * 250_000 + "]", "more than 200000 values"),
-        ("#" * (5 << 20), "more than 4 MiB"),
+        ("a: [" + "1," * 250_000 + "]", "more than 32768 values"),
+        ("#" * (5 << 20), "more than 1 MiB"),
         ("a: " + "9" * 5000, "a text file of keys and values"),
-        ("%YAML 1.1\n---\na: 1" + ":01" * 500_000, "more than 65536 letters"),
+        ("%YAML 1.1\n---\na: 1" + ":01" * 300_000, "more than 65536 letters"),
         ("a: *b", "undefined alias 'b' in line 1"),
     ],
     ids=[
@@ -76,3 +76,13 @@ def test_parameters_that_are_too_much_are_one_line(tmp_path, content):
     assert done.returncode == 2
     [line] = done.stderr.splitlines()
     assert f"{path}: not YAML: " in line
+
+
+@pytest.mark.parametrize(("lists", "limit"), [(40, 1 << 15), (140, 1 << 17)])
+def test_what_holds_matrices_may_be_larger(tmp_path, lists, limit):
+    path = tmp_path / "map.yaml"
+    path.write_text(f"a: &a [{'1,' * 1000}]\nb: [{'*a,' * lists}]\n")
+    with pytest.raises(BadYaml, match=f"more than {limit} values"):
+        load_yaml(path, limit)
+    if limit < MANY_VALUES:
+        assert len(load_yaml(path, MANY_VALUES)["b"]) == lists

@@ -6,6 +6,7 @@ values, which programs then look at one by one.
 
 from __future__ import annotations
 
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, ScalarEvent
 
-_MOST_BYTES = 4 << 20  # the metadata of a bag of 10,000 files has less
-_MOST_VALUES = 200_000
+MOST_VALUES = 1 << 15  # the metadata of a bag of 4,000 files has less; takes a second or two
+MANY_VALUES = 1 << 17  # of what holds matrices of numbers: a map of 2,000 landmarks has less
+_VALUE_BYTES = 32
 _DEEPEST = 50
 _LONGEST_PLAIN = 1 << 16  # of what may be a number, which takes long to make of many digits
 
@@ -25,28 +27,33 @@ class BadYaml(ValueError):
     """This is no YAML, or too large; says why."""
 
 
-def load_yaml(path: Path) -> Any:
+def load_yaml(path: Path, most_values: int = MOST_VALUES) -> Any:
     """The values in a file.
+
+    Args:
+        path: of the file.
+        most_values: that it may hold; on average they may be 32 bytes long.
 
     Raises:
         OSError: it cannot be read.
         BadYaml: it is no YAML, or too large.
     """
     with path.open("rb") as file:
-        data = file.read(_MOST_BYTES + 1)
-    return parse_yaml(data)
+        data = file.read(most_values * _VALUE_BYTES + 1)
+    return parse_yaml(data, most_values)
 
 
-def parse_yaml(data: bytes) -> Any:
+def parse_yaml(data: bytes, most_values: int = MOST_VALUES) -> Any:
     """The values in a text.
 
     Raises:
         BadYaml: it is no YAML, or too large.
     """
-    if len(data) > _MOST_BYTES:
-        raise BadYaml(f"more than {_MOST_BYTES >> 20} MiB; leave out what is not needed")
-    yaml = YAML(typ="safe", pure=True)  # in Python alone, so that Ctrl-C need not wait for it
-    yaml.Composer = _Composer
+    most_bytes = most_values * _VALUE_BYTES
+    if len(data) > most_bytes:
+        raise BadYaml(f"more than {most_bytes >> 20} MiB; leave out what is not needed")
+    yaml: Any = YAML(typ="safe", pure=True)  # in Python alone, so that Ctrl-C need not wait for it
+    yaml.Composer = partial(_Composer, most_values=most_values)
     try:
         return yaml.load(data.decode())
     except MarkedYAMLError as error:
@@ -69,8 +76,9 @@ def to_yaml(values: Any) -> str:
 class _Composer(Composer):
     """Counts the values while they are put together, and stops where they are too many."""
 
-    def __init__(self, loader: Any = None) -> None:
+    def __init__(self, loader: Any = None, most_values: int = MOST_VALUES) -> None:
         super().__init__(loader=loader)
+        self._most = most_values
         self._values = self._depth = 0
         self._sizes: dict[str, int] = {}
 
@@ -81,8 +89,8 @@ class _Composer(Composer):
         self._depth += 1
         if self._depth > _DEEPEST:
             raise _refused(f"nested more than {_DEEPEST} deep", event)
-        if self._values > _MOST_VALUES:
-            raise _refused(f"more than {_MOST_VALUES} values", event)
+        if self._values > self._most:
+            raise _refused(f"more than {self._most} values", event)
         node = super().compose_node(parent, index)
         self._depth -= 1
         if event.anchor and not isinstance(event, AliasEvent):
@@ -92,7 +100,7 @@ class _Composer(Composer):
     def _size(self, event: Any) -> int:
         """How many values an event stands for; too many if it is named within itself."""
         if isinstance(event, AliasEvent) and event.anchor in self.anchors:
-            return self._sizes.get(event.anchor, _MOST_VALUES)
+            return self._sizes.get(event.anchor, self._most)
         is_plain = isinstance(event, ScalarEvent) and event.implicit[0]
         if is_plain and len(event.value) > _LONGEST_PLAIN:
             raise _refused(f"a value of more than {_LONGEST_PLAIN} letters without quotes", event)

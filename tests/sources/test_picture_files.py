@@ -42,3 +42,12 @@ def test_what_a_png_says_beside_its_pixels_does_not_matter(png, tmp_path, capfd)
     path.write_bytes(png[:HEAD] + part(b"iCCP", profile) + png[HEAD:])
     assert (read_picture(path).pixels == PIXELS).all()
     assert capfd.readouterr().err == ""
+
+
+def test_a_large_file_is_refused_before_it_is_read(tmp_path):
+    path = tmp_path / "large.png"
+    with path.open("wb") as file:
+        file.write(b"\x89PNG\r\n\x1a\n")
+        file.truncate(1 << 40)
+    with pytest.raises(OpenError, match=r"large\.png: a file of 1024\.0 GiB, and 128 MiB"):
+        read_picture(path)

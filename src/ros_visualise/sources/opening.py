@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -17,6 +18,7 @@ _ULOG = b"ULog\x01\x12\x35"
 _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b", b"BZh", b"\xfd7zXZ", b"\x28\xb5\x2f\xfd", b"7z\xbc\xaf")
 """How zip, gzip, bzip2, xz, zstd and 7z begin."""
 _HEAD_SIZE = 4096
+_MOST_METADATA = 4 << 20  # bytes
 _NAMED = {
     ".bag": "ROS 1 bag",
     ".mcap": "MCAP file",
@@ -157,7 +159,10 @@ def _is_one_split_bag(files: list[Path]) -> bool:
 
 def _is_listed(path: Path) -> bool:
     metadata = path.parent / METADATA
-    return metadata.is_file() and path.name in metadata.read_text(errors="replace")
+    if not metadata.is_file():
+        return False
+    with metadata.open("rb") as file:
+        return os.fsencode(path.name) in file.read(_MOST_METADATA)
 
 
 def _head(path: Path) -> bytes:

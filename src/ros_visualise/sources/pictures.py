@@ -15,6 +15,7 @@ import numpy as np
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.limits import check_file
 from ros_visualise.vision.color import encoding_of
 from ros_visualise.vision.pictures import decodable
 
@@ -38,7 +39,10 @@ def read_picture(path: Path) -> Image:
         OpenError: it cannot be read, or is no picture.
     """
     try:
+        check_file(path.stat().st_size)
         file = path.read_bytes()
+    except TooLarge as error:
+        raise OpenError(f"{path}: {error}") from None
     except FileNotFoundError:
         raise OpenError.missing(path) from None
     except OSError as error:

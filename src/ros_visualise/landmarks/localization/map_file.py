@@ -29,7 +29,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
+from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml, to_yaml
 
 
 class MapFile(NamedTuple):
@@ -59,7 +59,7 @@ def load(path: Path) -> MapFile:
         OpenError: there is no such file, or it is no map; says where it is wrong.
     """
     try:
-        values = load_yaml(path)
+        values = load_yaml(path, MANY_VALUES)
     except FileNotFoundError:
         raise OpenError.missing(path, "give a map that save_map has written") from None
     except (OSError, BadYaml) as error:

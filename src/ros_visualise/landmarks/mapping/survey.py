@@ -23,7 +23,7 @@ from ros_visualise.data import Floats
 from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Problem, TagPrior
-from ros_visualise.yaml_files import BadYaml, load_yaml
+from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml
 
 _SIGMA_M, _SIGMA_DEG = 0.01, 1.0
 _LEAST = 1e-5  # metres, radians: nobody knows a place better
@@ -57,7 +57,7 @@ def read_survey(path: str | Path) -> Survey:
         OpenError: it cannot be read, or something in it is wrong; the message says what and where.
     """
     try:
-        values = load_yaml(Path(path))
+        values = load_yaml(Path(path), MANY_VALUES)
         if not isinstance(values, dict) or not values.keys() & {"landmarks", "distances"}:
             raise ValueError("give a list of landmarks, of distances, or both")
         return Survey(
