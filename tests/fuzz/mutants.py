@@ -5,6 +5,9 @@ import shutil
 import struct
 from pathlib import Path
 
+from fuzz.drops import drop
+
+_DROPPED = 0.3  # of the mutants lack a record
 _EDGE = 256  # bytes at either end of a file, where formats keep what matters most
 _EXTREMES = (0, 1, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0xFFFFFFFF, 0x7FFFFFFFFFFFFFFF)
 _ODD_WORDS = (
@@ -23,16 +26,25 @@ _ODD_WORDS = (
 )
 
 
-def mutate(whole: Path, target: Path, rng: random.Random) -> None:
-    """A damaged copy of a file or folder."""
+def mutate(whole: Path, target: Path, rng: random.Random) -> bool:
+    """A damaged copy of a file or folder; whether one whole record is all that it lacks."""
+    lacks = rng.random() < _DROPPED
     if whole.is_file():
+        if lacks and drop(whole, target, rng):
+            return True
         target.write_bytes(damage(whole.read_bytes(), rng))
-        return
+        return False
     shutil.copytree(whole, target)
+    if lacks:
+        files = [path for path in target.rglob("*") if path.is_file()]
+        file = rng.choice(sorted(files))
+        if drop(file, file, rng):
+            return True
     for _ in range(rng.choice((1, 1, 2))):
         files = sorted(path for path in target.rglob("*") if path.is_file())
         if files:
             _damage_file(rng.choice(files), rng)
+    return False
 
 
 def damage(data: bytes, rng: random.Random) -> bytes:

@@ -13,6 +13,7 @@ from typing import Any
 
 from fuzz.counts import count
 from ros_visualise.cli import main
+from ros_visualise.sources.logs.gpmf import read_samples
 
 MOST_MIB = 2048
 QUICK = ("--view", "none", "--rate", "0", "--json")
@@ -68,27 +69,41 @@ def run(*arguments: object) -> Done:
     return Done(line[0], status, output.getvalue(), errors.getvalue())
 
 
-def examine(path: Path, kind: str, folder: Path) -> list[str]:
-    """What is wrong with how the commands take an input; ``folder`` is for what they write."""
+def examine(path: Path, kind: str, folder: Path, whole: Path | None = None) -> list[str]:
+    """What is wrong with how the commands take an input.
+
+    Args:
+        path: of the input.
+        kind: what it is, or was.
+        folder: for what the commands write.
+        whole: of which the input lacks a record, if that is all that is wrong with it.
+    """
     before = peak_mib()
     begun = time.monotonic()
-    if kind in _SETTINGS:
+    if kind in _PARTS:
+        done, found = [], []
+        _PARTS[kind](path.read_bytes())
+    elif kind in _SETTINGS:
         done = [run(*_SETTINGS[kind](path, folder))]
         found = []
     else:
-        done, found = _examine_recording(path, kind, folder)
+        done, found = _examine_recording(path, kind, folder, whole)
     found += [fault for one in done for fault in one.faults]
     if before < MOST_MIB < peak_mib():
         found.append(f"took {peak_mib()} MiB in {time.monotonic() - begun:.0f} s")
     return found
 
 
-def _examine_recording(path: Path, kind: str, folder: Path) -> tuple[list[Done], list[str]]:
+def _examine_recording(
+    path: Path, kind: str, folder: Path, whole: Path | None
+) -> tuple[list[Done], list[str]]:
     copy = folder / "copy.mcap"
     info = run("info", path, "--json")
     played = run(_PLAYED_BY.get(kind, "bag"), path, *QUICK)
     converted = run("convert", path, copy, "--json", "--overwrite")
     there = count(path, kind) or 0
+    if whole is not None and kind in _COUNTED:
+        there = max(there, count(whole, kind) or 0)
     found = []
     if info.status == 0 and not any(info.report.get("lost", {}).values()):
         found += _fewer("info", info.report["messages"], there)
@@ -124,4 +139,13 @@ def _calibration(path: Path, folder: Path) -> tuple[object, ...]:
     return ("video", folder / "video.mkv", "--frames", 2, "--set", setting, *QUICK)
 
 
+def _telemetry(packet: bytes) -> None:
+    for samples in read_samples(packet, {"GPS5", "ACCL", "GYRO"}):
+        assert samples.values.ndim == 2
+
+
+_COUNTED = ("bag", "mcap", "mcap_folder", "db3")
+"""Kinds whose files count their messages, so that a missing one can be known."""
+
+_PARTS = {"gpmf": _telemetry}
 _SETTINGS = {"params": _demo, "mission": _mission, "calibration": _calibration}

@@ -1,6 +1,7 @@
 """Whole inputs of every kind, small: made ones, and real ones where there are some."""
 
 import os
+import struct
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,6 +18,7 @@ _REAL = {
     "db3": ("bags/evo_tf_example", "bags/plotjuggler_rosbag2_test"),
     "ulg": ("trajectory/px4_ulog/sample_log_small.ulg",),
     "srt": ("trajectory/dji_srt/mavic_mini.SRT",),
+    "video": ("video/gopro_karma_drone.mp4",),
     "kitti": ("oxts/2011_09_30_drive_0016_sync",),
 }
 
@@ -124,6 +126,53 @@ def _write(path: Path, text: str) -> None:
     path.write_text(text)
 
 
+def _flights(folder: Path) -> list[Path]:
+    """A flight log of 40 positions and fixes."""
+
+    def record(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    parts = [b"ULog\x01\x12\x35\x01" + bytes(8), record("B", bytes(40))]
+    for number, (name, fields) in enumerate(_UORB.items()):
+        parts.append(record("F", f"{name}:uint64_t timestamp;{fields}".encode()))
+        parts.append(record("A", struct.pack("<BH", 0, number) + name.encode()))
+    for step in range(40):
+        stamp_us = 1_000_000 + 100_000 * step
+        attitude = struct.pack("<HQ4f", 0, stamp_us, 1, 0, 0, 0)
+        position = struct.pack("<HQ3f2B", 1, stamp_us, step, 0.0, -1.0, 1, 1)
+        fix = struct.pack("<HQ3iB", 2, stamp_us, 471000000 + step, 85000000, 400000, 3)
+        parts += [record("D", body) for body in (attitude, position, fix)]
+        parts += [record("S", _SYNC)] if step % 10 == 0 else []
+    path = folder / "made.ulg"
+    path.write_bytes(b"".join(parts))
+    return [path]
+
+
+_UORB = {
+    "vehicle_attitude": "float[4] q;",
+    "vehicle_local_position": "float x;float y;float z;bool xy_valid;bool z_valid;",
+    "sensor_gps": "int32_t lat;int32_t lon;int32_t alt;uint8_t fix_type;",
+}
+_SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+
+
+def _telemetry(folder: Path) -> list[Path]:
+    """A packet of the telemetry of a GoPro film."""
+
+    def item(key: bytes, kind: bytes, size: int, data: bytes) -> bytes:
+        head = struct.pack(">4scBH", key, kind, size, len(data) // size)
+        return head + data + bytes(-len(data) % 4)
+
+    place = struct.pack(">5l", 471000000, 85000000, 400000, 100, 100)
+    scale = struct.pack(">5l", 10_000_000, 10_000_000, 1000, 1000, 100)
+    fixes = item(b"SCAL", b"l", 4, scale) + item(b"GPS5", b"l", 20, place * 18)
+    turns = [item(key, b"s", 6, struct.pack(">3h", 1, 2, 3) * 50) for key in (b"ACCL", b"GYRO")]
+    streams = [item(b"STRM", b"\0", 1, part) for part in (fixes, *turns)]
+    path = folder / "packet.gpmf"
+    path.write_bytes(item(b"DEVC", b"\0", 1, b"".join(streams)))
+    return [path]
+
+
 _SUBTITLES = "".join(
     f"{n}\n00:00:0{n},000 --> 00:00:0{n + 1},000\nGPS(8.{n},47.1,12) BAROMETER:1{n}.0\n\n"
     for n in range(1, 8)
@@ -146,6 +195,8 @@ _MAKERS = {
     "video": _videos,
     "kitti": _drives,
     "kitti_odometry": _sequences,
+    "ulg": _flights,
+    "gpmf": _telemetry,
     "srt": _texts("DJI_0001.SRT", _SUBTITLES),
     "params": _texts(
         "params.yaml", "fps_control: {fps: 10}\nfilters:\n  gray: true\n  threshold: 90\n"
