@@ -213,3 +213,18 @@ def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):
 def test_a_topic_that_there_is_not_cannot_be_recorded(running: Running, tmp_path: Path):
     with pytest.raises(UsageError, match="/edges"):
         running.runtime.start_recording(tmp_path / "x.mcap", topics=["/nothing"])
+
+
+def test_a_recording_that_begins_and_ends_leaves_all_else_going(running: Running, tmp_path: Path):
+    """Where the source can wait, the queues turn lossless by it, and live again."""
+    watched = running.runtime.subscribe("/edges")
+    for number in range(3):
+        recording = running.runtime.start_recording(tmp_path / f"{number}.mcap", topics=["/edges"])
+        wait_for(lambda r=recording: r.written >= 5, "messages to be written")
+        running.runtime.stop_recording(recording)
+        assert recording.error is None
+        assert len({image.header.stamp_ns for image in running.take("/edges", 5)}) == 5
+    while watched.take(0) is not None:
+        pass
+    wait_for(lambda: watched.take(1), "an image for who watched all the time")
+    watched.close()

@@ -51,7 +51,7 @@ class Hub:
         told = {key.replace("__", "/"): value for key, value in given.items()}
         middleware = HubMiddleware(self, told, args=args)
         statuses: list[object] = []
-        thread = threading.Thread(target=_run, args=(name, middleware, statuses), name=name)
+        thread = threading.Thread(target=run_one, args=(name, middleware, statuses), name=name)
         thread.start()
         try:
             yield middleware
@@ -61,7 +61,8 @@ class Hub:
         assert statuses == [ends_with], f"{name} did not end well"
 
 
-def _run(name: str, middleware: HubMiddleware, statuses: list[object]) -> None:
+def run_one(name: str, middleware: HubMiddleware, statuses: list[object]) -> None:
+    """Run one of our executables to its end; its exit status goes to the others."""
     try:
         run(name, middleware)
     except SystemExit as end:

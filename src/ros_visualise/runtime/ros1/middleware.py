@@ -82,7 +82,7 @@ class Ros1:
         def heard(message: Any) -> None:
             attempt(self.resolve(topic), partial(taken, message))
 
-        return Subscriber(topic, message_class(type_name(kind)), heard)
+        return Subscriber(topic, message_class(type_name(kind)), heard, refuse)
 
     def offer(self, service: str, act: Callable[[], str | None]) -> TriggerService:
         """Offer a std_srvs/Trigger."""

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import Any
 
 import genpy
-import rospy
 from rospy.exceptions import TransportTerminated
 
 from ros_visualise.runtime.ros1.stream import BrokenStream, Stream
 from ros_visualise.runtime.ros1.wire import decode
 
 log = logging.getLogger(__name__)
-
-_SAY_AGAIN_S = 10
 
 
 class Receiver:
@@ -23,11 +21,13 @@ class Receiver:
     Args:
         connection: not yet open.
         message_class: of genpy.
+        refuse: is told why what came is no message.
     """
 
-    def __init__(self, connection: Any, message_class: Any) -> None:
+    def __init__(self, connection: Any, message_class: Any, refuse: Callable[[str], None]) -> None:
         self._connection = connection
         self._class = message_class
+        self._refuse = refuse
         self._stream: Stream | None = None
 
     def __call__(self) -> list[Any]:
@@ -43,7 +43,7 @@ class Receiver:
             body = self._stream.receive()
             message = decode(body, self._class)
         except genpy.DeserializationError as error:
-            rospy.logwarn_throttle(_SAY_AGAIN_S, f"{connection.name}: not a message: {error}")
+            self._refuse(f"not a message: {error}")
             return []
         except BrokenStream as error:
             log.warning("%s: %s; leaving %s", connection.name, error, connection.endpoint_id)

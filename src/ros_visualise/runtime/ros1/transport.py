@@ -37,6 +37,7 @@ from ros_visualise.runtime.ros1.wire import as_bytes, encode, is_large
 log = logging.getLogger(__name__)
 
 _LOOK_AGAIN_S = 0.002
+_SAY_AGAIN_S = 10
 
 
 class Publisher:
@@ -135,7 +136,7 @@ class Subscriber:
 
     The data of an Image, CompressedImage or PointCloud2 is a numpy array of uint8, which may be
     kept for as long as anybody likes. A publisher waits while the callback works: hand on and
-    return.
+    return. ``refuse`` is told why something that came is no message.
 
     Attributes:
         name: the topic's full name on the graph.
@@ -144,10 +145,19 @@ class Subscriber:
 
     dropped = 0
 
-    def __init__(self, topic: str, message_class: Any, callback: Callable[[Any], None]) -> None:
+    def __init__(
+        self,
+        topic: str,
+        message_class: Any,
+        callback: Callable[[Any], None],
+        refuse: Callable[[str], None] | None = None,
+    ) -> None:
         self.name = str(rospy.resolve_name(topic))
+        self._refuse = refuse or partial(_say_refused, self.name)
         with get_topic_manager().lock:
             ours = _provide(Registration.SUB, topic, message_class)
+            self._refusers = get_topic_manager().subs[self.name].refusers if ours else []
+            self._refusers.append(self._refuse)
             by_rospy = is_large(message_class) and not ours
             is_shared = self.name in get_topic_manager().subs  # and has the size that it has
             if by_rospy:
@@ -169,6 +179,7 @@ class Subscriber:
     def close(self) -> None:
         """Leave the topic."""
         if self._subscriber.impl is not None:
+            self._refusers.remove(self._refuse)
             self._subscriber.unregister()
 
 
@@ -221,11 +232,16 @@ class _SubscriberImpl(topics._SubscriberImpl):  # type: ignore[misc]
 
     def __init__(self, topic: str, message_class: Any) -> None:
         super().__init__(topic, message_class)
+        self.refusers: list[Callable[[str], None]] = []
         self.set_tcp_nodelay(True)  # before anybody connects
 
     def add_connection(self, connection: Any) -> bool:
-        connection.receive_once = Receiver(connection, self.data_class)
+        connection.receive_once = Receiver(connection, self.data_class, self._refuse)
         return bool(super().add_connection(connection))
+
+    def _refuse(self, why: str) -> None:
+        for refuse in tuple(self.refusers):
+            refuse(why)
 
     def remove_connection(self, connection: Any) -> None:
         super().remove_connection(connection)
@@ -265,6 +281,10 @@ def _fits() -> bool:
     if not all(there):
         log.warning("this version of rospy is not known: large images are not made faster")
     return all(there)
+
+
+def _say_refused(topic: str, why: str) -> None:
+    rospy.logwarn_throttle(_SAY_AGAIN_S, f"{topic}: {why}")
 
 
 def _with_array(callback: Callable[[Any], None], message: Any) -> None:
