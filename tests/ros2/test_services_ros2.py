@@ -10,7 +10,7 @@ from sensor_msgs.srv import SetCameraInfo
 from waiting import wait_for
 
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.services import result_of
 
@@ -36,6 +36,17 @@ def test_an_action_is_done_or_its_error_is_the_answer(ros2: Ros2, other: Ros2):
         ros2.call("/other/fly")
     with pytest.raises(RosVisualiseError, match="nobody offers it"):
         ros2.call("/other/swim")
+
+
+def test_a_graph_that_was_left_cannot_be_asked(graph: dict[str, str]):
+    gone = Ros2()
+    gone.join("gone", [])
+    gone.look()
+    gone.end("")
+    with pytest.raises(Unreachable):
+        gone.look()
+    with pytest.raises(Unreachable):
+        gone.call("/other/land")
 
 
 def test_a_calibration_comes_as_it_was_set(ros2: Ros2, other: Ros2):

@@ -16,6 +16,7 @@ from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.middleware import Listing, ParametersListener
 from ros_visualise.runtime.ros2 import clock, publishers, services, session
 from ros_visualise.runtime.ros2.clock import ClockPublisher
+from ros_visualise.runtime.ros2.errors import asking
 from ros_visualise.runtime.ros2.listing import Look
 from ros_visualise.runtime.ros2.parameters import ParameterDesk, ServedParameters
 from ros_visualise.runtime.ros2.parameters_client import ParameterClient, ParameterEvents
@@ -108,7 +109,8 @@ class Ros2:
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger."""
-        services.call(self.session.node, service)
+        with asking(service):
+            services.call(self.session.node, service)
 
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> ServedParameters:
         """Declare a node's parameters."""
@@ -121,7 +123,8 @@ class Ros2:
 
     def look(self) -> Listing:
         """What is known of the graph."""
-        return self._look()
+        with asking("the ROS 2 graph"):
+            return self._look()
 
     def clock(self) -> Clock:
         """Simulated time where ``use_sim_time`` is set, else the time of day."""

@@ -18,6 +18,7 @@ from ros_visualise.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of
+from ros_visualise.runtime.ros2.errors import asking
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.parameters import MEMBERS
 from ros_visualise.runtime.ros2.services import result_of
@@ -71,7 +72,8 @@ class ParameterClient:
             raise Unreachable("its parameters are not known yet")
         sent = declaration.encode(values)
         asked = [Parameter(name, value=value) for name, value in sent.items()]
-        answer = result_of(self._services.set(asked), _ANSWER_S)
+        with asking("the node"):
+            answer = result_of(self._services.set(asked), _ANSWER_S)
         if answer is None:
             raise Unreachable("no answer")
         if not answer.result.successful:

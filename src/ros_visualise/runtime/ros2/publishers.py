@@ -6,10 +6,12 @@ import logging
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from ros_visualise.errors import UsageError
 from ros_visualise.messages import data_class
@@ -118,7 +120,9 @@ class Publisher:
     @property
     def connections(self) -> int:
         """How many subscribers there are."""
-        return 0 if self._closed else int(self._publisher.get_subscription_count())
+        with suppress(rclpy_implementation.InvalidHandle):  # it is closed meanwhile
+            return 0 if self._closed else int(self._publisher.get_subscription_count())
+        return 0
 
     def publish(self, message: Any) -> None:
         """Have a message sent; after `close`, to nobody.
@@ -141,7 +145,8 @@ class Publisher:
             self._changed.wait_for(lambda: not (self._waiting or self._is_sending), timeout_s)
         left_s = end_s - time.monotonic()
         if left_s > 0 and self.connections:
-            rcl.wait_for_all_acked(self._publisher, left_s)
+            with suppress(rcl.RclError):  # it is closed meanwhile
+                rcl.wait_for_all_acked(self._publisher, left_s)
 
     def wait_for_room(self, timeout_s: float) -> None:
         """Wait until there is a subscriber, or none at all, with no message waiting for it."""

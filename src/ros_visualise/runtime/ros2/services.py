@@ -13,7 +13,7 @@ from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import RosVisualiseError, Unreachable
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.runtime.bridge.answers import answer
 from ros_visualise.runtime.ros2.types import DEFINITIONS
@@ -73,17 +73,18 @@ def call(node: Node, service: str) -> None:
     """Ask a node elsewhere on the graph to do something.
 
     Raises:
-        RosVisualiseError: it cannot be asked, or has answered that it did not.
+        Unreachable: nobody offers it, or no answer comes.
+        RosVisualiseError: it has answered that it did not.
     """
     client = node.create_client(Trigger, service)
     try:
         if not client.wait_for_service(_FIND_S):
-            raise RosVisualiseError(f"{service}: nobody offers it")
+            raise Unreachable(f"{service}: nobody offers it")
         told = result_of(client.call_async(Trigger.Request()), _ANSWER_S)
     finally:
         node.destroy_client(client)
     if told is None:
-        raise RosVisualiseError(f"{service}: no answer")
+        raise Unreachable(f"{service}: no answer")
     if not told.success:
         raise RosVisualiseError(f"{service.rpartition('/')[0]}: {told.message}")
 

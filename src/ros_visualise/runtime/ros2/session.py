@@ -110,7 +110,7 @@ class Session:
         if self._ended:
             return
         for handle in tuple(self._open):
-            handle.close()
+            supervision.attempt("end", handle.close)
         self._ended = True
         self._executor.shutdown(timeout_sec=_END_S)
         end_s = time.monotonic() + _END_S
