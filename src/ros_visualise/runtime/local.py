@@ -17,7 +17,7 @@ from ros_visualise.graph import Graph, Member, Node
 from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
-from ros_visualise.runtime.memory import keep_freed_images
+from ros_visualise.runtime.memory import tend_memory
 from ros_visualise.runtime.node_thread import NodeThread
 from ros_visualise.runtime.ordering import origins
 from ros_visualise.runtime.queues import Inbox
@@ -79,7 +79,7 @@ class LocalRuntime:
 
     def start(self) -> None:
         """Begin; the source is open already."""
-        keep_freed_images()
+        tend_memory()
         self._running = len(self._works)
         for name, work in self._works.items():
             supervision.start(name, partial(self._run, work))

@@ -20,6 +20,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
 from ros_visualise.params import Parameters, Value
 from ros_visualise.runtime.entrance import Numbering
+from ros_visualise.runtime.memory import tend_memory
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox
 from ros_visualise.runtime.recording import RecorderThread, record, report_recordings
@@ -70,6 +71,7 @@ class RemoteRuntime:
         self._recording = threading.Lock()
         self._lock = threading.Lock()
         self._closed = threading.Event()
+        tend_memory()
         self._look()
         self._thread = supervision.start("discovery", self._follow, again_s=_LOOK_S)
 
