@@ -436,3 +436,19 @@ def test_what_comes_after_two_dashes_is_a_file_whatever_it_is_called(tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["topics"]["/image_raw"]["messages"] == 3
     assert "no such file" in refused("video", *QUICK, "--", "--other")
+
+
+def test_a_recording_is_split_beside_its_name(video, tmp_path):
+    done = run("video", video, *QUICK, "--record", tmp_path / "r.bag", "--split", "64K", "--json")
+    assert done.returncode == 0, done.stderr
+    parts = sorted(tmp_path.glob("r_*.bag"))
+    assert len(parts) > 1
+    assert not (tmp_path / "r.bag").exists()
+    [recorded] = json.loads(done.stdout)["recordings"].values()
+    assert recorded["files"] == len(parts)
+    again = ["video", video, *QUICK, "--record", tmp_path / "r.bag", "--split", "64K"]
+    assert "r_0.bag exists" in refused(*again)
+    assert "needs --record" in refused("video", video, *QUICK, "--split", "1G")
+    assert "1x: give bytes as 1G" in refused(*again[:-1], "1x")
+    whole = [*QUICK, "--record", tmp_path / "r.bag", "--split", "64K", "--overwrite"]
+    assert "what is read" in refused("bag", parts[0], *whole)

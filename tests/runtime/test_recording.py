@@ -24,6 +24,7 @@ class Memory:
 
     path = Path("memory")
     topics = ("/c", "/a", "/b")
+    files = 1
 
     def __init__(self, room=1000):
         self.entries = []

@@ -8,9 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass, field
 
 from ros_visualise.commands.read_ahead import ReadAhead
-from ros_visualise.data import Transforms
 from ros_visualise.errors import DamagedMessage
-from ros_visualise.messages.recorded import content
+from ros_visualise.messages.latched import says
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording
 
@@ -115,19 +114,8 @@ def _latched_before(recording: Recording, topics: Collection[str], start_ns: int
     last: dict[tuple[str, ...], Entry] = {}
     with closing(recording.read(None, start_ns, latched)) as entries:
         for entry in entries:
-            last.update(dict.fromkeys(_says(entry), entry))
+            last.update(dict.fromkeys(says(entry.topic, entry.message), entry))
     return sorted({id(entry): entry for entry in last.values()}.values(), key=_stamp)
-
-
-def _says(entry: Entry) -> list[tuple[str, ...]]:
-    """What a message replaces: what was said on its topic before or, of transforms, of a frame."""
-    try:
-        said = content(entry.message)
-    except DamagedMessage:
-        return [(entry.topic,)]
-    if not isinstance(said, Transforms):
-        return [(entry.topic,)]
-    return [(entry.topic, one.child_frame_id) for one in said.transforms]
 
 
 def _stamp(entry: Entry) -> int:

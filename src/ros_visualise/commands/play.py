@@ -16,7 +16,7 @@ from ros_visualise.commands.following import following
 from ros_visualise.commands.graphs import graph_of, stepped_topic
 from ros_visualise.commands.interruptible import in_time, interruptible
 from ros_visualise.commands.wording import counted
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.paths import set_folder
 from ros_visualise.printing import answer, say
@@ -25,6 +25,7 @@ from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
+from ros_visualise.sinks.parts import Split, existing_parts, parse_split, part_path
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 from ros_visualise.ui.arrangements import read_arrangement
@@ -39,7 +40,8 @@ _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 def run(args: Namespace) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost."""
-    targets = [parse_target(target)[0] for target in args.record]
+    split = _split(args)
+    targets = [one for target in args.record for one in _files(parse_target(target)[0], split)]
     check_targets(targets, getattr(args, "input", None))
     set_folder(args.record_dir, args.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
@@ -61,6 +63,19 @@ def run(args: Namespace) -> int:
         return _run(args, graph, view, shelf)
     finally:
         view.close()
+
+
+def _split(args: Namespace) -> Split | None:
+    if args.split is not None and not args.record:
+        raise UsageError(f"--split {args.split}: needs --record OUT")
+    return None if args.split is None else parse_split(args.split)
+
+
+def _files(path: Path, split: Split | None) -> list[Path]:
+    """What a recording writes to: of a series of files the first one, and those that are there."""
+    if split is None or not path.suffix:
+        return [path]
+    return list({0: part_path(path, 0), **existing_parts(path)}.values())
 
 
 def _shelf(args: Namespace) -> Shelf:
@@ -140,7 +155,7 @@ def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
     """Until the end, with all recordings closed; whether somebody asked for it before."""
     try:
         args, runtime = played.args, played.runtime
-        played.recordings = _start_recordings(runtime, args.record, args.overwrite)
+        played.recordings = _start_recordings(runtime, args.record, args.overwrite, _split(args))
         view.open(runtime)  # before anything that holds can have passed
         if not runtime.graph.live:
             _await_somebody(view, wish)
@@ -185,14 +200,14 @@ def title_of(args: Namespace) -> str:
 
 
 def _start_recordings(
-    runtime: LocalRuntime, targets: list[str], overwrite: bool
+    runtime: LocalRuntime, targets: list[str], overwrite: bool, split: Split | None
 ) -> list[RecorderThread]:
     """All of them, or none."""
     recordings: list[RecorderThread] = []
     try:
         for target in targets:
             path, topics = parse_target(target)
-            recordings.append(runtime.start_recording(path, overwrite, topics))
+            recordings.append(runtime.start_recording(path, overwrite, topics, split))
     except RosVisualiseError:
         for recording in recordings:
             recording.discard()
@@ -212,4 +227,5 @@ def _say_summary(report: RunReport) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         dropped += f" ({recording.refused} refused)" if recording.refused else ""
         messages = counted(recording.messages, "message")
-        say(f"{name}: {messages} recorded{dropped}")
+        files = f" in {recording.files} files" if recording.files > 1 else ""
+        say(f"{name}: {messages} recorded{files}{dropped}")

@@ -214,6 +214,11 @@ def _add_output(parser: ArgumentParser) -> None:
         "(default: /edges); repeatable",
     )
     group.add_argument(
+        "--split",
+        metavar="SIZE|TIME",
+        help="begin another file of a recording after so much, such as 1G or 10m",
+    )
+    group.add_argument(
         "--record-dir",
         type=_folder,
         default=Path(),

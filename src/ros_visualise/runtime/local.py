@@ -27,6 +27,7 @@ from ros_visualise.runtime.runner import NodeRunner
 from ros_visualise.runtime.source_input import SourceInput
 from ros_visualise.runtime.source_thread import SourceThread
 from ros_visualise.runtime.topics import Subscription, Topic
+from ros_visualise.sinks.parts import Split
 from ros_visualise.sources.playback import Playback
 
 _STOP_TIMEOUT_S = 1.0
@@ -175,9 +176,17 @@ class LocalRuntime:
         return replace(report, publishes=True, achieved_hz=hz)
 
     def start_recording(
-        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+        self,
+        path: str | Path,
+        overwrite: bool = False,
+        topics: Collection[str] = (),
+        split: Split | None = None,
     ) -> RecorderThread:
         """Record to a file from now on; a source that can wait then waits for the disk.
+
+        Args:
+            path, overwrite, topics: as of `ros_visualise.runtime.base.Runtime`.
+            split: when another file begins.
 
         Raises:
             OpenError: it exists or cannot be written.
@@ -188,7 +197,9 @@ class LocalRuntime:
         with self._recording:
             if self._stopped:
                 raise UsageError(f"{path}: the run has ended, so there is nothing to record")
-            recording = record(self.graph, self.parameters, path, topics, overwrite, lossless)
+            recording = record(
+                self.graph, self.parameters, path, topics, overwrite, lossless, split=split
+            )
             self._recordings.append(recording)
         for topic, inbox in recording.inboxes.items():
             self._topics[topic].connect(inbox)

@@ -22,6 +22,7 @@ from ros_visualise.runtime.record_queue import ArrivalOrder, RecordQueue
 from ros_visualise.runtime.refusals import Refusals
 from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sinks import PARAMETER_EVENTS, Recorder, open_recorder
+from ros_visualise.sinks.parts import Split
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +37,7 @@ def record(
     overwrite: bool,
     lossless: bool,
     by_arrival: bool = False,
+    split: Split | None = None,
 ) -> RecorderThread:
     """Begin a recording of a running graph, with the parameters of its nodes as they are now.
 
@@ -47,6 +49,7 @@ def record(
         overwrite: whether the file may exist.
         lossless: see `RecorderThread`.
         by_arrival: see `RecorderThread`.
+        split: as of `ros_visualise.sinks.open_recorder`.
 
     Raises:
         OpenError: it exists or cannot be written, or is being recorded already.
@@ -59,6 +62,7 @@ def record(
         [name for name, topic in graph.topics.items() if topic.on_demand],
         named=topics,
         beside=calibration_topics(graph),
+        split=split,
     )
     recording = RecorderThread(recorder, graph, lossless, by_arrival)
     for node in graph.members:
@@ -70,7 +74,8 @@ def record(
 def report_recordings(recordings: Collection[RecorderThread]) -> dict[str, RecordingReport]:
     """File -> how much of it is there."""
     return {
-        str(one.path): RecordingReport(one.written, one.dropped, one.refused) for one in recordings
+        str(one.path): RecordingReport(one.written, one.dropped, one.refused, one.files)
+        for one in recordings
     }
 
 
@@ -137,6 +142,11 @@ class RecorderThread:
     def path(self) -> Path:
         """Where it is; see `ros_visualise.sinks.Recorder`."""
         return self._recorder.path
+
+    @property
+    def files(self) -> int:
+        """How many files it is in by now."""
+        return self._recorder.files
 
     @property
     def dropped(self) -> int:

@@ -100,12 +100,13 @@ class RecordingReport:
     """How many messages were recorded and dropped.
 
     ``refused`` are those of the dropped ones that the file cannot hold; for others there was no
-    time.
+    time. ``files`` is how many it is in.
     """
 
     messages: int
     dropped: int
     refused: int = 0
+    files: int = 1
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 from ros_visualise.data import ParameterEvent
 from ros_visualise.errors import UsageError
@@ -15,6 +16,10 @@ from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.near import near
 from ros_visualise.sources.recordings import Extra
+
+if TYPE_CHECKING:
+    from ros_visualise.sinks.chunked import ChunkedRecorder
+    from ros_visualise.sinks.parts import Split
 
 Kind = Literal["mcap", "bag", "mp4", "folder"]
 Profile = Literal["ros1", "ros2"]
@@ -41,6 +46,7 @@ class Settings:
     compression: str
     overwrite: bool
     live: bool
+    split: Split | None = None
 
 
 class Recorder(Protocol):
@@ -51,6 +57,10 @@ class Recorder(Protocol):
     """
 
     haste: bool
+
+    @property
+    def files(self) -> int:
+        """How many files there are by now, of one that is split; else 1."""
 
     @property
     def path(self) -> Path:
@@ -156,6 +166,7 @@ def open_recorder(
     profile: Profile | None = None,
     compression: str | None = None,
     live: bool = True,
+    split: Split | None = None,
 ) -> Recorder:
     """Open a recording.
 
@@ -173,6 +184,7 @@ def open_recorder(
         compression: one of `COMPRESSIONS`.
         live: messages come as they are made: a process that is killed loses none, and changes of
             parameters are recorded too. Otherwise they are gathered in larger chunks.
+        split: when another file begins, beside the first one or in the same folder; not of videos.
 
     Raises:
         DamagedMessage: a type that cannot be written so.
@@ -184,6 +196,8 @@ def open_recorder(
     compression = _choose_compression(path, kind, compression)
     wanted = _choose_topics(path, named, topics, on_demand)
     if kind == "mp4":
+        if split is not None:
+            raise UsageError(f"{path}: a video is not split; record to .mcap, .bag or a folder")
         from ros_visualise.sinks.mp4 import Mp4Recorder, choose_topic
 
         return Mp4Recorder(path, choose_topic(path, wanted, bool(named)), overwrite)
@@ -191,20 +205,31 @@ def open_recorder(
     wanted |= {name: topics[name] for name in also if name in topics}
     if live and encoding == "cdr":
         wanted[PARAMETER_EVENTS] = TopicType(type_name(ParameterEvent))
-    return _open_chunked(path, kind, wanted, Settings(encoding, compression, overwrite, live))
+    return _open_chunked(
+        path, kind, wanted, Settings(encoding, compression, overwrite, live, split)
+    )
 
 
 def _open_chunked(
     path: Path, kind: Kind, wanted: Mapping[str, TopicType], settings: Settings
 ) -> Recorder:
-    if kind == "bag":
-        from ros_visualise.sinks.bag import BagRecorder
-
-        return BagRecorder(path, wanted, settings)
     if kind == "folder":
         from ros_visualise.sinks.folder import FolderRecorder
 
         return FolderRecorder(path, wanted, settings)
+    if settings.split is None:
+        return _open_file(path, wanted, settings)
+    from ros_visualise.sinks.parts import SplitRecorder
+
+    open_file = partial(_open_file, settings=settings)
+    return SplitRecorder(path, open_file, wanted, settings.split, settings.overwrite)
+
+
+def _open_file(path: Path, wanted: Mapping[str, TopicType], settings: Settings) -> ChunkedRecorder:
+    if path.suffix.lower() == ".bag":
+        from ros_visualise.sinks.bag import BagRecorder
+
+        return BagRecorder(path, wanted, settings)
     from ros_visualise.sinks.mcap_file import McapRecorder
 
     return McapRecorder(path, wanted, settings)

@@ -30,7 +30,7 @@ _ADVICE = "rename it to have it back, or delete it"
 
 
 class BagFolder(Target):
-    """A new folder for one file and its ``metadata.yaml``.
+    """A new folder for files of messages and their ``metadata.yaml``.
 
     It replaces only a ROS 2 bag in which there is nothing else, or an empty folder.
 
@@ -43,10 +43,9 @@ class BagFolder(Target):
         for aside in sorted(path.parent.glob(f"{glob.escape(path.name)}{_ASIDE}*")):
             log.warning("%s is what %s was before a run that was killed; %s", aside, path, _ADVICE)
 
-    @property
-    def file(self) -> Path:
-        """Where the messages are."""
-        return self.path / _only_file(self._place)
+    def file(self, number: int) -> Path:
+        """Where messages are; the first file is number 0."""
+        return self.path / f"{self._place.name}_{number}.mcap"
 
     @classmethod
     def _check_old(cls, path: Path) -> None:
@@ -95,11 +94,14 @@ class BagFolder(Target):
         take_over(self.path, old.stat())
 
     def _delete(self) -> None:
-        _delete(self.path, [self.file.name, METADATA])
+        names = [file.name for file in self.path.iterdir()]
+        _delete(self.path, [*_own_files(self._place, names), METADATA])
 
 
-def _only_file(folder: Path) -> str:
-    return f"{folder.name}_0.mcap"
+def _own_files(folder: Path, names: Iterable[str]) -> set[str]:
+    """Those that a recorder of ours calls so."""
+    own = re.compile(f"{re.escape(folder.name)}_\\d+\\.mcap")
+    return {name for name in names if own.fullmatch(name)}
 
 
 def _delete(folder: Path, names: Iterable[str]) -> None:
@@ -126,7 +128,7 @@ def _files_of_bag(folder: Path) -> set[str] | None:
     if not all(item.is_file(follow_symlinks=False) for item in items):
         return None
     parts = names - {METADATA}
-    listed = _listed(folder / METADATA) if METADATA in names else parts & {_only_file(folder)}
+    listed = _listed(folder / METADATA) if METADATA in names else _own_files(folder, parts)
     is_bag = parts == listed and all(_holds_messages(folder / name) for name in parts)
     return names if is_bag else None
 

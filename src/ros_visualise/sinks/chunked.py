@@ -20,7 +20,7 @@ OWN_NAME = "/ros_visualise"
 
 _LIVE_CHUNK_BYTES = 64 * 1024
 _SPAN_NS = 1_000_000_000
-_END_NS = 2**32 * 1_000_000_000  # of the times that ROS 1 holds
+END_NS = 2**32 * 1_000_000_000  # of the times that ROS 1 holds
 _RECORD_BYTES = 64  # what a message takes beside its own bytes, at most: its record and indexes
 _CHECK_BYTES = 64 * 1024
 
@@ -51,6 +51,7 @@ class ChunkedRecorder(ABC):
     head_bytes: ClassVar[int]
     """What a message takes in a chunk beside its own bytes, about."""
 
+    files = 1
     haste = False
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
@@ -58,7 +59,7 @@ class ChunkedRecorder(ABC):
         self._encoder, self._live = Encoder(settings.encoding), settings.live
         self.declared = {name: self._encoder.declare(topic) for name, topic in topics.items()}
         self.counts = dict.fromkeys(topics, 0)
-        self.start_ns, self.end_ns = _END_NS, 0
+        self.start_ns, self.end_ns = END_NS, 0
         self._chunk_bytes = _LIVE_CHUNK_BYTES if settings.live else self.full_bytes
         self._closed = False
         self._kept = self._chunked = 0
@@ -83,6 +84,11 @@ class ChunkedRecorder(ABC):
         """As `ros_visualise.sinks.Recorder`."""
         return self._file.path
 
+    @property
+    def size(self) -> int:
+        """Bytes of the file by now, about: the same for the same messages."""
+        return self._end + self._waiting_bytes
+
     def add(self, topic: str, kind: TopicType) -> None:
         """Take another topic from now on; as `ros_visualise.sinks.Recorder`."""
         self._require_open()
@@ -102,7 +108,7 @@ class ChunkedRecorder(ABC):
         data = self._encoder.encode(message)
         if stamp_ns is None:
             stamp_ns = recorded_ns(message)
-        if not 0 <= stamp_ns < _END_NS:
+        if not 0 <= stamp_ns < END_NS:
             raise DamagedMessage(f"ROS cannot hold a stamp of {stamp_ns} ns")
         size = len(data) + _RECORD_BYTES
         self._unchecked_bytes += size

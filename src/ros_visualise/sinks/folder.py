@@ -1,8 +1,8 @@
-"""Recording to a folder as rosbag2 writes it: one .mcap, and metadata.yaml beside it."""
+"""Recording to a folder as rosbag2 writes it: .mcap files, and metadata.yaml beside them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from io import StringIO
@@ -17,6 +17,7 @@ from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.bag_folder import BagFolder
 from ros_visualise.sinks.mcap_file import McapRecorder
+from ros_visualise.sinks.parts import Part, PartedRecorder, Split
 from ros_visualise.sinks.qos_profiles import in_numbers, offered_qos
 from ros_visualise.sources.recordings import Extra
 from ros_visualise.sources.recordings.metadata import CUSTOM, METADATA
@@ -36,9 +37,13 @@ class FolderRecorder:
 
     def __init__(self, path: Path, topics: Mapping[str, TopicType], settings: Settings) -> None:
         self._folder = BagFolder(path, settings.overwrite)
-        inner = replace(settings, overwrite=False)
+        inner = replace(settings, overwrite=False, split=None)
         try:
-            self._recorder = McapRecorder(self._folder.file, topics, inner)
+            self._recorder = PartedRecorder(
+                lambda number, types: McapRecorder(self._folder.file(number), types, inner),
+                topics,
+                settings.split or Split(),
+            )
         except RosVisualiseError as error:
             self._folder.remove()
             raise type(error)(f"{error}{self._folder.fate}") from None
@@ -49,6 +54,11 @@ class FolderRecorder:
     def path(self) -> Path:
         """As `ros_visualise.sinks.Recorder`."""
         return self._folder.path
+
+    @property
+    def files(self) -> int:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._recorder.files
 
     @property
     def haste(self) -> bool:
@@ -98,7 +108,7 @@ class FolderRecorder:
             self._write_metadata()
             self._folder.close(whole)
         except OSError as error:
-            kept = sum(self._recorder.counts.values())
+            kept = sum(sum(part.counts.values()) for part in self._recorder.parts)
             raise self._folder.give_up(error, kept) from None
 
     def remove(self) -> None:
@@ -116,7 +126,7 @@ class FolderRecorder:
                 self._write_metadata()
             with suppress(OSError):
                 self._folder.close(whole=False)
-            if not self._recorder.path.exists():
+            if not any(part.path.exists() for part in self._recorder.parts):
                 self._folder.remove()
             raise RecordingError(f"{error}{self._folder.fate}") from None
 
@@ -135,26 +145,19 @@ class FolderRecorder:
         self.close(whole=kind is None)
 
     def _describe(self) -> dict[str, Any]:
-        found = self._recorder
-        count = sum(found.counts.values())
-        start_ns = found.start_ns if count else 0
-
-        def times() -> dict[str, Any]:
-            return {
-                "starting_time": {"nanoseconds_since_epoch": start_ns},
-                "duration": {"nanoseconds": found.end_ns - start_ns},
-                "message_count": count,
-            }
-
+        parts = self._recorder.parts
+        names = [part.path.name for part in parts]
         about = {
             "version": _VERSION,
             "storage_identifier": "mcap",
-            "relative_file_paths": [found.path.name],
-            **times(),
+            "relative_file_paths": names,
+            **_times(parts),
             "topics_with_message_count": [self._describe_topic(name) for name in self.topics],
             "compression_format": "",
             "compression_mode": "",
-            "files": [{"path": found.path.name, **times()}],
+            "files": [
+                {"path": name, **_times([part])} for name, part in zip(names, parts, strict=True)
+            ],
             "custom_data": self._custom or None,
             "ros_distro": "ros_visualise",
         }
@@ -169,4 +172,16 @@ class FolderRecorder:
             "offered_qos_profiles": in_numbers(offered_qos(declared.topic)),
             "type_description_hash": declared.digest,
         }
-        return {"topic_metadata": about, "message_count": self._recorder.counts[name]}
+        count = sum(part.counts.get(name, 0) for part in self._recorder.parts)
+        return {"topic_metadata": about, "message_count": count}
+
+
+def _times(parts: Sequence[Part]) -> dict[str, Any]:
+    """When the messages of some files begin, how long they last, and how many there are."""
+    count = sum(sum(part.counts.values()) for part in parts)
+    start_ns = min(part.start_ns for part in parts) if count else 0
+    return {
+        "starting_time": {"nanoseconds_since_epoch": start_ns},
+        "duration": {"nanoseconds": max(part.end_ns for part in parts) - start_ns},
+        "message_count": count,
+    }

@@ -62,6 +62,7 @@ class Mp4Recorder:
     colour. While it is written the file can be read up to its last whole second.
     """
 
+    files = 1
     haste = False  # it cannot
 
     def __init__(self, path: Path, topic: str, overwrite: bool) -> None:

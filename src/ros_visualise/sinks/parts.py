@@ -1,0 +1,244 @@
+"""One recording in several files, each of which can be read alone."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from ros_visualise.errors import DamagedMessage, OpenError, RecordingError, UsageError
+from ros_visualise.messages.latched import Latched
+from ros_visualise.messages.recorded import TopicType, recorded_ns
+from ros_visualise.sinks.chunked import END_NS, ChunkedRecorder
+from ros_visualise.sinks.encoding import Declaration
+from ros_visualise.sources.recordings import Extra
+
+_SIZES = {"K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
+_SPANS_S = {"s": 1, "m": 60, "h": 3600}
+_LEAST_BYTES = 2**16
+_NS = 1_000_000_000
+
+OpenPart = Callable[[int, Mapping[str, TopicType]], ChunkedRecorder]
+"""Opens the file of that number, with these topics."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """When the next file begins: after so many bytes, or so many nanoseconds; None: never."""
+
+    size: int | None = None
+    span_ns: int | None = None
+
+
+def parse_split(text: str) -> Split:
+    """``1G`` or ``500M`` for bytes, ``10m``, ``90s`` or ``1h`` for a time.
+
+    Raises:
+        UsageError: it is neither, or too little.
+    """
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,6})?)([KMGTsmh])B?", text)
+    number, unit = (float(found[1]), found[2]) if found else (0.0, "K")
+    if unit in _SPANS_S and number * _SPANS_S[unit] >= 1:
+        return Split(span_ns=round(number * _SPANS_S[unit] * _NS))
+    if unit in _SIZES and number * _SIZES[unit] >= _LEAST_BYTES:
+        return Split(size=round(number * _SIZES[unit]))
+    raise UsageError(
+        f"--split {text}: give bytes as 1G or 500M (at least 64K), or a time as 10m, 90s or 1h"
+    )
+
+
+def part_path(path: Path, number: int) -> Path:
+    """The name of a part: ``run_0.bag`` of ``run.bag``."""
+    return path.with_name(f"{path.stem}_{number}{path.suffix}")
+
+
+def existing_parts(path: Path) -> dict[int, Path]:
+    """Number -> file, of those with names of parts."""
+    name = re.compile(f"{re.escape(path.stem)}_(0|[1-9]\\d*){re.escape(path.suffix)}")
+    there = path.parent.glob(f"{glob.escape(path.stem)}_*{glob.escape(path.suffix)}")
+    return {int(found[1]): one for one in there if (found := name.fullmatch(one.name))}
+
+
+class Part(NamedTuple):
+    """A file: its name, the times of its messages, and how many it has of each topic."""
+
+    path: Path
+    start_ns: int
+    end_ns: int
+    counts: Mapping[str, int]
+
+
+class PartedRecorder:
+    """Any number of topics in a series of files, as `ros_visualise.sinks.Recorder`.
+
+    Each file is whole before the next one begins, and begins with what was said last of all that
+    lasts: static frames, what is latched, calibrations, and the values of all parameters.
+
+    Args:
+        open_part: opens a file; raises as `ChunkedRecorder`.
+        topics: topic -> type of its messages.
+        split: when the next one begins.
+    """
+
+    def __init__(
+        self, open_part: OpenPart, topics: Mapping[str, TopicType], split: Split = Split()
+    ) -> None:
+        self._open_part, self._split = open_part, split
+        self._types = dict(topics)
+        self._latched = Latched()
+        for topic, kind in topics.items():
+            self._latched.add(topic, kind)
+        self._done: list[Part] = []
+        self._unplaced: Counter[str] = Counter()
+        self._first_ns: int | None = None  # the time at which this part begins
+        self._part = open_part(0, self._types)
+        self._first = self._part.path
+
+    @property
+    def path(self) -> Path:
+        """The first file."""
+        return self._first if self._done else self._part.path
+
+    @property
+    def parts(self) -> list[Part]:
+        """All files, with that which is being written."""
+        part = self._part
+        return [*self._done, Part(part.path, part.start_ns, part.end_ns, part.counts)]
+
+    @property
+    def files(self) -> int:
+        """As `ros_visualise.sinks.Recorder`."""
+        return len(self._done) + 1
+
+    @property
+    def haste(self) -> bool:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._part.haste
+
+    @haste.setter
+    def haste(self, haste: bool) -> None:
+        self._part.haste = haste
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """As `ros_visualise.sinks.Recorder`."""
+        return tuple(self._types)
+
+    @property
+    def declared(self) -> Mapping[str, Declaration]:
+        """Topic -> what the files say of it."""
+        return self._part.declared
+
+    @property
+    def unplaced(self) -> Mapping[str, int]:
+        """As `ros_visualise.sinks.Recorder`."""
+        return self._unplaced + self._part.unplaced
+
+    def add(self, topic: str, kind: TopicType) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._part.add(topic, kind)
+        self._types[topic] = kind
+        self._latched.add(topic, kind)
+
+    def add_extra(self, extra: Extra) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._part.add_extra(extra)
+
+    def write(self, topic: str, message: Any, stamp_ns: int | None = None) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        if topic not in self._types:
+            return
+        at_ns = recorded_ns(message) if stamp_ns is None else stamp_ns
+        if 0 <= at_ns < END_NS:  # else it is refused, and no time to begin at
+            if self._is_full(at_ns):
+                self._begin_next(at_ns)
+            self._first_ns = at_ns if self._first_ns is None else self._first_ns
+        self._part.write(topic, message, stamp_ns)
+        self._latched.keep(topic, message)
+
+    def close(self, whole: bool = True) -> None:
+        """As `ros_visualise.sinks.Recorder`; files that are whole stay so."""
+        self._part.close(whole)
+
+    def remove(self) -> None:
+        """As `ros_visualise.sinks.Recorder`."""
+        self._part.remove()
+        for part in self._done:
+            part.path.unlink(missing_ok=True)
+
+    def __enter__(self) -> PartedRecorder:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        self.close(whole=kind is None)
+
+    def _is_full(self, at_ns: int) -> bool:
+        if self._first_ns is None:
+            return False
+        size, span_ns = self._split.size, self._split.span_ns
+        is_long = span_ns is not None and abs(at_ns - self._first_ns) >= span_ns
+        return is_long or (size is not None and self._part.size >= size)
+
+    def _begin_next(self, at_ns: int) -> None:
+        """End this file, and begin the next with what lasts.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        self._part.close()
+        done, self._done = self._done, self.parts
+        self._unplaced += self._part.unplaced
+        haste = self._part.haste
+        try:
+            self._part = self._open_part(len(self._done), self._types)
+        except OpenError as error:
+            self._done = done
+            raise RecordingError(str(error)) from error
+        self._part.haste = haste
+        self._first_ns = at_ns
+        for topic, message in self._latched.messages(at_ns):
+            with suppress(DamagedMessage):  # of one that was written before
+                self._part.write(topic, message, at_ns)
+
+
+class SplitRecorder(PartedRecorder):
+    """A series of files beside one another: ``run_0.mcap``, ``run_1.mcap`` and so on.
+
+    Args:
+        path: the name that they are made of.
+        open_file: opens one of them.
+        topics, split: as of `PartedRecorder`.
+        overwrite: replace those of an earlier recording.
+
+    Raises:
+        OpenError: there are files of such names, or they cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        open_file: Callable[[Path, Mapping[str, TopicType]], ChunkedRecorder],
+        topics: Mapping[str, TopicType],
+        split: Split,
+        overwrite: bool,
+    ) -> None:
+        there = existing_parts(path)
+        if there and not overwrite:
+            first = there[min(there)]
+            raise OpenError(f"{first} exists; choose another name, or replace it with --overwrite")
+        self._name = path
+        super().__init__(
+            lambda number, types: open_file(part_path(path, number), types), topics, split
+        )
+
+    def close(self, whole: bool = True) -> None:
+        """As of `PartedRecorder`; a whole one leaves no more parts of an earlier recording."""
+        super().close(whole)
+        for number, file in existing_parts(self._name).items() if whole else ():
+            if number > len(self._done) and file.is_file():
+                file.unlink()
