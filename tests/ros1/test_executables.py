@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import socket
 import subprocess
 import sys
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -397,3 +400,46 @@ def test_a_port_in_use_is_said_in_the_words_of_ros(start):
     assert viewer.returncode == 2
     assert f"_port:={port + 1}" in said
     assert "--port" not in said
+
+
+def test_the_page_opens_by_its_printed_address_which_is_not_published(start, hear):
+    log, port = hear("/rosout", Log), free_port()
+    viewer = start("viewer", f"_port:={port}", wait=False)
+    own, view = (re.search(r"http://[^;\s]+", line)[0] for line in printed(viewer))
+    assert status(own) == status(view) == 200
+    assert status(f"http://127.0.0.1:{port}") == status(own[:-1]) == 403
+    log.wait()  # which tells of the refused request
+    tokens = [address.rpartition("/")[2] for address in (own, view)]
+    assert all(len(token) >= 20 for token in tokens)
+    assert not any(token in message.msg for token in tokens for message in log.messages)
+
+
+def printed(viewer: subprocess.Popen[str]) -> Iterator[str]:
+    """The lines that hold an address."""
+    for line in viewer.stdout:
+        if "http://" in line:
+            yield line
+        if "read-only" in line:
+            return
+
+
+def status(address: str) -> int:
+    try:
+        with urllib.request.urlopen(address, timeout=60) as answer:
+            return answer.status
+    except urllib.error.HTTPError as refused:
+        return refused.code
+
+
+def test_a_page_without_a_token(start):
+    port = free_port()
+    viewer = start("viewer", f"_port:={port}", "_token:=false", wait=False)
+    line = next(line for line in viewer.stdout if "look at" in line)
+    assert f"look at http://127.0.0.1:{port};" in line
+    assert status(f"http://127.0.0.1:{port}") == 200
+
+
+def test_a_token_is_wanted_or_not(start):
+    viewer = start("viewer", f"_port:={free_port()}", "_token:=maybe", wait=False)
+    said = viewer.communicate(timeout=60)[0]
+    assert (viewer.returncode, "token=maybe: give true or false" in said) == (2, True)

@@ -30,7 +30,7 @@ class Refusal(Exception):
 class Answer(NamedTuple):
     """A status of HTTP, the body and its type, and more headers."""
 
-    body: bytes
+    body: bytes | memoryview
     type: str = "application/json"
     status: int = 200
     headers: Mapping[str, str] = {}

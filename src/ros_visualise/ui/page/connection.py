@@ -94,6 +94,7 @@ class _Serve(websockets.asyncio.server.serve):
             await asyncio.sleep(0)
         for connection, handling in self.server.handlers.items():
             if connection.protocol.state is CONNECTING:
+                connection.transport.abort()
                 handling.cancel()
         await super().__aexit__(*raised)
 
@@ -211,6 +212,7 @@ class _Connection(ServerConnection):
         try:
             await send(self, answer, self._headers)
         except Stalled as stalled:
+            self.transport.abort()
             if str(stalled):
                 self._gate.say_once(f"the page: {stalled}")
 
