@@ -1,16 +1,20 @@
 # `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
 # `make fuzz` gives damaged input to the commands; ARGS=--help tells how.
 # `make soak` runs the program for two hours and tells whether anything of it grows.
+# `make test-oldest` runs the tests with the oldest versions of all dependencies that are allowed.
 # make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
 PYTHON ?= python3
 # ROS 1 is there for the distribution's own python3 alone.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
-# What the simulated camera draws with; a Debian without a desktop lacks it. Others may have their
-# own, so that it is no error where it cannot be installed.
+# The oldest one at hand that is supported.
+OLDEST_PYTHON ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.1[0-9].*/bin/python3 \
+	/usr/bin/python3.1[0-9]) $(PYTHON))
+# What the simulated camera draws with, where a Debian without a desktop has nothing for it.
 OPENGL := libegl1 libgl1 libgl1-mesa-dri
-APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
+# Who cannot be asked for a password is not.
+APT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || echo -n)) apt-get
 
-.PHONY: demo test fuzz soak clean
+.PHONY: demo test test-oldest fuzz soak clean
 
 demo: .venv/.ready
 	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
@@ -21,6 +25,11 @@ test: .venv-test/.ready
 	.venv-test/bin/mypy
 	.venv-test/bin/pytest -n 2 --dist loadfile $(TESTS)
 
+# Without those of ROS, whose packages are a distribution's, and of the newest packages.
+test-oldest: .venv-oldest/.ready
+	.venv-oldest/bin/pytest -n 2 --dist loadfile --ignore=tests/ros1 --ignore=tests/ros2 \
+		--ignore=tests/test_readme.py $(TESTS)
+
 fuzz: .venv-test/.ready
 	PYTHONPATH=tests:tests/sources/recordings .venv-test/bin/python -m fuzz $(ARGS)
 
@@ -28,12 +37,11 @@ soak: .venv-test/.ready
 	.venv-test/bin/python benchmarks/soak/run.py $(ARGS) || test $$? -eq 130
 
 .venv/.ready: pyproject.toml package.xml
-	@echo 'setting up, which takes a minute or so ...'
-	-! command -v apt-get >/dev/null || dpkg -s $(OPENGL) >/dev/null 2>&1 || \
-		$(APT) install -y --no-install-recommends $(OPENGL)
-	$(call make_venv,$(PYTHON),.venv)
+	@echo 'setting up in .venv, which takes a minute or so ...'
+	@$(call make_venv,$(PYTHON),.venv)
 	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]'
-	touch $@
+	@.venv/bin/python -c '$(RENDER)' 2>/dev/null || { $(call apt_install,$(OPENGL)); }
+	@touch $@
 
 .venv-test/.ready: pyproject.toml package.xml tests/constraints.txt tests/debian-packages.txt
 	sh tests/install-debian-packages.sh
@@ -46,8 +54,24 @@ soak: .venv-test/.ready
 		-c tests/constraints.txt -e '.[desktop,sim,detect,test]'
 	touch $@
 
+.venv-oldest/.ready: pyproject.toml package.xml
+	$(call make_venv,$(OLDEST_PYTHON),--clear .venv-oldest)
+	grep -oE '"[a-z][a-z0-9._-]*>=[0-9.]+' pyproject.toml | sed 's/"//; s/>=/==/' >.venv-oldest/floors
+	.venv-oldest/bin/pip install --quiet --disable-pip-version-check \
+		-c .venv-oldest/floors -e '.[headless,sim,detect,test]'
+	touch $@
+
 # Debian's python3 has no venv module until python3-venv is installed.
-make_venv = $(1) -m venv $(2) || { $(APT) install -y python3-venv && $(1) -m venv $(2); }
+make_venv = $(1) -m venv $(2) || { $(call apt_install,python3-venv); $(1) -m venv $(2); }
+
+# Whether there is anything to draw with.
+RENDER := from ros_visualise.simulation.rendering import choose_backend; choose_backend()
+
+# Where packages cannot be installed, what needs them goes without, or says what it lacks.
+apt_install = echo 'to be installed: $(1)'; \
+	command -v apt-get >/dev/null && { $(APT) install -q -y --no-install-recommends $(1) || \
+		{ $(APT) update -q && $(APT) install -q -y --no-install-recommends $(1); }; } || \
+		echo 'not installed, going on without: $(1)'
 
 clean:
-	rm -rf .venv .venv-test
+	rm -rf .venv .venv-test .venv-oldest

@@ -13,6 +13,7 @@ from ros_visualise.pipelines import (
     image_pipeline,
     simulation_pipeline,
 )
+from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.topic_names import known_topics
 
 OWN = """
@@ -287,3 +288,13 @@ def test_a_pad_to_land_on_is_no_landmark(navigate):
 def test_one_alone_tells_where_odom_is_in_the_map(navigate):
     graph = simulation_pipeline("husky", landmarks=True, navigate=navigate)
     assert graph.source.params.map_to_odom is not navigate
+
+
+def test_the_demo_goes_on_where_nothing_can_render(monkeypatch, caplog):
+    pytest.importorskip("mujoco", reason="pip install 'ros_visualise[sim]' to run this")
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    choose_backend.cache_clear()
+    source = demo_pipeline().source
+    choose_backend.cache_clear()
+    assert source.name == "landscape"
+    assert "MUJOCO_GL=off forbids rendering" in caplog.text

@@ -17,7 +17,7 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Transforms,
 )
-from ros_visualise.errors import UsageError
+from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
@@ -26,6 +26,7 @@ from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_
 from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
 from ros_visualise.params import specs
+from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
@@ -196,19 +197,29 @@ def demo_pipeline(
     """A robot on its default mission, again and again, or a source of images that needs no file.
 
     Args:
-        source: its name; None: the quadrotor, or the landscape where MuJoCo is not installed.
+        source: its name; None: the quadrotor, or the landscape where that cannot be simulated.
         size: (width, height) of the images; None: the source's own.
         landmarks, navigate: of a robot, as with `simulation_pipeline`.
     """
     if source is None:
-        source = "quadrotor" if find_spec("mujoco") else "landscape"
-        if source == "landscape":
-            log.info("a drawn landscape: for the quadrotor, pip install 'ros_visualise[sim]'")
+        source = _demo_source()
     if find_source(source).velocity_axes:
         return simulation_pipeline(
             source, size, landmarks, navigate, mission="default", repeat=True
         )
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
+
+
+def _demo_source() -> str:
+    if find_spec("mujoco") is None:
+        log.info("showing a drawn landscape; for the quadrotor, pip install 'ros_visualise[sim]'")
+        return "landscape"
+    try:
+        choose_backend()
+    except OpenError as error:
+        log.warning("showing a drawn landscape; the quadrotor needs more: %s", error)
+        return "landscape"
+    return "quadrotor"
 
 
 def robots() -> dict[str, SourceType]:
