@@ -16,6 +16,8 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, ScalarEvent
 
+from ros_visualise.regular_files import open_file
+
 MOST_VALUES = 1 << 15  # the metadata of a bag of 4,000 files has less; takes a second or two
 MANY_VALUES = 1 << 17  # of what holds matrices of numbers: a map of 2,000 landmarks has less
 _VALUE_BYTES = 32
@@ -38,7 +40,7 @@ def load_yaml(path: Path, most_values: int = MOST_VALUES) -> Any:
         OSError: it cannot be read.
         BadYaml: it is no YAML, or too large.
     """
-    with path.open("rb") as file:
+    with open_file(path) as file:
         data = file.read(most_values * _VALUE_BYTES + 1)
     return parse_yaml(data, most_values)
 

@@ -13,6 +13,18 @@ from page_client import Client
 from ros_visualise.cli import main
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]
+HANGING = """
+import sys, threading
+from ros_visualise.commands import play
+from ros_visualise.entry import main
+
+def following(*_):
+    print("opening", file=sys.stderr, flush=True)
+    threading.Event().wait()
+
+play.following = following
+sys.exit(main())
+"""
 PATIENCE_S = 60
 
 
@@ -27,12 +39,18 @@ def folder(tmp_path):
 
 
 @pytest.fixture
-def run(folder, port):
+def command():
+    """The program."""
+    return COMMAND
+
+
+@pytest.fixture
+def run(command, folder, port):
     """The command with its page, and a browser; ends with the report of the run."""
     options = ["--port", str(port), "--no-open", "--json", "--record-dir", str(folder)]
     options += ["--set", "filters.threshold=90", "--record", str(folder / "run.mcap")]
     process = subprocess.Popen(
-        [*COMMAND, "video", "one.mkv", *options],
+        [*command, "video", "one.mkv", *options],
         cwd=folder,
         text=True,
         stdout=subprocess.PIPE,
@@ -85,3 +103,13 @@ def test_another_file_is_shown_as_the_one_before(run, client, folder):
     assert "player" in report["nodes"]
     assert report["recordings"][str(folder / "run.mcap")]["messages"] > 0
     assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("command", [[sys.executable, "-c", HANGING]], ids=["hanging"])
+def test_a_command_ends_while_a_file_is_opened_from_its_page(run, client, folder):
+    client.set("source", "two.mkv")
+    assert any("opening" in line for line in run.stderr)
+    run.send_signal(signal.SIGINT)
+    out, _ = run.communicate(timeout=PATIENCE_S)
+    assert run.returncode == 130
+    assert json.loads(out)["recordings"][str(folder / "run.mcap")]["messages"] > 0

@@ -8,9 +8,11 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import Generic, TypeVar
 
 from ros_visualise import supervision
+from ros_visualise.errors import OpenError
 from ros_visualise.printing import say
 from ros_visualise.signals import STOPPED, Wish
 
@@ -41,11 +43,44 @@ def in_a_second(wish: Wish, make: Callable[[], T]) -> T | None:
     return work.result
 
 
+def opened_within(
+    path: Path,
+    limit_s: float,
+    wish: Wish,
+    make: Callable[[], T],
+    close: Callable[[T], object],
+) -> T | None:
+    """What ``make`` opens; None where somebody asks for the end meanwhile.
+
+    Args:
+        path: what is opened.
+        limit_s: how long it may take.
+        wish: for the end.
+        make: opens it, on a thread that is left alone when it is not awaited any longer.
+        close: called with what comes too late.
+
+    Raises:
+        OpenError: it takes longer.
+    """
+    work = _Work(make)
+    end_s = time.monotonic() + limit_s
+    while not work.is_done(_SPIN_S):
+        if wish.asked:
+            work.leave(close)
+            return None
+        if time.monotonic() > end_s:
+            work.leave(close)
+            raise OpenError(f"{path}: not open after {limit_s:g} s; open it on the command line")
+    return work.result
+
+
 class _Work(Generic[T]):
     """Something that is made on a thread."""
 
     def __init__(self, make: Callable[[], T]) -> None:
         self._make = make
+        self._close: Callable[[T], object] | None = None
+        self._handing = threading.Lock()
         self._results: list[T] = []
         self._errors: list[BaseException] = []
         self._thread = supervision.start("work", self._work)
@@ -62,11 +97,25 @@ class _Work(Generic[T]):
             raise self._errors[0]
         return self._results[0]
 
+    def leave(self, close: Callable[[T], object]) -> None:
+        """Await it no longer: what was or will be made is closed."""
+        with self._handing:
+            self._close = close
+        for result in self._results:
+            close(result)
+
     def _work(self) -> None:
         try:
-            self._results.append(self._make())
+            result = self._make()
         except BaseException as error:
             self._errors.append(error)
+            return
+        with self._handing:
+            close = self._close
+            if close is None:
+                self._results.append(result)
+        if close is not None:
+            close(result)
 
 
 @contextmanager

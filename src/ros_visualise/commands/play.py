@@ -10,11 +10,12 @@ import time
 from argparse import Namespace
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from ros_visualise.commands.following import following
 from ros_visualise.commands.graphs import graph_of, stepped_topic
-from ros_visualise.commands.interruptible import in_time, interruptible
+from ros_visualise.commands.interruptible import in_time, interruptible, opened_within
 from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
@@ -34,6 +35,7 @@ from ros_visualise.ui.shelf import Shelf
 log = logging.getLogger(__name__)
 
 _SPIN_S = 0.05
+_OPEN_S = 60.0  # for a file that is opened from the page
 _PATIENCE_S = 4.0  # for the first browser
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
@@ -137,18 +139,25 @@ class _Played:
         self._recorded |= report.recordings
         return replace(report, recordings=dict(self._recorded))
 
-    def follow(self, path: Path, view: View) -> bool:
+    def follow(self, path: Path, view: View, wish: Wish) -> bool:
         """Open another file in its place; one that cannot be opened is said."""
+        opening = partial(self._open_next, path, view)
         try:
-            args, graph = following(self.args, path, self.runtime)
-            runtime = _open(args, graph, view)
+            opened = opened_within(path, _OPEN_S, wish, opening, lambda late: late[1].stop())
         except RosVisualiseError as error:
             log.error("%s", error)
             return False
+        if opened is None:
+            return False
+        args, runtime = opened
         self.runtime.stop()
         self.report()
         self.args, self.runtime, self.recordings = args, runtime, []
         return True
+
+    def _open_next(self, path: Path, view: View) -> tuple[Namespace, LocalRuntime]:
+        args, graph = following(self.args, path, self.runtime)
+        return args, _open(args, graph, view)
 
 
 def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
@@ -164,7 +173,7 @@ def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
             if wish.asked:
                 return True
             path = shelf.take()
-            if path is not None and played.follow(path, view):
+            if path is not None and played.follow(path, view, wish):
                 shelf.current = path
                 view.open(played.runtime)
                 played.runtime.start()

@@ -13,6 +13,7 @@ from pathlib import Path
 from mcap.writer import MCAP0_MAGIC
 
 from ros_visualise.errors import OpenError
+from ros_visualise.regular_files import open_file
 from ros_visualise.sinks.targets import Target, sync, take_over
 from ros_visualise.sources.recordings.metadata import METADATA
 from ros_visualise.yaml_files import BadYaml, load_yaml
@@ -137,7 +138,7 @@ def _holds_messages(file: Path) -> bool:
     """Whether it is what it is called, and may be a file of a bag."""
     kind = Path(file.stem).suffix if file.suffix == ".zstd" else file.suffix
     begins = _BEGINNINGS.get(file.suffix, b"")
-    with file.open("rb") as content:
+    with open_file(file) as content:
         return kind in (".mcap", ".db3") and content.read(len(begins)) == begins
 
 

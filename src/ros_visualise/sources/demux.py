@@ -17,6 +17,7 @@ from av.video.stream import VideoStream
 
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_frame, frame_pixels, frames_at_once
+from ros_visualise.regular_files import is_of_the_shell, open_file, open_regular
 
 _UNKNOWN_BITS = 24  # of a pixel
 _BUFFER_BYTES = 1 << 16
@@ -46,7 +47,7 @@ def open_container(path: Path) -> InputContainer:
     _check_file(path)
     try:
         return av.open(
-            _File(str(path.absolute())),
+            _File(str(path.absolute()), opener=open_regular),
             "r",
             metadata_errors="replace",
             buffer_size=_BUFFER_BYTES,
@@ -144,6 +145,10 @@ def _check_file(path: Path) -> None:
             raise OpenError(f"{path}: a folder; give a video file in it")
         if not path.exists():
             raise OpenError.missing(path)
+        if not (path.is_file() or is_of_the_shell(path)):
+            raise OpenError(
+                f"{path}: not a regular file; for a camera run: ros-visualise camera {path}"
+            )
         if path.is_file() and path.stat().st_size == 0:
             raise OpenError(f"{path}: an empty file; copy or record it again")
     except PermissionError:
@@ -154,7 +159,9 @@ def _check_file(path: Path) -> None:
 
 def _no_video(path: Path, why: str = "") -> OpenError:
     """The error for a file in which FFmpeg finds no video."""
-    with path.open("rb") as file:
+    if is_of_the_shell(path):
+        return OpenError(f"{path}: a pipe, which can be read only once; write it to a file first")
+    with open_file(path) as file:
         head = file.read(16)
     if head.startswith(_PLAYLISTS):
         return OpenError(f"{path}: a playlist, which only names videos; give one of these")

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 
 from ros_visualise.errors import OpenError
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.logs.srt import begins_srt
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.metadata import METADATA
@@ -86,7 +87,9 @@ def _open_file(path: Path) -> Recording:
     if not path.exists():
         raise OpenError.missing(path)
     if not path.is_file():
-        raise OpenError(f"{path}: no file; a camera is shown by: ros-visualise camera {path}")
+        raise OpenError(
+            f"{path}: not a regular file; for a camera run: ros-visualise camera {path}"
+        )
     head = _head(path)
     if not head:
         raise OpenError(f"{path}: an empty file; copy or record it again")
@@ -161,12 +164,12 @@ def _is_listed(path: Path) -> bool:
     metadata = path.parent / METADATA
     if not metadata.is_file():
         return False
-    with metadata.open("rb") as file:
+    with open_file(metadata) as file:
         return os.fsencode(path.name) in file.read(_MOST_METADATA)
 
 
 def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         return file.read(_HEAD_SIZE)
 
 

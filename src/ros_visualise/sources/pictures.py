@@ -16,6 +16,7 @@ import numpy as np
 from ros_visualise.data import Image, Pixels
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file
+from ros_visualise.regular_files import read_file
 from ros_visualise.vision.color import encoding_of
 from ros_visualise.vision.pictures import decodable
 
@@ -40,7 +41,7 @@ def read_picture(path: Path) -> Image:
     """
     try:
         check_file(path.stat().st_size)
-        file = path.read_bytes()
+        file = read_file(path)
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
     except FileNotFoundError:

@@ -10,6 +10,8 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
+from ros_visualise.regular_files import open_file
+
 _BOX = struct.Struct(">I4s")
 _LONG = struct.Struct(">Q")
 _RIFF = struct.Struct("<4sI")
@@ -20,7 +22,7 @@ _EBML, _SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 def promised_bytes(path: Path) -> int:
     """Where its last box or packet ends at least; 0 if the file does not say."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         head = file.read(_BOX.size)
         if head[4:] == b"ftyp":
             return _end_of_boxes(file)

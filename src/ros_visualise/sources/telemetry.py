@@ -18,6 +18,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats, Header, Imu, NavSatFix
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file, check_text
+from ros_visualise.regular_files import open_file, read_file
 from ros_visualise.sources.demux import open_container
 from ros_visualise.sources.logs.gpmf import Samples, read_samples
 from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt
@@ -94,7 +95,7 @@ def _packets(path: Path) -> Iterator[_Packet]:
         places = [(one.timestamp, one.pos, one.size) for one in track.index_entries]
         ends = [*(begin for begin, _, _ in places[1:]), track.duration or 0]
     check_file(sum(size for _, _, size in places))
-    with path.open("rb") as file:
+    with open_file(path) as file:
         for (begin, position, size), end in zip(places, ends, strict=False):
             file.seek(max(0, position))
             data = file.read(max(0, size))
@@ -151,7 +152,7 @@ def _of_dji(path: Path) -> list[Series]:
     if beside is None or beside == path:
         return []
     check_text(beside.stat().st_size)
-    data = beside.read_bytes()
+    data = read_file(beside)
     subtitles = list(parse_srt(decode_srt(data))) if begins_srt(data[:1000]) else []
     if not any(one.has_fix for one in subtitles):
         return []

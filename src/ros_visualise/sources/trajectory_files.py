@@ -17,6 +17,7 @@ from ros_visualise.data import Floats
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.geometry import rotations
 from ros_visualise.limits import check_numbers
+from ros_visualise.regular_files import open_file, read_text
 from ros_visualise.sources.trajectories import Trajectory, ordered
 
 log = logging.getLogger(__name__)
@@ -30,7 +31,7 @@ _MOST_S = Decimal(2**63 // 10**9 - 1)
 def is_trajectory_file(path: Path) -> bool:
     """Whether a file's first line that is no comment has as many numbers as one of a trajectory."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             head = file.read(_HEAD_SIZE).decode("utf-8-sig", "replace")
     except OSError:
         return False
@@ -49,7 +50,7 @@ def read_trajectory_file(path: Path) -> Trajectory:
     """
     try:
         check_numbers(path.stat().st_size)
-        text = path.read_text("utf-8-sig", "replace")
+        text = read_text(path, "utf-8-sig")
     except (OSError, TooLarge) as error:
         raise OpenError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
     lines = list(_lines(text))

@@ -67,7 +67,8 @@ def _openable(folder: Path) -> list[Path]:
 def _is_openable(path: Path) -> bool:
     if path.name.startswith("."):
         return False
-    return path.suffix.lower() in SUFFIXES or (path / METADATA).is_file()
+    is_named = path.suffix.lower() in SUFFIXES and (path.is_file() or path.is_dir())
+    return is_named or (path / METADATA).is_file()
 
 
 def _is_same(one: Path, other: Path) -> bool:

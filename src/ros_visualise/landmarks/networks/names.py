@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Mapping
-from pathlib import Path
 
 from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.regular_files import open_file
 
 _MOST_BYTES = 1 << 20
 _MOST_CLASSES = 10_000
@@ -40,7 +40,7 @@ def load_names(path: str) -> dict[int, str]:
         OpenError: it cannot be read, or is no such text.
     """
     try:
-        with Path(path).open("rb") as file:
+        with open_file(path) as file:
             data = file.read(_MOST_BYTES + 1)
         lines = data.decode().splitlines()
     except FileNotFoundError:

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from ros_visualise import limits
 from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
 from ros_visualise.landmarks.networks.stopping import stoppable
+from ros_visualise.regular_files import open_file
 
 _INSTALL = f"{sys.executable} -m pip install onnxruntime"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too
@@ -171,7 +172,7 @@ def _check_file(path: str) -> None:
         raise OpenError.missing(path, "give the ONNX file of a network")
     try:
         limits.check_model(file.stat().st_size)
-        with file.open("rb") as opened:
+        with open_file(file) as opened:
             if file.stat().st_size == 0:
                 raise OpenError(f"{path}: is empty; give an ONNX file")
             with mmap.mmap(opened.fileno(), 0, access=mmap.ACCESS_READ) as data:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
 from ros_visualise.errors import TooLarge
 from ros_visualise.limits import check_image
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.series import DamagedFile
 
@@ -154,7 +155,7 @@ def first_size(files: Files) -> tuple[int, int]:
     """Width and height of the first image that says so; 0, 0 where none does."""
     for index in range(len(files)):
         try:
-            with files.path(index).open("rb") as file:
+            with open_file(files.path(index)) as file:
                 size = read_size(file.read(24))
         except OSError:
             continue

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ros_visualise.errors import TooLarge
 from ros_visualise.limits import check_file, check_numbers
+from ros_visualise.regular_files import read_file, read_text
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 
@@ -40,7 +41,7 @@ class Files:
         path = self.path(index)
         try:
             check_file(path.stat().st_size)
-            data = path.read_bytes()
+            data = read_file(path)
         except TooLarge as error:
             raise DamagedFile(path, str(error)) from None
         except OSError as error:
@@ -74,7 +75,7 @@ def read_lines(path: Path) -> list[str]:
     """
     try:
         check_numbers(path.stat().st_size)
-        text = path.read_text("utf-8", "replace")
+        text = read_text(path)
     except TooLarge as error:
         raise DamagedFile(path, str(error)) from None
     except OSError as error:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 from ros_visualise.data import Header, NavSatFix
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_text
+from ros_visualise.regular_files import read_file
 from ros_visualise.sources.logs.srt import Subtitle, decode_srt, ends_cut, parse_srt
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording
@@ -39,7 +40,7 @@ def open_srt(path: str | Path) -> SeriesRecording:
         check_text(path.stat().st_size)
     except TooLarge as error:
         raise OpenError(f"{path}: {error}") from None
-    data = path.read_bytes()
+    data = read_file(path)
     text = decode_srt(data)
     subtitles = list(parse_srt(text))
     if not any(one.has_fix for one in subtitles):

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ros_visualise.data import Floats
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_log
+from ros_visualise.regular_files import read_file
 from ros_visualise.sources.logs.strays import find_strays
 from ros_visualise.sources.logs.ulog_formats import Format, columns
 from ros_visualise.sources.logs.ulog_records import MAGIC, Records, Topic, UnknownFlags
@@ -129,7 +130,7 @@ def _is_sorted(times: npt.NDArray[Any]) -> bool:
 def _read(path: Path) -> Records:
     try:
         check_log(path.stat().st_size)
-        data = path.read_bytes()
+        data = read_file(path)
         if not data.startswith(MAGIC):
             raise OpenError(f"{path}: not a flight log; {_AGAIN}")
         return Records(data)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.recordings import Extra, Loss, Recording
 from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, Records
 from ros_visualise.sources.recordings.mcap_channels import describe
@@ -252,7 +253,7 @@ class McapFile:
 
 def _open(path: Path) -> BinaryIO:
     try:
-        file = path.open("rb")
+        file = open_file(path)
         start = file.read(len(MAGIC))
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+r") from None

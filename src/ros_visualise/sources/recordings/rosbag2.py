@@ -15,6 +15,7 @@ from mcap.records import Metadata as MetadataRecord
 
 from ros_visualise.errors import OpenError
 from ros_visualise.limits import check_disk
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
 from ros_visualise.sources.recordings.mcap_file import McapFile
@@ -116,7 +117,7 @@ def _unpack(file: Path, loss: Loss, stack: ExitStack) -> Path:
     try:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="ros_visualise_"))
         target = Path(folder, file.stem)
-        with file.open("rb") as packed, target.open("wb") as unpacked:
+        with open_file(file) as packed, target.open("wb") as unpacked:
             reader = zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True)
             while block := reader.read(_BLOCK_BYTES):
                 check_disk(Path(folder), len(block))

@@ -8,6 +8,8 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
+from ros_visualise.regular_files import open_file
+
 _PAGE_COUNT_AT = 28
 _LEAF = 13
 _OVERFLOW_LINK_BYTES = 4
@@ -17,7 +19,7 @@ _CELLS_START = 8
 
 def missing_bytes(path: Path, page_bytes: int) -> int:
     """How much shorter a file is than its own header says."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(_PAGE_COUNT_AT)
         pages = int.from_bytes(file.read(4), "big")
     return max(0, pages * page_bytes - path.stat().st_size)
@@ -26,7 +28,7 @@ def missing_bytes(path: Path, page_bytes: int) -> int:
 def cut_rows(path: Path, page_bytes: int) -> set[int]:
     """The rows whose bytes the end of the file cuts, on the page of rows that it cuts."""
     size = path.stat().st_size
-    with path.open("rb") as file:
+    with open_file(path) as file:
         file.seek(size - size % page_bytes)
         page = file.read()
     if len(page) < _CELLS_START or page[0] != _LEAF:

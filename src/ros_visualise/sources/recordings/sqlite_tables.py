@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.errors import DamagedMessage, OpenError
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
 
@@ -63,7 +64,7 @@ def left_beside(path: Path) -> str:
     """
     for kind in ("wal", "journal"):
         file = path.with_name(f"{path.name}-{kind}")
-        with suppress(OSError), file.open("rb") as journal:
+        with suppress(OSError), open_file(file) as journal:
             if any(journal.read(8)):  # zeros are what some writers leave when they are done
                 return file.name
     return ""

@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 import viser
 
+from ros_visualise.regular_files import open_file
 from ros_visualise.ui.look.answers import Answer, Question, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.gate import Receive
@@ -99,7 +100,7 @@ class Files:
 
 def _read(path: Path, start: int) -> tuple[bytes, int]:
     """A piece of a file, and the size of all of it."""
-    with path.open("rb") as file:
+    with open_file(path) as file:
         size = file.seek(0, 2)
         file.seek(min(start, size))
         return file.read(_PIECE_BYTES), size

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import IO, cast
 from zipfile import ZipFile, ZipInfo
 
+from ros_visualise.regular_files import open_file
+
 _BLOCK_BYTES = 1 << 20
 
 
@@ -57,7 +59,7 @@ class ZippedFolder:
         """Nothing waits; for `zipfile` alone."""
 
     def _add(self, made: ZipFile, path: Path, name: str) -> None:
-        with path.open("rb") as file, made.open(ZipInfo.from_file(path, name), "w") as target:
+        with open_file(path) as file, made.open(ZipInfo.from_file(path, name), "w") as target:
             self._begin(path)
             self._reads = True
             while block := file.read(_BLOCK_BYTES):
@@ -76,7 +78,7 @@ class ZippedFolder:
         count = min(count, end - start)
         if isinstance(part, bytes):
             return part[within : within + count]
-        with part.open("rb") as file:
+        with open_file(part) as file:
             file.seek(within)
             found = file.read(count)
         if len(found) < count:

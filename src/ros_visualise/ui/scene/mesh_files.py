@@ -17,6 +17,8 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
+from ros_visualise.regular_files import read_file
+
 _LARGEST = 16 << 20
 _KEPT = 16
 
@@ -39,7 +41,7 @@ def load_mesh(resource: str) -> Mesh:
     if path.stat().st_size > _LARGEST:
         raise ValueError(f"{resource} is larger than {_LARGEST >> 20} MiB")
     try:
-        mesh = trimesh.load_mesh(BytesIO(path.read_bytes()), file_type="stl")
+        mesh = trimesh.load_mesh(BytesIO(read_file(path)), file_type="stl")
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # the library's reader raises what it happens to meet
         raise ValueError(f"{resource} cannot be read: {error}") from error

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.errors import OpenError
+from ros_visualise.regular_files import open_file
 from ros_visualise.sources.recordings import Extra, Loss
 from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, FileRange, Records
 from ros_visualise.sources.recordings.rosbag1 import records
@@ -228,7 +229,7 @@ class BagFile:
 
 def _open(path: Path) -> BinaryIO:
     try:
-        return path.open("rb")
+        return open_file(path)
     except PermissionError:
         raise OpenError(f"{path}: you may not read it; try chmod u+r") from None
     except OSError as error:

@@ -1,0 +1,39 @@
+"""What is opened from the page may take a while, and nobody need wait for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Event
+
+import pytest
+
+from ros_visualise.commands.interruptible import opened_within
+from ros_visualise.errors import OpenError
+from ros_visualise.signals import Wish
+
+PATH, LONG_S = Path("x.bag"), 1e6
+
+
+def test_what_is_opened_is_given():
+    assert opened_within(PATH, LONG_S, Wish(), lambda: 5, pytest.fail) == 5
+    with pytest.raises(ZeroDivisionError):
+        opened_within(PATH, LONG_S, Wish(), lambda: 1 // 0, pytest.fail)
+
+
+@pytest.mark.parametrize("asked", [True, False], ids=["asked to end", "too long"])
+def test_what_comes_too_late_is_closed(asked: bool):
+    wish, come, closed = Wish(), Event(), Event()
+    wish.asked = asked
+
+    def late() -> Event:
+        come.wait()
+        return closed
+
+    if asked:
+        assert opened_within(PATH, LONG_S, wish, late, Event.set) is None
+    else:
+        with pytest.raises(OpenError, match=r"^x.bag: not open after 0 s"):
+            opened_within(PATH, 0, wish, late, Event.set)
+    assert not closed.is_set()
+    come.set()
+    assert closed.wait(60)
