@@ -25,7 +25,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from ros_visualise.data import LaserScan
 from ros_visualise.errors import OpenError
 from ros_visualise.sources.opening import open_recording
-from ros_visualise.sources.recordings import Recording
+from ros_visualise.sources.recordings import Recording, sqlite_file
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 from ros_visualise.yaml_files import load_yaml, to_yaml
 
@@ -388,3 +388,62 @@ def test_real_bags_are_read(
     assert found == counts
     assert not recording.loss
     recording.close()
+
+
+@pytest.fixture
+def all_large(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every file counts as a large one, and none may be counted."""
+
+    def refuse(_: Any) -> None:
+        raise AssertionError("the whole file is read when it is opened")
+
+    monkeypatch.setattr(sqlite_file, "_LARGE_BYTES", 0)
+    monkeypatch.setattr(sqlite_file.SqliteFile, "_counted", refuse)
+
+
+@pytest.mark.usefixtures("all_large")
+def test_a_large_file_is_not_counted_when_it_is_opened(tmp_path: Path) -> None:
+    messages = write_bag(tmp_path / "bag", numbered(range(30)))
+    found, recording = read(tmp_path / "bag")
+    assert found == messages
+    assert {name: info.messages for name, info in recording.topics.items()} == {
+        "/a": 10,
+        "/b": 10,
+        "/c": 10,
+    }
+    assert (recording.start_ns, recording.end_ns) == (0, 29)
+    assert not recording.loss
+
+
+@pytest.mark.usefixtures("all_large")
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda one: list(one.read()),
+        lambda one: list(one.read(topics=["/c", "/b"])),
+        lambda one: one.stamps_ns(),
+    ],
+)
+def test_rows_that_are_gone_from_a_large_file_are_said_at_its_end(
+    tmp_path: Path, look: Any
+) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(30)))
+    with closing(sqlite3.connect(folder / "bag.db3")) as database:
+        database.execute("DELETE FROM messages WHERE timestamp IN (4, 7)")
+        database.commit()
+    recording = open_rosbag2(folder)
+    assert not recording.loss
+    look(recording)
+    look(recording)
+    assert recording.loss.messages == 2
+    assert recording.loss.notes == ["metadata.yaml counts 10 messages on /b, 8 are there"]
+
+
+@pytest.mark.usefixtures("all_large")
+def test_a_part_of_a_large_file_tells_nothing_of_the_rest(tmp_path: Path) -> None:
+    write_bag(tmp_path / "bag", numbered(range(30)))
+    recording = open_rosbag2(tmp_path / "bag")
+    assert len(list(recording.read(5, 9))) == 4
+    assert len(list(recording.read(topics=["/a"]))) == 10
+    assert not recording.loss

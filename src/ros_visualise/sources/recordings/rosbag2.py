@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -27,10 +27,7 @@ from ros_visualise.sources.recordings.sqlite_file import SqliteFile
 from ros_visualise.sources.recordings.storage import Storage, add_note
 
 _PACKED = ".zstd"
-_FILES: dict[str, Callable[[Path, Schemas, Loss, str], Storage]] = {
-    ".db3": SqliteFile,
-    ".mcap": McapFile,
-}
+_FILES = (".db3", ".mcap")
 _PART = re.compile(r"(.*_)\d+\.\w+(?:\.zstd)?")
 _BLOCK_BYTES = 8 << 20
 
@@ -49,9 +46,10 @@ def open_rosbag2(path: Path) -> Recording:
         files = _files(path, metadata, loss)
     else:
         metadata, files = Metadata(), [path]
+    told = metadata.by_topic if len(files) == 1 else {}
     with ExitStack() as stack:
         storages: Sequence[Storage] = open_storages(
-            path, files, partial(_open_file, stack), loss, stack
+            path, files, partial(_open_file, stack, told), loss, stack
         )
         packed = metadata.compression_mode == "message"
         if packed or metadata.compression_mode is None:
@@ -87,7 +85,7 @@ def _files(folder: Path, metadata: Metadata, loss: Loss) -> list[Path]:
 
 
 def _others(folder: Path, named: Sequence[Path]) -> list[Path]:
-    kinds = {_kind(file) for file in named} or _FILES.keys()
+    kinds = {_kind(file) for file in named} or set(_FILES)
     there = {item for item in folder.iterdir() if item.is_file() and _kind(item) in kinds}
     packed_twins = {f for f in there if f.suffix == _PACKED and f.with_suffix("") in there}
     return sorted(there - packed_twins - set(named), key=natural)
@@ -104,10 +102,19 @@ def _kind(file: Path) -> str:
     return (file.with_suffix("") if file.suffix == _PACKED else file).suffix
 
 
-def _open_file(stack: ExitStack, file: Path, schemas: Schemas, loss: Loss, label: str) -> Storage:
+def _open_file(
+    stack: ExitStack,
+    told: Mapping[str, int],
+    file: Path,
+    schemas: Schemas,
+    loss: Loss,
+    label: str,
+) -> Storage:
     unpacked = _unpack(file, loss, stack) if file.suffix == _PACKED else file
     try:
-        return _FILES.get(_kind(file), SqliteFile)(unpacked, schemas, loss, label)
+        if _kind(file) == ".mcap":
+            return McapFile(unpacked, schemas, loss, label)
+        return SqliteFile(unpacked, schemas, loss, label, told)
     except OpenError as error:
         raise OpenError(str(error).replace(f"{unpacked}: ", f"{file}: ")) from None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +16,7 @@ import numpy.typing as npt
 from ros_visualise.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Extra, Loss
+from ros_visualise.sources.recordings.metadata import METADATA
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.sqlite_cut import cut_rows, is_spilled, missing_bytes
@@ -34,6 +36,7 @@ from ros_visualise.sources.recordings.storage import (
 )
 
 _EARLIEST_NS, _LATEST_NS = -(2**63), 2**63 - 1
+_LARGE_BYTES = 64 << 20
 _MOST_AT_ONCE, _BYTES_AT_ONCE = 256, 1 << 18  # rows that are fetched while holding the lock
 _TOTALS = "count(*)" + "".join(
     f", coalesce(sum({part} & 0xFFFFFFFF), 0)" for part in ("id", "timestamp", "(timestamp >> 32)")
@@ -56,12 +59,21 @@ class SqliteFile:
         schemas: of its recording.
         loss: where to say what cannot be read.
         label: what begins each note of that, where the recording has more files.
+        told: messages of each topic, where that is known. A large file is not counted then when it
+            is opened, but when all of it is read.
 
     Raises:
         OpenError: it cannot be read, or is no file of rosbag2.
     """
 
-    def __init__(self, path: Path, schemas: Schemas, loss: Loss, label: str = "") -> None:
+    def __init__(
+        self,
+        path: Path,
+        schemas: Schemas,
+        loss: Loss,
+        label: str = "",
+        told: Mapping[str, int] | None = None,
+    ) -> None:
         self.path, self._loss, self._label = path, loss, label
         self.size = path.stat().st_size
         self.compressions: Collection[str] = ("none",)
@@ -82,7 +94,8 @@ class SqliteFile:
             for number, channel in self.channels.items()
             if channel.definitions
         }
-        self.counts, spans_ns = self._survey()
+        self._told: dict[int, int] = {}
+        self.counts, spans_ns = self._believed(told or {}) or self._survey()
         self.starts_ns, self.ends_ns = np.array(spans_ns, np.int64).reshape(-1, 2).T
         unknown = sum(n for topic, n in self.counts.items() if topic not in self.channels)
         self._lose(unknown, f"{unknown} messages of topics that it does not name")
@@ -101,12 +114,16 @@ class SqliteFile:
 
     def _entries(self, query: Query) -> Iterator[Entry]:
         last = (_EARLIEST_NS, _EARLIEST_NS)
+        counts: Counter[int] = Counter()
         try:
             for number, stamp_ns, topic, data in self._ordered(query):
+                counts[topic] += 1
                 if not isinstance(stamp_ns, int) or (stamp_ns, number) <= last:
                     raise sqlite3.DatabaseError("its index is not in order")
                 yield self._entry(topic, stamp_ns, data)
                 last = (stamp_ns, number)
+            if query.is_ever and not self._is_closed:
+                self._compare(counts, self._topics(query))
         except sqlite3.DatabaseError as error:
             self._salvage(error)
         yield from self._salvaged(query, last)
@@ -114,7 +131,11 @@ class SqliteFile:
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
         """As `Storage.stamps_ns`."""
         rows = self._rows if self._rows is not None else self._scan()[0]
-        for topic in np.unique(rows["topic"]):
+        topics, numbers = np.unique(rows["topic"], return_counts=True)
+        if not self._is_closed:
+            counts = dict(zip(topics.tolist(), numbers.tolist(), strict=True))
+            self._compare(counts, list(self._told))
+        for topic in topics:
             yield int(topic), rows["stamp_ns"][rows["topic"] == topic]
 
     def extras(self) -> Iterator[Extra]:
@@ -128,6 +149,36 @@ class SqliteFile:
             self._database.interrupt()
         with self._lock:
             self._database.close()
+
+    def _believed(
+        self, told: Mapping[str, int]
+    ) -> tuple[Mapping[int, int], list[tuple[int, int]]] | None:
+        """What a large file holds, as it is told; the span of its stamps is that of its index."""
+        topics = {channel.topic: number for number, channel in self.channels.items()}
+        is_all = len(topics) == len(self.channels) and topics.keys() == told.keys()
+        if self.size < _LARGE_BYTES or not is_all:
+            return None
+        try:
+            if not has_index(self._database):
+                return None
+            sql = "SELECT timestamp FROM messages ORDER BY timestamp"
+            ends = [next(self._select(f"{sql} {way} LIMIT 1")) for way in ("ASC", "DESC")]
+        except (sqlite3.DatabaseError, StopIteration):
+            return None
+        if not all(isinstance(stamp_ns, int) for (stamp_ns,) in ends):
+            return None
+        self._told = {topics[name]: count for name, count in told.items()}
+        return dict(self._told), [(ends[0][0], ends[1][0])]
+
+    def _compare(self, counts: Mapping[int, int], topics: Collection[int]) -> None:
+        """Hold the messages that are there on some topics against those that were told; once."""
+        for number in set(topics) & self._told.keys():
+            told, found = self._told.pop(number), counts.get(number, 0)
+            if found != told:
+                self._loss.messages += max(0, told - found)
+                topic = self.channels[number].topic
+                note = f"{METADATA} counts {told} messages on {topic}, {found} are there"
+                add_note(self._loss, note)
 
     def _survey(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
         """Messages of each topic, and the span of their stamps if there are any."""

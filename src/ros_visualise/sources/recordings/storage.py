@@ -59,6 +59,11 @@ class Query(NamedTuple):
     topics: Collection[str] | None = None
     chosen: Mapping[str, Channel] | None = None
 
+    @property
+    def is_ever(self) -> bool:
+        """Whether it asks for every stamp."""
+        return self.start_ns <= -LATEST_NS and self.stop_ns >= LATEST_NS
+
     def asks_for(self, channel: Channel) -> bool:
         """Whether messages of a channel are wanted, and can be read or copied."""
         if channel.definitions is None or not (self.topics is None or channel.topic in self.topics):
