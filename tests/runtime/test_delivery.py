@@ -1,12 +1,16 @@
 """Whoever fails at the end of a topic, or behind it, takes nobody else with it."""
 
 import weakref
+from functools import partial
 
+import numpy as np
 import pytest
 from test_joined_nodes import boxes_of, diamond, joined
 from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
 
 from ros_visualise.data import Image, PoseArray
+from ros_visualise.errors import UsageError
+from ros_visualise.graph import Graph, place
 from ros_visualise.joining import Approx, Exact, Latest
 from ros_visualise.nodes import node, source
 from ros_visualise.runtime.local import LocalRuntime
@@ -83,6 +87,25 @@ def test_whoever_connects_later_may_fail_too():
     run.runtime.topic("/add/sum").connect(broken, latched=True)
     assert broken.asked == 2
     assert failures("listener on /add/sum") == {"OSError": 2}
+
+
+def test_who_publishes_from_outside_hears_what_a_listener_refuses():
+    @node("takes", inputs={"image": Image}, outputs={"image": Image})
+    def takes(image, params):
+        return image
+
+    declared = takes.declared
+    graph = Graph(None, (place(declared, {"image": "/in"}, {"image": "/out"}),))
+    runtime = LocalRuntime(graph, None)
+    runtime.topic("/in").connect(Broken(partial(UsageError, "tipped over:")))
+    runtime.topic("/in").connect(Broken())
+    taken = runtime.subscribe("/out")
+    runtime.start()
+    with pytest.raises(UsageError, match="tipped over"):
+        runtime.publish("/in", Image(np.zeros((1, 1), np.uint8), "mono8"))
+    until(lambda: taken.take(0.1))
+    assert failures("listener on /in") == {"OSError": 1}
+    runtime.stop()
 
 
 class Death(BaseException):

@@ -42,6 +42,10 @@ class Entrance:
         self._turn = threading.Lock()
 
     def publish(self, message: Any) -> None:
-        """Publish a message."""
+        """Publish a message.
+
+        Raises:
+            RosVisualiseError: a source refuses it.
+        """
         with self._turn:
-            self._topic.publish(self._numbering.packet(self._name, message))
+            self._topic.publish(self._numbering.packet(self._name, message), heeds=True)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import TopicReport
@@ -102,16 +102,29 @@ class Topic:
         listeners = self._listeners
         return not listeners or any(self._wants(listener) for listener in listeners)
 
-    def publish(self, packet: Packet) -> None:
-        """Hand on a packet."""
+    def publish(self, packet: Packet, heeds: bool = False) -> None:
+        """Hand on a packet.
+
+        Raises:
+            RosVisualiseError: a listener refuses it; only to a publisher that ``heeds`` that.
+        """
         with self._lock:  # who connects meanwhile gets it in one way or the other, and once
             listeners = self._listeners
             if packet.message is not None:
                 self._last, self._last_s = packet, time.monotonic()
         if packet.message is not None and (listeners or not self.on_demand):
             self._stats.count(packet.message.header.stamp_ns, packet.epoch)
+        refusals = []
         for listener in listeners:
-            attempt(self._listener, partial(listener.put, packet))
+            try:
+                listener.put(packet)
+            except ERRORS as error:
+                if heeds and isinstance(error, RosVisualiseError):
+                    refusals.append(error)
+                else:
+                    note(self._listener, error)
+        if refusals:
+            raise refusals[0]
 
     def finish(self) -> None:
         """Nothing more comes."""
