@@ -44,7 +44,11 @@ class ActiveRecording(Protocol):
 
     @property
     def dropped(self) -> int:
-        """Messages that there was no time to write."""
+        """Messages that were not written, for want of time or as the file cannot hold them."""
+
+    @property
+    def refused(self) -> int:
+        """Those of the dropped messages that the file cannot hold."""
 
     @property
     def error(self) -> RecordingError | None:

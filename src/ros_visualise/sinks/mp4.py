@@ -23,8 +23,9 @@ from ros_visualise.sources.recordings import Extra
 
 log = logging.getLogger(__name__)
 
-_KEYFRAME_TICKS = TICKS_PER_SECOND  # what a seek decodes at most, and what a kill loses
+_KEYFRAME_TICKS = TICKS_PER_SECOND  # what a seek decodes at most
 _INDEX_BYTES = 64  # what one image adds to the index at the file's end, at most
+_FRAGMENT_BYTES = 256  # and what its own fragment takes beside it
 _ENCODER = "libx264"
 _ENCODER_OPTIONS = {
     "preset": "ultrafast",
@@ -36,7 +37,7 @@ _ENCODER_OPTIONS = {
 }
 _FILE_OPTIONS = {
     # in fragments while it is written, in one piece with an index when it is finished
-    "movflags": "hybrid_fragmented+frag_keyframe+default_base_moof",
+    "movflags": "hybrid_fragmented+frag_every_frame+default_base_moof",
     "fflags": "+flush_packets+bitexact",
 }
 
@@ -59,7 +60,7 @@ class Mp4Recorder:
     """One topic of images in an .mp4 that keeps the times of its images.
 
     All images take the size of the first one, 16-bit ones are scaled to 8 bit, mosaics become
-    colour. While it is written the file can be read up to its last whole second.
+    colour. While it is written the file can be read up to the last image but one.
     """
 
     files = 1
@@ -151,7 +152,7 @@ class Mp4Recorder:
     def _add(self, planes: Bytes, stamp_ns: int, video: _Video) -> None:
         ticks = self._timeline.place(stamp_ns)
         packets = video.encode(planes, ticks, self._timeline.gap)
-        size = video.pending + sum(packet.size for packet in packets)
+        size = video.pending + sum(packet.size + _FRAGMENT_BYTES for packet in packets)
         try:
             self._file.require_room(size + _INDEX_BYTES * video.count)
         except OSError as error:
@@ -221,7 +222,7 @@ class _Video:
         return packets
 
     def mux(self, packets: list[av.Packet[av.VideoStream]]) -> None:
-        """Put them into the file; a key frame ends the fragment before it, which is then kept."""
+        """Put them into the file; each ends the fragment before it, which is then kept."""
         for packet in packets:
             before = self._file.size
             self._container.mux(packet)

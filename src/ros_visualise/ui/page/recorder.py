@@ -78,6 +78,7 @@ class Recorder:
 
     def _show(self, recording: ActiveRecording) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
+        dropped += f" ({recording.refused} refused)" if recording.refused else ""
         state = f"{recording.path}: {recording.written} messages{dropped}{self._room(recording)}"
         self._note.content = f'<div class="rv-note">{escape(state)}</div>'
         self._note.visible = True
