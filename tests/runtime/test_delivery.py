@@ -137,6 +137,9 @@ def test_a_node_whose_thread_dies_is_heard_and_ends_what_it_publishes():
     assert taken == [1, 2, 3, 4, 5, "end"]
     assert report.topics["/image_raw"].messages == FRAMES
     assert run.runtime.failed
+    dead = report.nodes["dies"]
+    assert (dead.received, dead.processed) == (FRAMES, 5)
+    assert dead.dropped == {"error": FRAMES - 5}
     assert failures("dies") == {"Death": 1}
 
 

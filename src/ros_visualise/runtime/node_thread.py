@@ -88,6 +88,7 @@ class NodeThread:
         self._outputs = outputs
         self._last = Packet(0, None, 0)
         self._at_work = threading.Lock()
+        self._is_dead = False
 
     def run(self) -> None:
         """Until the inbox is closed and empty."""
@@ -99,6 +100,9 @@ class NodeThread:
             with self._at_work:
                 self._last = self._last._replace(number=END)
                 self._publish(self.runner.finish())
+        except BaseException:
+            self._is_dead = True
+            raise
         finally:
             self.inbox.close(discard=True)
             for topic in self._outputs.values():
@@ -119,6 +123,9 @@ class NodeThread:
         dropped = Counter(report.dropped) + self._joining.dropped
         dropped["queue"] += self.inbox.dropped
         received = report.received + self.inbox.dropped
+        if self._is_dead:  # what it was at, and all that came since
+            dropped["error"] += 1 + self.inbox.let_go
+            received += self.inbox.let_go
         return replace(report, received=received, dropped=dict(+dropped))
 
     def _answer(self, questions: Iterable[Question]) -> None:

@@ -42,11 +42,11 @@ class Inbox:
 
     ``lossless``: whoever puts waits for room. Otherwise only the newest messages are kept, ``keep``
     of each port, and those that they replace are counted in ``dropped``. May be switched at any
-    time.
+    time. ``let_go`` counts those that came after `close`, or were discarded by it.
     """
 
     def __init__(self, lossless: bool, depth: int = 2, keep: int = 1) -> None:
-        self.dropped = 0
+        self.dropped = self.let_go = 0
         self._keep = keep
         self._lossless = lossless
         self._depth = depth
@@ -87,6 +87,7 @@ class Inbox:
             while self._lossless and len(self._packets) >= self._depth and not self._closed:
                 self._changed.wait()
             if self._closed:
+                self.let_go += packet.message is not None
                 return
             if packet.message is not None:
                 self._waiting[packet.port] += 1
@@ -153,5 +154,6 @@ class Inbox:
         with self._changed:
             self._closed = True
             if discard:
+                self.let_go += sum(one.message is not None for one in self._packets)
                 self._packets.clear()
             self._changed.notify_all()
