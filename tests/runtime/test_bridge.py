@@ -199,6 +199,7 @@ def test_messages_that_a_middleware_skips_count_as_dropped(
     with hub.running("fps_control"), closing(RemoteRuntime(peer.middleware)) as viewer:
         images = peer.advertise("/controlled_stream", Image)
         diagnostics = peer.hear("/diagnostics", DiagnosticArray)
+        wait_for(lambda: _has_parameters(viewer, "fps_control"), "the node's parameters")
         wait_for(lambda: "/controlled_stream" in viewer.graph.topics, "the topic")
         wait_for(lambda: "/image_raw" in hub.topics, "the node")
         recording = viewer.start_recording(tmp_path / "r.mcap", topics=["/controlled_stream"])
@@ -211,6 +212,10 @@ def test_messages_that_a_middleware_skips_count_as_dropped(
         wait_for(lambda: diagnostics and _dropped(diagnostics[-1]), "the node's drops")
     assert recording.dropped == 7
     assert _dropped(diagnostics[-1]) == 5
+
+
+def _has_parameters(viewer: RemoteRuntime, node: str) -> bool:
+    return node in viewer.parameters and bool(vars(viewer.parameters[node].current))
 
 
 def _dropped(diagnostics: DiagnosticArray) -> int:
