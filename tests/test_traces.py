@@ -22,15 +22,15 @@ _OF_THE_TESTS = ("ORT_", "MESA_", "__GL_", "CI", "XDG_", "DISPLAY", "TF_BUILD", 
 NOTHING: list[str] = []
 COMMANDS: dict[str, tuple[str, list[str]]] = {
     "demo": ("demo --view none --frames 3 --rate 0", NOTHING),
-    "demo, page": ("demo landscape --duration 1", NOTHING),
+    "demo, page": ("demo landscape --duration 2", NOTHING),
     "sim": ("sim quadrotor --view none --frames 3 --rate 0 --navigate", NOTHING),
-    "sim, page": ("sim husky --world plane --duration 1 --record run.mcap", ["run.mcap"]),
+    "sim, page": ("sim husky --world plane --duration 2 --record run.mcap", ["run.mcap"]),
     "video": (
         "video {video} --view none --rate 0 --node landmark_detector@streamer"
         " --record e.mp4@/edges",
         ["e.mp4"],
     ),
-    "video, page": ("video {video} --duration 0.2", NOTHING),
+    "video, page": ("video {video} --loop --duration 2", NOTHING),
     "video, windows": ("video {video} --view windows --frames 3", NOTHING),
     "camera": ("camera test --view none --frames 3", NOTHING),
     "bag": ("bag {data}/bags/evo_tf_example.bag --view none --rate 0", NOTHING),
@@ -56,6 +56,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
     "completion": ("completion bash", NOTHING),
 }
 """Command -> how it is called, and what it was asked to write."""
+_VISITED = [sys.executable, str(Path(__file__).with_name("visited.py"))]
 TEMPORARY = {"bag, compressed": "ros_visualise_", "video, windows": "ros_visualise-font-"}
 """Those that need a folder of their own for a while -> how its name begins."""
 
@@ -81,6 +82,7 @@ def test_every_command_is_among_them():
     assert {name.partition(",")[0] for name in COMMANDS} == set(commands.choices)
 
 
+@pytest.mark.timeout(400)  # what is watched takes several times as long
 @pytest.mark.parametrize("name", COMMANDS)
 def test_leaves_no_traces(name: str, inputs: dict[str, Path], tmp_path: Path):
     line, named = COMMANDS[name]
@@ -88,9 +90,9 @@ def test_leaves_no_traces(name: str, inputs: dict[str, Path], tmp_path: Path):
     for folder in folders.values():
         folder.mkdir()
     command = [sys.executable, "-m", "ros_visualise", *line.format(**inputs).split()]
-    screen = _screen() if name.endswith("windows") else []
+    within = _screen() if name.endswith("windows") else _VISITED if name.endswith("page") else []
     environment = _environment(folders)
-    done, traces = trace(command, folders["work"], environment, tmp_path / "log", screen)
+    done, traces = trace(command, folders["work"], environment, tmp_path / "log", within)
     assert done.returncode == 0, done.stderr
     assert traces.asked == []
     for path in traces.written:
