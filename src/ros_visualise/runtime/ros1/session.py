@@ -45,12 +45,13 @@ def begin(name: str) -> None:
     mend_pollers()
     stop = interrupt()
     try:
-        rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
+        with asking("the ROS master"):
+            rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
         note(_wish)
-    except (KeyboardInterrupt, rospy.ROSInitException) as error:
+    except (KeyboardInterrupt, RosVisualiseError):
         if stop.asked:  # before it has begun
             sys.exit(DONE)
-        raise RosVisualiseError(f"{name} cannot join the ROS graph: {error}") from None
+        raise
     log_to(_SAY)
     keep_registered(_end_without_master if option("end_with_master", False) else _say_alone)
     supervision.start("clock watch", partial(watch_clock, is_over), again_s=_LOOK_S)
