@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz.counts import count
+from fuzz.page import send
 from ros_visualise.cli import main
 from ros_visualise.sources.logs.gpmf import read_samples
 
@@ -81,8 +82,7 @@ def examine(path: Path, kind: str, folder: Path, whole: Path | None = None) -> l
     before = peak_mib()
     begun = time.monotonic()
     if kind in _PARTS:
-        done, found = [], []
-        _PARTS[kind](path.read_bytes())
+        done, found = [], _PARTS[kind](path)
     elif kind in _SETTINGS:
         done = [run(*_SETTINGS[kind](path, folder))]
         found = []
@@ -139,13 +139,13 @@ def _calibration(path: Path, folder: Path) -> tuple[object, ...]:
     return ("video", folder / "video.mkv", "--frames", 2, "--set", setting, *QUICK)
 
 
-def _telemetry(packet: bytes) -> None:
-    for samples in read_samples(packet, {"GPS5", "ACCL", "GYRO"}):
-        assert samples.values.ndim == 2
+def _telemetry(path: Path) -> list[str]:
+    found = list(read_samples(path.read_bytes(), {"GPS5", "ACCL", "GYRO"}))
+    return [f"samples of {one.values.ndim} axes" for one in found if one.values.ndim != 2]
 
 
 _COUNTED = ("bag", "mcap", "mcap_folder", "db3")
 """Kinds whose files count their messages, so that a missing one can be known."""
 
-_PARTS = {"gpmf": _telemetry}
+_PARTS = {"gpmf": _telemetry, "page": send}
 _SETTINGS = {"params": _demo, "mission": _mission, "calibration": _calibration}

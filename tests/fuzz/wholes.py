@@ -12,6 +12,8 @@ import made_videos
 import numpy as np
 from made_mcaps import CompressionType, StoragePlugin
 
+from fuzz.page import whole_messages
+
 _STAMPS_NS = [10**9 + number * 10_000_000 for number in range(60)]
 _REAL = {
     "bag": ("bags/evo_tf_example.bag", "bags/foxglove_example-lz4.bag"),
@@ -197,6 +199,7 @@ _MAKERS = {
     "kitti_odometry": _sequences,
     "ulg": _flights,
     "gpmf": _telemetry,
+    "page": whole_messages,
     "srt": _texts("DJI_0001.SRT", _SUBTITLES),
     "params": _texts(
         "params.yaml", "fps_control: {fps: 10}\nfilters:\n  gray: true\n  threshold: 90\n"

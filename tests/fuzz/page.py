@@ -1,0 +1,111 @@
+"""What a browser may send to the page: messages on its connection, and questions."""
+
+import contextlib
+import logging
+import os
+import socket
+from collections.abc import Iterator
+from functools import cache
+from http.client import HTTPConnection
+from pathlib import Path
+from urllib.parse import quote
+
+import msgspec
+from ui.page_client import CAMERA, TOKEN, Client
+from websockets.exceptions import WebSocketException
+
+from ros_visualise.pipelines import image_pipeline
+from ros_visualise.runtime.local import LocalRuntime
+from ros_visualise.sources.playback import Playback
+from ros_visualise.ui.page import Page
+
+_ELEMENT = "00000000-0000-4000-8000-000000000000"
+_MESSAGES = {
+    "camera": CAMERA,
+    "value": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": 10}},
+    "texts": {"type": "GuiUpdateMessage", "uuid": _ELEMENT, "updates": {"value": ["a", "b"]}},
+    "click": {"type": "ScenePointerMessage", "event_type": "click", "screen_pos": [[0.5, 0.5]]},
+    "command": {"type": "CommandTriggerMessage", "uuid": _ELEMENT},
+    "upload": {"type": "FileTransferStartUpload", "transfer_uuid": _ELEMENT, "size_bytes": 9},
+}
+_QUESTIONS = (
+    "ask=topics",
+    "ask=pixels&topic=/edges&stamp=5&after=3",
+    "ask=png&topic=/image_raw&near=1",
+    "ask=message&topic=/image_raw&after=3",
+    "ask=fields&topic=/image_raw",
+    "ask=curves&field=/image_raw:header.stamp&from=0&to=9.5",
+    "ask=log&after=2",
+    "ask=diagnostics",
+    "ask=play&seek=1.5",
+    "look=image",
+)
+
+
+def whole_messages(folder: Path) -> list[Path]:
+    """A file for each message and question."""
+    files = {f"{name}.msg": msgspec.msgpack.encode(one) for name, one in _MESSAGES.items()}
+    files |= {f"{n}.question": one.encode() for n, one in enumerate(_QUESTIONS)}
+    for name, data in files.items():
+        (folder / name).write_bytes(data)
+    return [folder / name for name in files]
+
+
+def send(path: Path) -> list[str]:
+    """Send what a file holds to a page; what is wrong with it then."""
+    shown = _Shown.of_this_process()
+    if path.suffix == ".msg":
+        with contextlib.suppress(WebSocketException, OSError):  # it may hang up
+            client = Client(shown.port)
+            with contextlib.closing(client.socket):
+                client.read_until(lambda: client.values, timeout_s=60)
+                element = client.elements[0].encode()
+                client.socket.send(path.read_bytes().replace(_ELEMENT.encode(), element))
+                client.socket.ping().wait(20)
+    else:
+        shown.ask(quote(path.read_bytes(), safe="=&/"))
+    faults = [] if shown.ask("ask=topics") == 200 else ["it no longer answers"]
+    return faults + list(shown.take_faults())
+
+
+class _Shown(logging.Handler):
+    """A page of this process; hears what breaks in it."""
+
+    @staticmethod
+    @cache
+    def of_this_process() -> "_Shown":
+        """The one page that all mutants are sent to."""
+        return _Shown()
+
+    def __init__(self) -> None:
+        super().__init__()
+        os.environ["ROS_VISUALISE_TOKEN"] = TOKEN
+        with socket.create_server(("127.0.0.1", 0)) as server:
+            self.port = server.getsockname()[1]
+        self._faults: list[str] = []
+        logging.getLogger().addHandler(self)
+        playback = Playback(hold=True)
+        playback.pause()
+        runtime = LocalRuntime(image_pipeline("landscape"), playback)
+        runtime.start()
+        self._page = Page(port=self.port)
+        self._page.open(runtime)
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep what is a bug."""
+        if record.exc_info:
+            self._faults.append(f"{record.getMessage()}: {record.exc_info[1]!r}")
+
+    def ask(self, query: str) -> int:
+        """The status of the answer; 0 where there is none."""
+        with contextlib.closing(HTTPConnection("127.0.0.1", self.port, timeout=60)) as asked:
+            try:
+                asked.request("GET", f"/{TOKEN}/?{query}", headers={"X-Ros-Visualise": "1"})
+                return asked.getresponse().status
+            except OSError:
+                return 0
+
+    def take_faults(self) -> Iterator[str]:
+        """What broke since it was asked for last."""
+        while self._faults:
+            yield self._faults.pop(0)
