@@ -16,6 +16,7 @@ SETTLE_S = 600.0
 LIMIT_MB_PER_H = 1.0
 _WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _ROW = 860, 120, 64, 34, 210, 150
 _GRAY = (190, 190, 190)
+_LEAST_MB = 5.0  # from the middle of a picture to its edge
 
 Series = Mapping[tuple[str, str], Sequence[Sample]]
 
@@ -85,37 +86,41 @@ def _middle(values: Sequence[float | None]) -> str:
 def picture(series: Series) -> Figure:
     """The memory of each scenario's processes over time."""
     scenarios = list(dict.fromkeys(scenario for scenario, _ in series))
-    figure = Figure(_WIDTH, _TOP + _ROW * len(scenarios) + 20)
-    figure.text(_LEFT, 20, "resident memory since its mean after 10 minutes, MB", 13)
+    hours = max(samples[-1].time_s for samples in series.values()) / 3600 or 1.0
+    figure = Figure(_WIDTH, _TOP + _ROW * len(scenarios) + 10)
+    figure.text(_LEFT, 20, "resident memory over hours, MB about its mean after 10 minutes", 13)
     for number, scenario in enumerate(scenarios):
         lines = {process: one for (name, process), one in series.items() if name == scenario}
-        _panel(figure, _TOP + _ROW * number, scenario, lines)
-    figure.text(_WIDTH - _RIGHT, figure.height - 8, "hours", 11, "end")
+        _panel(figure, _TOP + _ROW * number, scenario, lines, hours)
     return figure
 
 
-def _panel(figure: Figure, top: float, title: str, lines: Mapping[str, Sequence[Sample]]) -> None:
-    hours = max(one[-1].time_s for one in lines.values()) / 3600 or 1.0
+def _panel(
+    figure: Figure,
+    top: float,
+    title: str,
+    lines: Mapping[str, Sequence[Sample]],
+    hours: float,
+) -> None:
     drawn = {process: _about_mean(samples) for process, samples in lines.items()}
-    most = max(
-        5.0, *(float(np.abs(y[x >= SETTLE_S / 3600]).max(initial=0)) for x, y in drawn.values())
-    )
-    scale = _WIDTH - _LEFT - _RIGHT, _HEIGHT / 2
+    late = [np.abs(y[x >= SETTLE_S / 3600]).max(initial=0) for x, y in drawn.values()]
+    most = max(_LEAST_MB, *map(float, late))
+    width, height = _WIDTH - _LEFT - _RIGHT, _HEIGHT / 2
 
     def place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        down = top + _HEIGHT / 2 - np.clip(y / most, -1, 1) * scale[1]
-        return np.column_stack([_LEFT + x / hours * scale[0], down])
+        return np.column_stack([_LEFT + x / hours * width, top + height * (1 - y / most)])
 
     for level in (-most, 0.0, most):
         ends = place(np.array([0.0, hours]), np.full(2, level))
         figure.line(ends, _GRAY, 0.6)
-        figure.text(_LEFT - 6, ends[0, 1] + 4, f"{level:+.0f}", 10, "end")
+        figure.text(_LEFT - 6, ends[0, 1] + 4, f"{level:+.0f}" if level else "0", 10, "end")
     for hour in np.arange(0, hours + 1e-9, 0.5):
         x, y = place(np.array([hour]), np.array([-most]))[0]
         figure.text(x, y + 13, f"{hour:g}", 10, "middle")
     for number, (process, (x, y)) in enumerate(drawn.items()):
         color = PALETTE[number % len(PALETTE)]
-        figure.line(place(x, y), color, 1.4)
+        inside = np.abs(y) <= most
+        figure.line(place(x[inside], y[inside]), color, 1.4)
         name = f"{title}: {process}" if len(drawn) > 1 else title
         figure.text(_WIDTH - _RIGHT + 8, top + 14 + 16 * number, name, 12, color=color)
 
