@@ -15,6 +15,8 @@ import viser
 from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, addresses, get
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from ros_visualise import supervision
+from ros_visualise.ui.look import Looker
 from ros_visualise.ui.page import Page
 
 EVIL = """<!doctype html><body><iframe src="http://127.0.0.1:{port}/{token}"></iframe><script>
@@ -29,6 +31,8 @@ import sys
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
+from ros_visualise import supervision
+from ros_visualise.ui.look import Looker
 from ros_visualise.ui.page import Page
 page = Page(port=int(sys.argv[1]))
 runtime = LocalRuntime(image_pipeline("landscape"), Playback(hold=True))
@@ -194,6 +198,22 @@ def test_what_other_sites_ask_is_refused_before_any_work(page, port, runtime, mo
         assert get(port, path, **image)[0] == 403
     assert get(port, "/", **link)[0] == 200
     assert not asked
+
+
+def test_a_bug_in_an_answer_is_said_and_counted_and_ends_nothing(page, port, monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError
+
+    own = {"X-Ros-Visualise": "1"}
+    with monkeypatch.context() as broken:
+        broken.setattr(Looker, "answer", fail)
+        for _ in range(20):  # more than there are threads
+            status, _, text = get(port, "/?ask=topics", **own)
+            assert (status, "this failed" in text) == (500, True)
+    ((failure, count),) = supervision.PROCESS.failures.items()
+    assert (failure.kind, count) == ("ZeroDivisionError", 20)
+    supervision.PROCESS.forget()
+    assert get(port, "/?ask=topics", **own)[0] == 200
 
 
 @pytest.fixture

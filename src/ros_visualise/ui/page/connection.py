@@ -187,16 +187,22 @@ class _Connection(ServerConnection):
 
     async def _answer(self, request: Request, static: _Static) -> None:
         """Answer a question, or else with what viser has."""
-        if self.query and request.path.partition("?")[0] in ("", "/"):
-            try:
-                with self._gate.budget.answer(self._client) as hold:
-                    answer = await self._gate.answer(self.query, request.headers, self.is_viewer)
-                    if answer is not None:
-                        hold(len(answer.body))
-                        return await self._send(answer)
-            except Refusal as refused:  # of the budget
-                return await self._send(refused.answer)
-        return await self._send(self._static(request, static))
+        try:
+            with self._gate.budget.answer(self._client) as hold:
+                answer = await self._own(request)
+                if answer is None:
+                    answer = self._static(request, static)
+                else:
+                    hold(len(answer.body))
+                await self._send(answer)
+        except Refusal as refused:  # of the budget
+            await self._send(refused.answer)
+
+    async def _own(self, request: Request) -> Answer | None:
+        path, _, query = request.path.partition("?")
+        if not query or path not in ("", "/"):
+            return None
+        return await self._gate.answer(query, request.headers, self.is_viewer)
 
     def _static(self, request: Request, static: _Static) -> Answer:
         """What viser answers; browsers share it in memory."""
