@@ -4,7 +4,7 @@ import re
 
 import pytest
 from page_client import TOKEN, VIEW_TOKEN
-from test_page_browser import element, image, value_of, wait_until
+from test_page_browser import element, value_of, wait_until
 from waiting import wait_for
 
 READY = "document.querySelectorAll(\"img[src^='blob:']\").length == 3"
@@ -24,6 +24,7 @@ def visit(chromium):
     def open_tab(address):
         context = chromium.new_context(viewport={"width": 1280, "height": 720})
         contexts.append(context)
+        context.set_default_timeout(120_000)
         tab = context.new_page()
         tab.goto(address)
         tab.wait_for_function(READY, timeout=120_000)
@@ -58,24 +59,24 @@ def test_both_printed_addresses_open_and_one_is_read_only(printed, visit, runtim
 
 
 def test_close_up_pages_and_downloads_go_by_the_same_address(printed, visit, runtime, tmp_path):
-    for address in printed:  # the read-only one last: what plays goes on
+    for address in reversed(printed):  # the read-only one first, while nothing plays
         tab = visit(address)
-        box = image(tab, "/edges").bounding_box()
-        with tab.context.expect_page(timeout=60_000) as opened:
+        box = tab.locator("img[src^='blob:']").first.bounding_box()
+        with tab.context.expect_page(timeout=120_000) as opened:
             tab.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
         whole = opened.value
-        whole.locator("#facts", has_text="640").wait_for(timeout=60_000)
+        whole.locator("#facts", has_text="640").wait_for(timeout=120_000)
         assert whole.url.startswith(address)
-        with whole.expect_download(timeout=60_000) as saved:
+        with whole.expect_download(timeout=120_000) as saved:
             whole.click("#png")
-        assert saved.value.suggested_filename.startswith("edges_")
+        assert saved.value.suggested_filename.endswith(".png")
         whole.get_by_role("link", name="plots").click()
         play = whole.locator("#play")
-        play.wait_for(timeout=60_000)
+        play.wait_for(timeout=120_000)
         play.click()
         if address.endswith(VIEW_TOKEN):
-            whole.get_by_text("this address is read-only").wait_for(timeout=60_000)
-            assert runtime.playback.state.playing
+            whole.get_by_text("this address is read-only").wait_for(timeout=120_000)
+            assert not runtime.playback.state.playing
         else:
             wait_for(lambda: runtime.playback.state.playing, "the playback")
 
@@ -86,6 +87,6 @@ def test_a_download_by_the_read_only_address(page, printed, visit, runtime, tmp_
     page._desk._recorder._show_links()
     for address in printed:
         tab = visit(address)
-        with tab.expect_download(timeout=60_000) as saved:
+        with tab.expect_download(timeout=120_000) as saved:
             tab.locator("a[data-download]").click()
         assert saved.value.path().read_bytes() == (tmp_path / "mine.mcap").read_bytes()
