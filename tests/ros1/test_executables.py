@@ -234,7 +234,7 @@ def test_a_node_reports_to_diagnostics(start, hear, video):
         ("edge_detector", ["_low:=900"], "low=900: must be from 0 to 800"),
         ("edge_detector", ["_method:=magic"], "choose one of canny"),
         ("edge_detector", ["_view:=tv"], "view=tv: choose web, windows or none"),
-        ("edge_detector", ["_image_transport:=pigeon"], "choose raw or compressed"),
+        ("edge_detector", ["_image_transport:=pigeon"], "use raw or compressed"),
         ("edge_detector", ["edges:=/a", "processed_image:=/a"], "listen to itself"),
         ("streamer", [], "give the video file"),
         ("streamer", ["_path:=/nowhere.mp4"], "/nowhere.mp4"),
@@ -352,7 +352,7 @@ def test_without_a_screen_a_node_says_so_once_and_runs(
     until_heard(publish("processed_image", Image), dark, edges)
     node.terminate()
     said = node.communicate(timeout=60)[0]
-    assert said.count("running without") == 1
+    assert said.count("continuing without") == 1
 
 
 def test_time_that_stands_still_is_said_with_what_mends_it(start, video, ros_master):

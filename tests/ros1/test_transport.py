@@ -308,7 +308,7 @@ def test_an_unknown_rospy_does_it_all_by_itself(unknown_rospy, opened, caplog):
         publisher.close()
         publisher.publish(message)
     assert [r.getMessage() for r in caplog.records if "not known" in r.getMessage()] == [
-        "this version of rospy is not known: large images are not made faster"
+        "unsupported rospy; using the stock transport, which is slower with large images"
     ]
 
 

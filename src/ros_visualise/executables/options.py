@@ -59,7 +59,7 @@ def choose_image_transport(middleware: Middleware) -> bool:
     """
     transport = middleware.option("image_transport", "raw")
     if transport not in ("raw", "compressed"):
-        raise UsageError(f"image_transport={transport}: choose raw or compressed")
+        raise UsageError(f'invalid image_transport "{transport}"; use raw or compressed')
     return bool(transport == "compressed")
 
 

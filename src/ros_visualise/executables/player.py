@@ -78,6 +78,6 @@ def _wait_for_subscribers(middleware: Middleware, process: Process, topics: Sequ
     end_s = time.monotonic() + _PATIENCE_S
     while not (middleware.is_over() or all(process.subscribers(topic) for topic in topics)):
         if time.monotonic() > end_s:
-            log.warning("nobody listens to %s: playing all the same", " and ".join(topics))
+            log.warning("no subscribers on %s; starting anyway", " and ".join(topics))
             return
         time.sleep(_LOOK_S)

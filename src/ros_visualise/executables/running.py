@@ -237,5 +237,5 @@ def _open_view(name: str, options: ViewOptions) -> View:
     try:
         return open_view(name, options)
     except OpenError as error:
-        log.warning("no %s here, running without: %s", name, error)
+        log.warning("%s unavailable; continuing without: %s", name, error)
         return open_view("none", options)

@@ -46,7 +46,9 @@ class Receiver:
             self._refuse(f"not a message: {error}")
             return []
         except BrokenStream as error:
-            log.warning("%s: %s; leaving %s", connection.name, error, connection.endpoint_id)
+            log.warning(
+                "%s: %s; closing connection to %s", connection.name, error, connection.endpoint_id
+            )
             raise TransportTerminated(str(error)) from error
         except (EOFError, OSError) as error:
             raise TransportTerminated("the publisher has gone") from error

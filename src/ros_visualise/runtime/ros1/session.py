@@ -106,9 +106,9 @@ def _return_to_where_it_was_typed() -> None:
 
 
 def _say_alone() -> None:
-    _log.warning("the ROS master is gone; this node goes on, and waits for one to come back")
+    _log.warning("lost the ROS master; this node goes on, and registers again when it comes back")
 
 
 def _end_without_master() -> None:
-    _log.warning("the ROS master is gone: this node ends")
+    _log.warning("lost the ROS master; shutting down")
     _wish.asked = True

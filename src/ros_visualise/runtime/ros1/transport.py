@@ -279,7 +279,9 @@ def _fits() -> bool:
         *(hasattr(TCPROSTransport, name) for name in ("receive_once", "set_cleanup_callback")),
     ]
     if not all(there):
-        log.warning("this version of rospy is not known: large images are not made faster")
+        log.warning(
+            "unsupported rospy; using the stock transport, which is slower with large images"
+        )
     return all(there)
 
 
