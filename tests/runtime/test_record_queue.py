@@ -1,11 +1,15 @@
 """What waits to be recorded is bounded in bytes and in time, and what has to go is said."""
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from ros_visualise.data import Header, Image
+from ros_visualise.graph import Graph, place
+from ros_visualise.nodes import node
+from ros_visualise.runtime.ordering import Ordering
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.record_queue import ArrivalOrder, RecordQueue
 
@@ -111,3 +115,41 @@ def test_drops_are_said_at_once_and_then_now_and_then(caplog: pytest.LogCaptureF
     counts = ("a message was", "81 messages were", "161 messages were")
     assert caplog.messages == [said.format(count) for count in counts]
     assert one.dropped == 236
+
+
+@node("slow", inputs={"image": Image}, outputs={"image": Image})
+def slow(image, params):
+    return image
+
+
+def ordered(lossless):
+    graph = Graph(None, (place(slow.declared, {"image": "/in"}, {"image": "/out"}),))
+    clock = Clock()
+    order = Ordering(chain(graph), ("/other", "/out"))
+    return RecordQueue(order, lossless, "r.mcap", clock), clock
+
+
+def chain(graph):
+    """Two nodes behind one topic, of which one is slow."""
+    other = place(slow.declared, {"image": "/in"}, {"image": "/other"})
+    return replace(graph, nodes=(replace(other, name="other"), *graph.nodes))
+
+
+@pytest.mark.parametrize("lossless", [False, True])
+def test_only_who_can_wait_waits_for_slow_nodes(lossless):
+    one, clock = ordered(lossless)
+    let_go_ns = round(clock.now_s * 1e9)
+    first = packet(0)._replace(arrival_ns=let_go_ns)
+    one.put("/in", first)
+    one.put("/other", first)
+    clock.now_s += 0.2
+    one.put("/in", packet(1)._replace(arrival_ns=let_go_ns + 200_000_000))
+    assert one.late_s == 0  # nothing is ready: /out has not answered
+    clock.now_s += 0.2
+    one.put("/in", packet(2)._replace(arrival_ns=let_go_ns + 400_000_000))
+    clock.now_s += 0.05
+    assert (one.late_s > 0) == (not lossless)
+    one.put("/out", first)
+    one.stop()
+    assert [one.take()[0] for _ in range(2)] == ["/other", "/out"]
+    assert one.take() is None

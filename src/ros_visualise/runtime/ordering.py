@@ -69,6 +69,11 @@ class Ordering:
         """The newest number that all have answered to whom it went."""
         return min(self._begun, self._first_owed() - 1, END)
 
+    @property
+    def oldest_ns(self) -> int | None:
+        """When the source let the next packet go, monotonic; None where nothing waits."""
+        return self._waiting[self._heads[0][2]][0].arrival_ns if self._heads else None
+
     def waits(self, topic: str) -> bool:
         """Whether a message of a topic waits."""
         return bool(self._waiting.get(topic))

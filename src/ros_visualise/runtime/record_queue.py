@@ -18,6 +18,8 @@ _MAX_BYTES = 64 * 2**20
 _MAX_LATE_BYTES = 4 * 2**20  # of what may wait behind a message that is late
 _LATE_S = 0.5
 _SMALL_BYTES = 32 * 1024  # of a message that costs next to nothing, as of transforms
+_OVERDUE_S = 0.3
+_LOOK_S = 0.1
 _SAY_AGAIN_S = 10.0
 
 
@@ -31,6 +33,10 @@ class Order(Protocol):
     @property
     def ended(self) -> bool:
         """Whether nothing more is to come."""
+
+    @property
+    def oldest_ns(self) -> int | None:
+        """When the source let the next packet go, monotonic; None where nothing waits."""
 
     def waits(self, topic: str) -> bool:
         """Whether a message of a topic waits."""
@@ -53,6 +59,7 @@ class ArrivalOrder:
 
     size = 0
     ended = False
+    oldest_ns: int | None = None  # nothing waits: each is ready at once
 
     def __init__(self) -> None:
         self._packets: deque[tuple[str, Packet]] = deque()
@@ -92,7 +99,8 @@ class RecordQueue:
 
     So that a process that is killed loses no more than about a second, large messages wait
     half a second at most. Then whoever publishes one waits, or it is dropped: counted, and said at
-    once and while it goes on.
+    once and while it goes on. Where messages may be dropped, none waits long for what slow nodes
+    make of it either: that is written after it.
 
     Args:
         order: which packet is next, and when.
@@ -149,7 +157,9 @@ class RecordQueue:
     def take(self) -> tuple[str, Packet] | None:
         """The next packet in order, and its topic; None at the end."""
         with self._changed:
-            self._changed.wait_for(lambda: self._ready or self.stopped or self._order.ended)
+            while not (self._ready or self.stopped or self._order.ended):
+                self._changed.wait(None if self._lossless else _LOOK_S)
+                self._settle()
             self._changed.notify_all()
             if self._ready:
                 found = self._ready.popleft()
@@ -169,12 +179,17 @@ class RecordQueue:
     def _settle(self) -> None:
         """Note what has become ready."""
         now_s = self._clock()
-        while (topic := self._order.first(at_once=False)) is not None:
+        while (topic := self._order.first(at_once=self._is_overdue(now_s))) is not None:
             packet = self._order.take(topic)
             size = 0 if packet.message is None else int(packet.message.nbytes)
             self._ready.append(_Ready(topic, packet, size, now_s))
             self._ready_bytes += size
         self._changed.notify_all()
+
+    def _is_overdue(self, now_s: float) -> bool:
+        """Whether the next packet is not to wait for others any more."""
+        since_ns = self._order.oldest_ns
+        return not self._lossless and since_ns is not None and now_s - since_ns / 1e9 > _OVERDUE_S
 
     def _is_full(self, topic: str, packet: Packet) -> bool:
         """Too much waits; but a topic on which others wait, or that ends, holds back all."""
