@@ -106,7 +106,8 @@ class Topic:
         """Hand on a packet.
 
         Raises:
-            RosVisualiseError: a listener refuses it; only to a publisher that ``heeds`` that.
+            RosVisualiseError: a listener refuses it, and those after it get nothing; only to a
+                publisher that ``heeds`` that.
         """
         with self._lock:  # who connects meanwhile gets it in one way or the other, and once
             listeners = self._listeners
@@ -114,17 +115,13 @@ class Topic:
                 self._last, self._last_s = packet, time.monotonic()
         if packet.message is not None and (listeners or not self.on_demand):
             self._stats.count(packet.message.header.stamp_ns, packet.epoch)
-        refusals = []
         for listener in listeners:
             try:
                 listener.put(packet)
             except ERRORS as error:
                 if heeds and isinstance(error, RosVisualiseError):
-                    refusals.append(error)
-                else:
-                    note(self._listener, error)
-        if refusals:
-            raise refusals[0]
+                    raise
+                note(self._listener, error)
 
     def finish(self) -> None:
         """Nothing more comes."""
