@@ -12,7 +12,7 @@ import pytest
 from readme import Newcomer, block, quoted, stop
 from ros_graph import wait_for
 
-*SETUP, LAUNCH = block("catkin_make -D").splitlines()
+*SETUP, LAUNCH = block("catkin_make -DPYTHON").splitlines()
 OF_THE_VENV = ("/usr/bin/python3 -m venv", "venv/bin/pip install", "catkin_make")
 
 
