@@ -45,7 +45,9 @@ def play(path: Path, duration_s: float, looks: str) -> np.ndarray:
     due_ns = recording.stamps_ns()
     graph = recording_pipeline(recording)
     runtime = LocalRuntime(graph, Playback(duration_s=duration_s))
-    view = open_view("none" if looks == "nobody" else "web", ViewOptions(port=page.PORT))
+    view = open_view(
+        "none" if looks == "nobody" else "web", ViewOptions(port=page.PORT, token=False)
+    )
     arrivals: dict[str, Arrivals] = defaultdict(Arrivals)
     for port, topic in graph.source.outputs.items():
         runtime.topic(topic).connect(arrivals[port])
