@@ -22,6 +22,7 @@ LAYERS = [
             "near",
             "completion",
             "paths",
+            "regular_files",
         ),
     },
     {"messages", "vision"},
