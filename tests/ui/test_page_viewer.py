@@ -124,7 +124,8 @@ def test_a_viewer_asks_and_commands_nothing(page, port, runtime, query):
     status, _, text = get(port, f"/?{query}", VIEW_TOKEN, **OURS)
     assert (status, json.loads(text)["error"]) == (403, "this address is read-only")
     assert runtime.playback.state == state
-    assert get(port, "/?ask=topics", VIEW_TOKEN, **OURS)[0] == 200
+    asked = [get(port, "/?ask=topics", token, **OURS)[2] for token in (TOKEN, VIEW_TOKEN)]
+    assert [json.loads(text)["plays"] for text in asked] == [True, False]
     assert get(port, "/?ask=pixels&topic=/edges", VIEW_TOKEN, **OURS)[0] == 200
     assert get(port, "/?look=plots", VIEW_TOKEN)[0] == 200
     assert get(port, f"/?{query}", **OURS)[0] == 200

@@ -43,7 +43,6 @@ class Looker:
         self._told = Told(runtime, self._lines)
         logging.getLogger("ros_visualise").addHandler(self._lines)
         self._answers: Mapping[str, Callable[[Question], Answer]] = {
-            "topics": self._topics,
             "pixels": self._images.pixels,
             "png": self._images.png,
             "message": self._message,
@@ -91,20 +90,21 @@ class Looker:
         asked = question.text("ask")
         if asked in self._acts and is_viewer:
             raise Refusal(READ_ONLY, 403)
+        if asked == "topics":
+            return self._topics(is_viewer)
         answers = {**self._answers, **self._acts}
         if asked not in answers:
             raise Refusal(f"there is no such question{near(asked, answers)}", 404)
         return answers[asked](question)
 
-    def _topics(self, _: Question) -> Answer:
+    def _topics(self, is_viewer: bool) -> Answer:
         topics = self._runtime.graph.topics
-        playback = self._runtime.playback
         return as_json(
             {
                 "images": self._images.topics,
                 "topics": {name: one.ros.name for name, one in topics.items()},
                 "plotted": self._curves.topics,
-                "plays": playback is not None,
+                "plays": self._runtime.playback is not None and not is_viewer,
             }
         )
 
