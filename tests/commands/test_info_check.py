@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_mcaps import numbered as strings
+from made_mcaps import write_mcap
 from made_videos import numbered, write_video
 
 from ros_visualise.data import Header, Image
@@ -40,6 +42,25 @@ def test_a_damaged_chunk_is_told(tmp_path: Path, suffix: str, packed: str) -> No
     assert status == 1
     assert 0 < found["lost"]["messages"] <= 40
     assert found["lost"]["notes"]
+
+
+def test_a_changed_payload_outside_chunks_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    messages = write_mcap(
+        path, strings(range(1000, 1060)), use_chunking=False, enable_data_crcs=True
+    )
+    play = [sys.executable, "-m", "ros_visualise", "bag", str(path), "--view", "none"]
+    play += ["--rate", "0", "--record", str(tmp_path / "copy.mcap")]
+    assert info(path, "--check")[0] == 0
+    assert subprocess.run([*play, "--overwrite"], capture_output=True, timeout=60).returncode == 0
+    data = bytearray(path.read_bytes())
+    data[data.index(messages[7].data) + 12] ^= 1
+    path.write_bytes(data)
+    status, found = info(path, "--check")
+    assert (status, found["lost"]["notes"]) == (1, ["its data is not what its checksum says"])
+    played = subprocess.run([*play, "--overwrite"], capture_output=True, text=True, timeout=60)
+    assert played.returncode == 1
+    assert played.stderr.count("its data is not what its checksum says") == 1
 
 
 def test_a_damaged_image_of_kitti_is_told(tmp_path: Path, recordings: Path) -> None:

@@ -260,3 +260,22 @@ def test_a_message_of_no_channel_is_said_where_no_checksum_tells(
     assert len(stamps(recording)) == 59
     assert recording.loss.messages == 1
     assert recording.loss.notes
+
+
+@pytest.mark.parametrize("letters", [20, 100_000])
+@pytest.mark.parametrize(
+    ("is_summed", "notes"), [(True, ["its data is not what its checksum says"]), (False, [])]
+)
+def test_a_changed_payload_outside_chunks_is_told_by_the_files_checksum(
+    tmp_path: Path, letters: int, is_summed: bool, notes: list[str]
+) -> None:
+    path = tmp_path / "a.mcap"
+    messages = [Written("/a", n, text(f"{n}" + "x" * letters)) for n in range(1000, 1060)]
+    write_mcap(path, messages, use_chunking=False, enable_data_crcs=is_summed)
+    whole = open_mcap(path)
+    assert (stamps(whole), whole.loss.notes) == ([*range(1000, 1060)], [])
+    content = bytearray(path.read_bytes())
+    content[content.index(messages[7].data) + 12] ^= 1
+    path.write_bytes(content)
+    changed = open_mcap(path)
+    assert (stamps(changed), changed.loss.notes) == ([*range(1000, 1060)], notes)

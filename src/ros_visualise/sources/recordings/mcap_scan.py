@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -40,6 +41,7 @@ _COUNTED = (
     ("metadata", Opcode.METADATA, Opcode.METADATA_INDEX),
 )
 _MESSAGE_HEAD = struct.Struct("<H4xQ")
+_CHECKSUM = struct.Struct("<I")
 
 
 def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
@@ -54,6 +56,7 @@ def scan(file: BinaryIO, size: int, loss: Loss) -> Index:
         found = Loss()
         pieces = _scanned(file, size, found, looks=True)
     pieces.compare()
+    pieces.check()
     loss.messages += found.messages
     loss.bytes += found.bytes
     for note in found.notes:
@@ -102,6 +105,7 @@ class _Pieces:
         self._run: _Piece | None = None
         self._statistics: Statistics | None = None
         self._seen: Counter[int] = Counter()
+        self._data_end: Record | None = None
 
     def take(self, record: Record) -> None:
         """Add the next record."""
@@ -122,6 +126,8 @@ class _Pieces:
             self._index.extras.append((record.start, record.end - record.start))
         elif record.kind == Opcode.STATISTICS:
             self._statistics = read_statistics(self._body(record))
+        elif record.kind == Opcode.DATA_END:
+            self._data_end = record
 
     def finish(self) -> None:
         """Add what is open."""
@@ -151,6 +157,15 @@ class _Pieces:
         for note in self._differences(found, told):
             if not self._loss.notes:  # which say why
                 add_note(self._loss, note)
+
+    def check(self) -> None:
+        """Hold messages outside chunks, which have no checksum of their own, against the file's."""
+        end = self._data_end
+        if end is None or self._loss or not self._seen[Opcode.MESSAGE]:
+            return
+        (told,) = _CHECKSUM.unpack_from(end.head, HEAD_BYTES)
+        if told and _checksum(self._file, end.start) != told:  # 0: the writer made none
+            add_note(self._loss, "its data is not what its checksum says")
 
     def _differences(self, found: Counter[int], told: Counter[int]) -> Iterator[str]:
         """What the file counts, and has not or has more of."""
@@ -258,3 +273,12 @@ def _counted(statistics: Statistics, found: Counter[int]) -> Counter[int]:
     total = statistics.message_count
     missing = total - found.total()
     return found + Counter({-1: missing}) if missing >= 0 else Counter({-1: total})
+
+
+def _checksum(file: BinaryIO, end: int) -> int:
+    """The CRC-32 of all bytes before ``end``."""
+    crc = 0
+    file.seek(0)
+    for start in range(0, end, _RUN_BYTES):
+        crc = zlib.crc32(file.read(min(_RUN_BYTES, end - start)), crc)
+    return crc
