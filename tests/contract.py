@@ -24,6 +24,7 @@ from ros_visualise.data import Image
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.runtime.base import Runtime
+from ros_visualise.sinks.parts import Split
 
 TOPICS = {"/image_raw", "/controlled_stream", "/processed_image", "/edges"}
 NODES = {"streamer", "fps_control", "filters", "edge_detector"}
@@ -208,6 +209,21 @@ def test_a_recording_holds_what_was_published(running: Running, tmp_path: Path):
     assert {"/edges", "/image_raw"} <= set(channels)
     assert set(channels) <= {"/edges", "/image_raw", "/camera_info", "/parameter_events"}
     assert len(channels) - channels.count("/parameter_events") == recording.written
+
+
+def test_a_recording_is_split(running: Running, tmp_path: Path):
+    split = Split(size=2**16)
+    path = tmp_path / "r.mcap"
+    recording = running.runtime.start_recording(path, topics=["/image_raw"], split=split)
+    wait_for(lambda: recording.files >= 3, "three files")
+    running.runtime.stop_recording(recording)
+    assert (recording.error, recording.path) == (None, tmp_path / "r_0.mcap")
+    names = [f"r_{number}.mcap" for number in range(recording.files)]
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted(names)
+    for name in names[:-1]:  # the last one may have a calibration, and its image not yet
+        with (tmp_path / name).open("rb") as stream:
+            topics = {channel.topic for _, channel, _ in make_reader(stream).iter_messages()}
+        assert "/image_raw" in topics
 
 
 def test_a_topic_that_there_is_not_cannot_be_recorded(running: Running, tmp_path: Path):

@@ -1,6 +1,7 @@
 """Files that come and go through the page: uploads, downloads, and what is opened next."""
 
 import http.client
+import re
 import time
 from contextlib import closing, suppress
 from io import BytesIO
@@ -148,6 +149,26 @@ def test_only_what_was_recorded_is_downloaded_and_only_what_was_chosen_is_record
     with AnyReader([tmp_path / "there/mine.mcap"]) as reader:
         recorded = {one.topic for one in reader.connections}
     assert recorded == {"/processed_image", "/edges", "/parameter_events"}
+
+
+def test_a_split_recording_is_downloaded_file_by_file(client, port, runtime, tmp_path):
+    client.set("file", "mine.mcap")
+    client.set("split", "64K")
+    client.set("● record", True)
+    runtime.playback.play()
+    said = re.compile(r"/mine_0\.mcap: \d+ messages in \d+ files, ")
+    client.read_until(lambda: any(map(said.search, client.html)))
+    client.set("● record", True)
+    client.read_until(lambda: any('data-download="mine_0.mcap"' in html for html in client.html))
+    files = {path.name: path.read_bytes() for path in (tmp_path / "there").iterdir()}
+    assert set(files) == {f"mine_{number}.mcap" for number in range(len(files))}
+    assert len(files) > 1
+    own = {"X-Ros-Visualise": "1"}
+    for name, content in files.items():
+        assert f'data-download="{name}"' in client.html[-1]
+        assert fetch(port, f"ask=recorded&name={name}&from=0", **own) == (200, content)
+        with AnyReader([tmp_path / "there" / name]) as reader:
+            assert "/edges" in reader.topics
 
 
 def test_a_recorded_folder_is_downloaded_as_one_file(client, port, tmp_path):

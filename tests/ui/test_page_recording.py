@@ -66,6 +66,40 @@ def test_a_browser_stays_in_the_folder(port, runtime, tmp_path: Path) -> None:
     page.close()
 
 
+def test_a_split_that_is_none_is_refused(port, runtime, tmp_path: Path) -> None:
+    (folder := tmp_path / "here").mkdir()
+    (folder / "old_2.mcap").write_text("precious")
+    (folder / "link_0.mcap").symlink_to(tmp_path / "outside.mcap")
+    page = Page(port=port, record_dir=folder)
+    page.open(runtime)
+    client = Client(port)
+    client.read_until(lambda: "split" in client.values)
+    assert client.values["split"] == ""
+    refused = {
+        ("r.mcap", "5"): "split 5: give bytes as 1G or 500M",
+        ("r.bag", "10M30s"): "split 10M30s: give bytes as 1G or 500M",
+        ("r", "0s"): "split 0s: give bytes as 1G or 500M",
+        ("r.mcap", "<b>"): "split &lt;b&gt;: give bytes as 1G or 500M",
+        ("v.mp4", "1G"): "a video is not split",
+        ("old.mcap", "1G"): "old_2.mcap exists",
+        ("link.mcap", "1G"): "link_0.mcap exists",
+        ("../away.mcap", "1G"): "give a name alone",
+    }
+    for (name, split), said in refused.items():
+        client.html.clear()
+        client.set("file", name)
+        client.set("split", split)
+        client.set("● record", True)
+        client.read_until(lambda said=said: any(said in html for html in client.html))
+    assert sorted(path.name for path in tmp_path.rglob("*")) == [
+        "here",
+        "link_0.mcap",
+        "old_2.mcap",
+    ]
+    client.socket.close()
+    page.close()
+
+
 def test_a_browser_saves_all_parameters(port, runtime, tmp_path: Path) -> None:
     runtime.parameters["filters"].update({"blur": "median"})
     (tmp_path / "old.yaml").write_text("precious")

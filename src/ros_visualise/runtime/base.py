@@ -10,6 +10,7 @@ from ros_visualise.errors import RecordingError
 from ros_visualise.graph import Graph
 from ros_visualise.params import Parameters
 from ros_visualise.runtime.report import RunReport
+from ros_visualise.sinks.parts import Split
 from ros_visualise.sources.playback import Playback
 
 
@@ -37,6 +38,10 @@ class ActiveRecording(Protocol):
     @property
     def path(self) -> Path:
         """The file."""
+
+    @property
+    def files(self) -> int:
+        """How many files it is in by now."""
 
     @property
     def written(self) -> int:
@@ -98,9 +103,18 @@ class Runtime(Protocol):
         """Topics and nodes with their counts, and rates of the whole run or of its last seconds."""
 
     def start_recording(
-        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+        self,
+        path: str | Path,
+        overwrite: bool = False,
+        topics: Collection[str] = (),
+        split: Split | None = None,
     ) -> ActiveRecording:
         """Record to a file from now on.
+
+        Args:
+            path, overwrite: as of `ros_visualise.sinks.open_recorder`.
+            topics: those to record; none: those that are recorded where nobody chooses.
+            split: when another file begins.
 
         Raises:
             OpenError: it exists or cannot be written.

@@ -31,6 +31,7 @@ from ros_visualise.runtime.remote.places import Place, places, to_graph
 from ros_visualise.runtime.remote.relay import Arrivals, Relay
 from ros_visualise.runtime.report import RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription
+from ros_visualise.sinks.parts import Split
 
 log = logging.getLogger(__name__)
 
@@ -113,7 +114,11 @@ class RemoteRuntime:
         return RunReport(topics, nodes, recordings, self._sight.unknown)
 
     def start_recording(
-        self, path: str | Path, overwrite: bool = False, topics: Collection[str] = ()
+        self,
+        path: str | Path,
+        overwrite: bool = False,
+        topics: Collection[str] = (),
+        split: Split | None = None,
     ) -> RecorderThread:
         """Record the topics that there are now, in the order and at the times of arrival.
 
@@ -126,7 +131,14 @@ class RemoteRuntime:
             if self._closed.is_set():
                 raise UsageError(f"{path}: the viewer is ending, so there is nothing to record")
             recording = record(
-                self.graph, self.parameters, path, topics, overwrite, False, by_arrival=True
+                self.graph,
+                self.parameters,
+                path,
+                topics,
+                overwrite,
+                lossless=False,
+                by_arrival=True,
+                split=split,
             )
             clock, dropped = self._middleware.clock(), self._dropped
             arrivals = self._recordings[recording] = Arrivals(recording, clock, dropped)

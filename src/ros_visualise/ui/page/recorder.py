@@ -15,6 +15,7 @@ from ros_visualise.graph import Graph
 from ros_visualise.paths import inside
 from ros_visualise.runtime.base import ActiveRecording, Runtime
 from ros_visualise.runtime.ordering import recordable
+from ros_visualise.sinks.parts import parse_split, part_path
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.files import Files
 from ros_visualise.ui.page.worker import Worker
@@ -24,7 +25,7 @@ _ALL, _NO = "all", "none"
 
 
 class Recorder:
-    """A name, topics, a button, the recording's state and links, in the present container.
+    """A name, a split, topics, a button, the recording's state and links, in the present container.
 
     Anybody on the page may choose the name, so the file stays in one folder, and nothing there is
     replaced. One recording runs at a time; it ends before the disk is full.
@@ -33,8 +34,10 @@ class Recorder:
     def __init__(self, gui: viser.GuiApi, runtime: Runtime, worker: Worker, files: Files) -> None:
         self._runtime, self._files, self._folder = runtime, files, files.folder
         self._recording: ActiveRecording | None = None
+        self._series: Path | None = None  # the name that those of several files are made of
         self._begun_s = 0.0
         self._name = gui.add_text("file", _new_name(), hint="run.mcap, or edges.mp4")
+        self._split = gui.add_text("split", "", hint="another file after 1G, or 10m; empty: never")
         self._topics = _Topics(gui, worker)
         self._topics.follow(runtime.graph)
         self._button = gui.add_button(_START)
@@ -50,7 +53,7 @@ class Recorder:
     def close(self) -> None:
         """The run has ended, and with it the recording."""
         if self._recording is not None:
-            self._files.recorded(self._recording.path)
+            self._offer(self._recording)
 
     def refresh(self) -> None:
         """Show the state of the recording.
@@ -71,7 +74,10 @@ class Recorder:
             self._stop(self._recording)
             return
         path = inside(self._folder, self._name.value)
-        self._recording = self._runtime.start_recording(path, topics=self._topics.chosen)
+        split = parse_split(self._split.value) if self._split.value else None
+        topics = self._topics.chosen
+        self._recording = self._runtime.start_recording(path, topics=topics, split=split)
+        self._series = path if split and path.suffix else None
         self._begun_s = time.monotonic()
         self._button.label, self._button.color = _STOP, "red"
         self._show(self._recording)
@@ -79,14 +85,16 @@ class Recorder:
     def _show(self, recording: ActiveRecording) -> None:
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         dropped += f" ({recording.refused} refused)" if recording.refused else ""
-        state = f"{recording.path}: {recording.written} messages{dropped}{self._room(recording)}"
+        files = f" in {recording.files} files" if recording.files > 1 else ""
+        state = f"{recording.path}: {recording.written} messages{files}{dropped}"
+        state += self._room(recording)
         self._note.content = f'<div class="rv-note">{escape(state)}</div>'
         self._note.visible = True
 
     def _room(self, recording: ActiveRecording) -> str:
         """How large it is, and how long the disk has room for more."""
         try:
-            size = _size(recording.path)
+            size = sum(map(_size, self._paths(recording)))
             free = shutil.disk_usage(self._folder).free
         except OSError:  # it is being renamed or removed
             return ""
@@ -98,10 +106,20 @@ class Recorder:
         self._runtime.stop_recording(recording)
         self._show(recording)
         self._recording = None
-        self._files.recorded(recording.path)
+        self._offer(recording)
         self._show_links()
         set_value(self._name, _new_name())
         self._button.label, self._button.color = _START, None
+
+    def _offer(self, recording: ActiveRecording) -> None:
+        for path in self._paths(recording):
+            self._files.recorded(path)
+
+    def _paths(self, recording: ActiveRecording) -> list[Path]:
+        """Its files by now, or its folder."""
+        if self._series is None:
+            return [recording.path]
+        return [part_path(self._series, number) for number in range(recording.files)]
 
     def _show_links(self) -> None:
         links = self._files.links
