@@ -23,6 +23,7 @@ NOTHING: list[str] = []
 COMMANDS: dict[str, tuple[str, list[str]]] = {
     "demo": ("demo --view none --frames 3 --rate 0", NOTHING),
     "demo, page": ("demo landscape --duration 2", NOTHING),
+    "demo, page for others": ("demo landscape --duration 2 --host 0.0.0.0", NOTHING),
     "sim": ("sim quadrotor --view none --frames 3 --rate 0 --navigate", NOTHING),
     "sim, page": ("sim husky --world plane --duration 2 --record run.mcap", ["run.mcap"]),
     "video": (
@@ -90,7 +91,7 @@ def test_leaves_no_traces(name: str, inputs: dict[str, Path], tmp_path: Path):
     for folder in folders.values():
         folder.mkdir()
     command = [sys.executable, "-m", "ros_visualise", *line.format(**inputs).split()]
-    within = _screen() if name.endswith("windows") else _VISITED if name.endswith("page") else []
+    within = _screen() if name.endswith("windows") else _VISITED if "page" in name else []
     environment = _environment(folders)
     done, traces = trace(command, folders["work"], environment, tmp_path / "log", within)
     assert done.returncode == 0, done.stderr

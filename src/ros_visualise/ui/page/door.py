@@ -137,8 +137,8 @@ def open_door(host: str, origins: Collection[str] = (), token: bool = True) -> D
     proxies = frozenset(_split(origin).hostname or "" for origin in allowed)
     names, addresses = LOOPBACK_NAMES | {host.lower()}, not is_loopback(host)
     if addresses:
-        own = socket.gethostname().lower()
-        names |= {own, f"{own}.local", socket.getfqdn().lower()}
+        own = socket.gethostname().lower()  # and no longer name: that is looked up on the network
+        names |= {own, f"{own}.local"}
     tokens = _choose_tokens(os.environ) if token else ("", "")
     return Door(names, proxies, addresses, allowed, *tokens)
 
