@@ -54,7 +54,14 @@ def test_another_file_is_refused_and_nothing_changes(folder: Path, name: str):
     for parameter in ("map", "save_to"):
         with pytest.raises(ParameterError, match=rf"^{parameter}: .*(name alone|leads out)"):
             parameters.update({"ground": False, parameter: name})
-    assert parameters.current == LocalizerParams()
+    assert parameters.current == LocalizerParams(save_to=str(folder / "landmarks.yaml"))
+
+
+def test_a_file_that_nobody_named_is_in_the_folder(folder: Path):
+    parameters = Parameters(LocalizerParams(map="hall.yaml"))
+    assert parameters.current.save_to == str(folder / "landmarks.yaml")
+    assert parameters.current.map == "hall.yaml"  # whoever starts it may name any file
+    assert parameters.update({"save_to": "landmarks.yaml"}) == parameters.current
 
 
 def test_what_was_named_at_the_start_may_be_named_again(folder: Path):

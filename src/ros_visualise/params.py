@@ -53,7 +53,8 @@ def param(
         saved: whether it is saved with the others; what is played, and how, is not.
         used: whether it counts beside these other values; see `when`. If not, its slider waits.
         file: whether a value names a file. Whoever changes it while the node runs may only name one
-            in the folder of `ros_visualise.paths`, or one that it named before.
+            in the folder of `ros_visualise.paths`, where the default is, or one that it named
+            before.
         step: from one value to the next; None: any value will do.
         label: its name for people, where that is no name of Python's.
     """
@@ -195,9 +196,9 @@ class Parameters(Generic[P]):
     """
 
     def __init__(self, initial: P) -> None:
-        self.current = initial
+        self.current = _settled(initial)
         self.accept: Callable[[P, Mapping[str, Value]], None] = lambda *_: None
-        self._files = _files_of(initial)
+        self._files = _files_of(self.current)
         self._lock = threading.RLock()
         self._listeners: list[Callable[[P, Mapping[str, Value]], None]] = []
 
@@ -247,6 +248,16 @@ class Parameters(Generic[P]):
             if spec.file(value) and (spec.name, value) not in self._files:
                 values[spec.name] = _in_folder(spec.name, value)
         return values
+
+
+def _settled(params: P) -> P:
+    """Parameters with those files that nobody has named where others may name theirs."""
+    files = {
+        spec.name: str(given_folder() / str(spec.default))
+        for spec in specs(params)
+        if spec.default == getattr(params, spec.name) and spec.file(spec.default)
+    }
+    return update(params, files)
 
 
 def _files_of(params: Any) -> set[tuple[str, Any]]:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 import rospy
+from dynamic_reconfigure.client import Client
 from made_videos import numbered, write_video
 from ros_graph import end, wait_for
 from sensor_msgs.msg import CameraInfo
@@ -115,3 +116,17 @@ def board(number: int) -> np.ndarray:
     H = K @ np.column_stack([R[:, :2], at]) @ to_metres
     gray = cv2.warpPerspective(flat, H, (320, 240), flags=cv2.INTER_AREA, borderValue=255)
     return cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
+
+
+def test_a_file_that_was_named_while_it_runs_is_not_replaced(start, video, home, tmp_path):
+    mine, theirs = tmp_path / "mine.yaml", tmp_path / "theirs.yaml"
+    options = [f"_record_dir:={tmp_path}", f"_camera_info_url:={mine}", "_loop:=true"]
+    start("streamer", f"_path:={video}", *options)
+    for _ in range(2):
+        assert call("set_camera_info", calibration()).success
+    theirs.write_text(before := mine.read_text())
+    Client("streamer", timeout=60).update_configuration({"camera_info_url": theirs.name})
+    answer = call("set_camera_info", calibration(151))
+    assert not answer.success
+    assert "theirs.yaml exists" in answer.status_message
+    assert theirs.read_text() == before

@@ -9,8 +9,9 @@ from ros_visualise.errors import UsageError
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
+from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import path_of
-from ros_visualise.sources.calibration_store import camera_name, check, save
+from ros_visualise.sources.calibration_store import camera_name, check, save, to_yaml
 
 log = logging.getLogger(__name__)
 
@@ -44,8 +45,12 @@ class Calibrator:
     def set(self, info: CameraInfo) -> None:
         """Keep a calibration; the source's next image has it.
 
+        It replaces that in the file which was named at the start, as camera_info_manager does; a
+        file that was named since is written as `save_again` does.
+
         Raises:
             UsageError: it is not a calibration of these images, or there is no place for it.
+            OpenError: the file is there and not to be replaced.
             RecordingError: it cannot be written.
         """
         check(info, self._size())
@@ -54,7 +59,10 @@ class Calibrator:
         url = self._runtime.parameters[source.name].current.camera_info_url
         if not url:
             raise UsageError("there is no file to write it to: set camera_info_url to file:///PATH")
-        save(info, path_of(url), self._name)
+        if url == source.params.camera_info_url:
+            save(info, path_of(url), self._name)
+        else:
+            save_again(path_of(url), to_yaml(info, self._name).encode())
         log.info("%s: the calibration was written", url)
 
     def _size(self) -> tuple[int, int]:
