@@ -15,8 +15,8 @@ from ros_visualise.runtime.queues import END, FINISHED, Packet
 log = logging.getLogger(__name__)
 
 _MAX_BYTES = 64 * 2**20
-_MAX_LATE_BYTES = 4 * 2**20  # of what may wait behind a message that is late
-_LATE_S = 0.5
+_LATE_S = 0.3
+_LATE_BYTES = 4 * 2**20  # that take next to no time to write, however late
 _SMALL_BYTES = 32 * 1024  # of a message that costs next to nothing, as of transforms
 _OVERDUE_S = 0.3
 _LOOK_S = 0.1
@@ -97,10 +97,10 @@ class _Ready(NamedTuple):
 class RecordQueue:
     """Holds the packets of all recorded topics until they are written.
 
-    So that a process that is killed loses no more than about a second, large messages wait
-    half a second at most. Then whoever publishes one waits, or it is dropped: counted, and said at
-    once and while it goes on. Where messages may be dropped, none waits long for what slow nodes
-    make of it either: that is written after it.
+    Where messages may be dropped, a process that is killed loses no more than about a second: a
+    large message that has waited for 0.3 s makes room for newer ones, and none waits long
+    for what slow nodes make of it, which is written after it. What is dropped is counted, and
+    logged at once and while it goes on. Else whoever publishes a message waits.
 
     Args:
         order: which packet is next, and when.
@@ -161,10 +161,12 @@ class RecordQueue:
                 self._changed.wait(None if self._lossless else _LOOK_S)
                 self._settle()
             self._changed.notify_all()
-            if self._ready:
+            while self._ready:
                 found = self._ready.popleft()
                 self._ready_bytes -= found.size
-                return found.topic, found.packet
+                if not self._is_too_late(found):
+                    return found.topic, found.packet
+                self._drop()
             topic = self._order.first(at_once=True)
             return None if topic is None else (topic, self._order.take(topic))
 
@@ -197,9 +199,17 @@ class RecordQueue:
             return False
         if not self._ready and not self._order.waits(topic):
             return False
-        is_late = self.late_s > _LATE_S and packet.message.nbytes > _SMALL_BYTES
         size = self._order.size + self._ready_bytes
-        return size >= (_MAX_LATE_BYTES if is_late else _MAX_BYTES)
+        if packet.message.nbytes <= _SMALL_BYTES:
+            return size >= _MAX_BYTES + _LATE_BYTES
+        is_late = self._lossless and self.late_s > _LATE_S
+        return size >= (_LATE_BYTES if is_late else _MAX_BYTES)
+
+    def _is_too_late(self, found: _Ready) -> bool:
+        """Whether a message would keep newer ones from being written soon."""
+        if self._lossless or found.size <= _SMALL_BYTES:
+            return False
+        return self._ready_bytes >= _LATE_BYTES and self._clock() - found.since_s > _LATE_S
 
     def _drop(self) -> None:
         """Count a message, and say so now and then."""
