@@ -221,6 +221,60 @@ def test_other_texts_are_refused(text: str) -> None:
         parse_split(text)
 
 
+def test_what_lasts_is_repeated_in_the_order_in_which_it_was_said(tmp_path: Path) -> None:
+    def frames(message: Transforms, *others: Transforms) -> Transforms:
+        return Transforms(sum((one.transforms for one in others), message.transforms))
+
+    with open_recorder(tmp_path / "run.mcap", TOPICS, split=TEN_SECONDS) as recorder:
+        both = frames(frame("camera", SECOND), frame("lidar", SECOND))
+        recorder.write("/tf_static", both, SECOND)
+        recorder.write("/tf_static", frame("camera", 2 * SECOND), 2 * SECOND)
+        recorder.write("/image", image(20))
+    said = {
+        one.child_frame_id: one.header.stamp.sec
+        for topic, _, message in read(tmp_path / "run_1.mcap")
+        if topic == "/tf_static"
+        for one in message.transforms
+    }
+    assert said == {"camera": 2, "lidar": 1}
+
+
+def test_what_was_recorded_of_parameters_before_is_repeated_for_all_nodes(tmp_path: Path) -> None:
+    topics = {PARAMETER_EVENTS: TopicType(ParameterEvent.type_name)}
+    with open_recorder(tmp_path / "first.mcap", topics, live=False) as recorder:
+        for node, new in (("a", {"low": 1}), ("a", {"high": 2}), ("b", {"low": 3})):
+            recorder.write(PARAMETER_EVENTS, ParameterEvent(node, new=new, header=Header(SECOND)))
+    again = {**topics, "/image": TOPICS["/image"]}
+    recording = open_recording(tmp_path / "first.mcap")
+    with open_recorder(tmp_path / "run.mcap", again, live=False, split=TEN_SECONDS) as recorder:
+        for entry in recording.read():
+            recorder.write(entry.topic, entry.message)
+        recorder.write("/image", image(20))
+    recording.close()
+    told = {
+        message.node: {one.name for one in message.new_parameters}
+        for topic, _, message in read(tmp_path / "run_1.mcap")
+        if topic == PARAMETER_EVENTS
+    }
+    assert told == {"/a": {"low", "high"}, "/b": {"low"}}
+
+
+def test_what_lasts_does_not_fill_a_part(tmp_path: Path) -> None:
+    with open_recorder(tmp_path / "run.mcap", TOPICS, split=Split(size=2**16)) as recorder:
+        noise = np.random.default_rng(1).integers(32, 127, 2**18, np.uint8).tobytes().decode()
+        recorder.write("/description", Text(noise), SECOND)
+        for number in range(1, 100):
+            recorder.write("/image", image(number))
+    assert len(files(tmp_path / "run.mcap")) <= 1 + 99 * 1600 // 2**16 + 1
+
+
+def test_a_file_that_continues_no_earlier_recording_is_kept(tmp_path: Path) -> None:
+    record(tmp_path / "run.mcap", TEN_SECONDS)
+    record(tmp_path / "run_2026.mcap", None)
+    record(tmp_path / "run.mcap", TEN_SECONDS, overwrite=True, count=5)
+    assert sorted(one.stem for one in tmp_path.iterdir()) == ["run_0", "run_2026"]
+
+
 def test_a_video_is_not_split(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="a video is not split"):
         open_recorder(tmp_path / "v.mp4", TOPICS, split=TEN_SECONDS)

@@ -16,13 +16,21 @@ _ALWAYS = (CameraInfo.type_name, ParameterEvent.type_name)
 
 def says(topic: str, message: Any) -> list[tuple[str, ...]]:
     """What a message replaces: what was said on its topic before or, of transforms, of a frame."""
-    try:
-        said = content(message)
-    except DamagedMessage:
-        return [(topic,)]
+    return _says(topic, _content(message))
+
+
+def _says(topic: str, said: Any) -> list[tuple[str, ...]]:
     if not isinstance(said, Transforms):
         return [(topic,)]
     return [(topic, one.child_frame_id) for one in said.transforms]
+
+
+def _content(message: Any) -> Any:
+    """What was said; None if it cannot be read."""
+    try:
+        return content(message)
+    except DamagedMessage:
+        return None
 
 
 class Latched:
@@ -43,10 +51,13 @@ class Latched:
         """Keep a message in place of what it replaces."""
         if topic not in self._topics:
             return
-        if isinstance(message, ParameterEvent):
-            self._keep_parameters(topic, message)
-        else:
-            self._last.update(dict.fromkeys(says(topic, message), message))
+        said = _content(message)
+        if isinstance(said, ParameterEvent):
+            self._keep_parameters(topic, said)
+            return
+        for key in _says(topic, said):
+            self._last.pop(key, None)  # the newest comes last
+            self._last[key] = message
 
     def messages(self, stamp_ns: int) -> Iterator[tuple[str, Any]]:
         """Topics and messages, each message once; parameters as they are at that time."""

@@ -96,6 +96,7 @@ class PartedRecorder:
         self._done: list[Part] = []
         self._unplaced: Counter[str] = Counter()
         self._first_ns: int | None = None  # the time at which this part begins
+        self._head_bytes = 0  # of what lasts, which does not fill it
         self._part = open_part(0, self._types)
         self._first = self._part.path
 
@@ -182,7 +183,7 @@ class PartedRecorder:
             return False
         size, span_ns = self._split.size, self._split.span_ns
         is_long = span_ns is not None and abs(at_ns - self._first_ns) >= span_ns
-        return is_long or (size is not None and self._part.size >= size)
+        return is_long or (size is not None and self._part.size - self._head_bytes >= size)
 
     def _begin_next(self, at_ns: int) -> None:
         """End this file, and begin the next with what lasts.
@@ -204,6 +205,7 @@ class PartedRecorder:
         for topic, message in self._latched.messages(at_ns):
             with suppress(DamagedMessage):  # of one that was written before
                 self._part.write(topic, message, at_ns)
+        self._head_bytes = self._part.size
 
 
 class SplitRecorder(PartedRecorder):
@@ -237,8 +239,9 @@ class SplitRecorder(PartedRecorder):
         )
 
     def close(self, whole: bool = True) -> None:
-        """As of `PartedRecorder`; a whole one leaves no more parts of an earlier recording."""
+        """As of `PartedRecorder`; a whole one leaves no later parts of an earlier recording."""
         super().close(whole)
-        for number, file in existing_parts(self._name).items() if whole else ():
-            if number > len(self._done) and file.is_file():
-                file.unlink()
+        number = self.files
+        while whole and (file := part_path(self._name, number)).is_file():
+            file.unlink()
+            number += 1
