@@ -10,7 +10,7 @@ from rosbags.rosbag1 import Writer
 
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.printing import Shown, shown
+from ros_visualise.printing import Shown, shown, without_secrets
 from ros_visualise.sinks import open_recorder
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]
@@ -131,3 +131,18 @@ def test_a_full_disk_for_the_answer_is_said_once(bag):
         done = subprocess.run([*COMMAND, "info", bag], stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 1
     assert done.stderr == b"ros-visualise: standard output: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    ("address", "told"),
+    [
+        ("rtsp://me:p@ss:word@10.0.0.5:554/s", "rtsp://me:***@10.0.0.5:554/s"),
+        ("http://10.0.0.5/v.cgi?user=me&pwd=secret", "http://10.0.0.5/v.cgi?***"),
+        ("http://:secret@host", "http://:***@host"),
+        ("rtsp://host:554/a@b:c", "rtsp://host:554/a@b:c"),
+        ("/dev/video0", "/dev/video0"),
+        ("is it a:b@c?", "is it a:b@c?"),
+    ],
+)
+def test_addresses_are_shown_without_passwords(address, told):
+    assert without_secrets(address) == told

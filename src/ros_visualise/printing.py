@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
 
 from ros_visualise.errors import RosVisualiseError
+
+_PASSWORD = re.compile(r"(://[^/?#:]*):[^/?#]*@")
+_QUERY = re.compile(r"(://[^?\s]*\?)\S+")
 
 
 def shown(text: str) -> str:
@@ -25,6 +29,11 @@ def shown(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def without_secrets(address: str) -> str:
+    """An address without its password and its query, in which cameras take passwords too."""
+    return _QUERY.sub(r"\1***", _PASSWORD.sub(r"\1:***@", address))
 
 
 def say(line: str) -> None:

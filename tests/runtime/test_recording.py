@@ -203,6 +203,22 @@ def test_parameters_are_recorded_in_their_place(messages):
     assert memory.entries == [("/parameter_events", 10 if messages else 0), *images]
 
 
+def test_a_camera_s_password_is_not_recorded():
+    memory, written = Memory(), []
+    memory.topics = ("/a",)
+    memory.write = lambda topic, message, stamp_ns=None: written.append(message)
+    recording = RecorderThread(memory, GRAPH, lossless=True)
+    uri = "http://me:geheim@10.0.0.5/video?user=me&pwd=geheim"
+    recording.put_event(ParameterEvent("a", new={"uri": uri, "fps": 30}))
+    recording.put_event(ParameterEvent("a", changed={"uri": uri}))
+    recording.close()
+    shown = "http://me:***@10.0.0.5/video?***"
+    assert [(one.new, one.changed) for one in written] == [
+        ({"uri": shown, "fps": 30}, {}),
+        ({}, {"uri": shown}),
+    ]
+
+
 def sensors():
     """Two topics of a source, and a node behind one of them."""
     made = SourceType("sensors", None, None, {"a": Image, "b": Image})

@@ -14,7 +14,8 @@ from ros_visualise.data import Header, ParameterEvent
 from ros_visualise.data.fields import LATEST_NS
 from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
-from ros_visualise.params import Parameters
+from ros_visualise.params import Parameters, Value
+from ros_visualise.printing import without_secrets
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import Packet
@@ -169,9 +170,10 @@ class RecorderThread:
         return not self._queue.stopped
 
     def put_event(self, event: ParameterEvent) -> None:
-        """Record that parameters were set, at the time of the next message."""
+        """Record that parameters were set, at the time of the next message; no passwords."""
         if not self._queue.stopped:
-            self._events.append(event)
+            new, changed = (_without_secrets(values) for values in (event.new, event.changed))
+            self._events.append(replace(event, new=new, changed=changed))
 
     def close(self) -> None:
         """Write what waits and close the file."""
@@ -229,3 +231,10 @@ class RecorderThread:
             self._refusals.add(topic, error)
             return False
         return True
+
+
+def _without_secrets(values: Mapping[str, Value]) -> dict[str, Value]:
+    return {
+        name: without_secrets(value) if type(value) is str else value
+        for name, value in values.items()
+    }

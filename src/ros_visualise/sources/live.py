@@ -14,6 +14,7 @@ from av.error import ExitError, FFmpegError
 from av.video.frame import VideoFrame
 
 from ros_visualise.errors import OpenError, TooLarge
+from ros_visualise.printing import without_secrets
 from ros_visualise.sources.demux import limit_frames
 from ros_visualise.sources.video_pixels import Size
 
@@ -72,7 +73,7 @@ def parse_address(uri: str, size: Size | None = None, fps: float = 0) -> Address
     if uri.startswith("file:"):
         raise _not_a_camera(uri)
     if re.match(r"[a-z][a-z0-9+.]*://", uri):
-        return Address(re.sub(r"(//[^/@:]*):[^/@]*@", r"\1:***@", uri), uri, None, _NETWORK)
+        return Address(without_secrets(uri), uri, None, _NETWORK)
     device = f"/dev/video{int(uri)}" if uri.isascii() and uri.isdecimal() else uri
     _check_device(device)
     wanted = {"video_size": f"{width}x{height}"} if size else {}
