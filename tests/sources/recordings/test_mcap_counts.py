@@ -144,6 +144,39 @@ def test_a_summary_that_is_not_what_its_checksum_says_is_said(made):
     ]
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"index_types": IndexType.CHUNK},
+        {"index_types": IndexType.NONE},
+        {"use_statistics": False},
+        {"use_statistics": False, "repeat_channels": False},
+    ],
+    ids=str,
+)
+def test_a_message_that_a_chunk_lacks_is_said(made, options):
+    """Its kind is that of another record, so that only counts know of it."""
+    path, _, content = made(enable_crcs=False, **options)
+    changed = bytearray(content)
+    changed[content.index(b"number 3 ") - 8 - 31] = 0x45
+    path.write_bytes(changed)
+    recording = open_recording(path)
+    assert len(list(recording.read())) == len(MESSAGES) - 1
+    assert (recording.loss.messages, len(recording.loss.notes)) == (1, 1)
+
+
+@pytest.mark.parametrize("options", [{}, {"index_types": IndexType.CHUNK}], ids=str)
+def test_a_time_outside_those_of_its_chunk_is_said(made, options):
+    path, _, content = made(enable_crcs=False, **options)
+    changed = bytearray(content)
+    changed[content.index(b"number 30 ") - 8 - 16 + 4] = 1
+    path.write_bytes(changed)
+    recording = open_recording(path)
+    assert len(list(recording.read())) == len(MESSAGES)
+    [note] = recording.loss.notes
+    assert note.endswith("has messages outside the times of its index")
+
+
 def write_extras(path):
     with path.open("wb") as file:
         writer = Writer(file, enable_crcs=False)

@@ -16,7 +16,7 @@ from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file
 from ros_visualise.regular_files import open_file
 from ros_visualise.sources.recordings import Extra, Loss, Recording
-from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, Records
+from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, Place, Records
 from ros_visualise.sources.recordings.mcap_channels import describe
 from ros_visualise.sources.recordings.mcap_extras import parse_extra
 from ros_visualise.sources.recordings.mcap_index import (
@@ -119,9 +119,9 @@ class McapFile:
             why = "its records contradict each other"
             self._lose(piece, why, max(0, known - len(there)))
         elif known == UNKNOWN:
-            self._lose_strangers(piece, records)
+            self._look_at_all(piece, records)
         elif records and self._is_all(piece, query, wanted):
-            self._compare(piece, Counter(channel for _, channel, *_ in found))
+            self._compare(piece, *_contents(found))
         return ChunkPiece(found, wanted, records, partial(self._load, piece, check=False), shelf)
 
     def stamps_ns(self) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
@@ -178,11 +178,21 @@ class McapFile:
             add_note(self._loss, f"{self._label}{note}")
         return index
 
-    def _compare(self, piece: int, found: Counter[int]) -> None:
-        """Hold the messages in a piece against its index, and those of all against the file's."""
+    def _compare(
+        self, piece: int, found: Counter[int], span_ns: Collection[int] | None = None
+    ) -> None:
+        """Hold the messages in a piece against its index, and those of all against the file's.
+
+        Args:
+            found: messages by channel.
+            span_ns: the first and the last of their stamps, where the messages themselves say so.
+        """
         if self._seen[piece] or piece in self._damaged:
             return
         row = self._rows[piece]
+        if span_ns and not all(row["start_ns"] <= one <= row["end_ns"] for one in span_ns):
+            note = f"the piece at byte {row['offset']} has messages outside the times of its index"
+            add_note(self._loss, f"{self._label}{note}")
         told = Counter({n: len(stamps_ns) for n, stamps_ns in self._indexed_stamps(piece)})
         is_told = self._is_indexed and UNKNOWN not in (row["messages"], row["channels"])
         if row["messages"] not in (UNKNOWN, found.total()) or (is_told and told != found):
@@ -191,6 +201,7 @@ class McapFile:
         self._seen[piece] = True
         self._found += found
         if self._seen.all() and not self._loss and self._found != +Counter(self.counts):
+            self._loss.messages += max(0, sum(self.counts.values()) - self._found.total())
             add_note(self._loss, f"{self._label}its statistics count other messages of its topics")
 
     def _indexed_stamps(self, piece: int) -> list[tuple[int, npt.NDArray[np.int64]]]:
@@ -234,12 +245,15 @@ class McapFile:
             self._file.seek(offset)
             return self._file.read(length)
 
-    def _lose_strangers(self, piece: int, records: Records) -> None:
-        """Say what is of channels that there are not, where no index tells how much there is."""
-        there, _ = messages(records, ANY_CHANNEL, *EVER)
-        strangers = sum(channel not in self.channels for _, channel, *_ in there)
+    def _look_at_all(self, piece: int, records: Records) -> None:
+        """Compare a piece of which no index says what it holds."""
+        if self._seen[piece] or not records:
+            return
+        counts, span_ns = _contents(messages(records, ANY_CHANNEL, *EVER)[0])
+        strangers = sum(n for channel, n in counts.items() if channel not in self.channels)
         if strangers:
             self._lose(piece, "messages of channels that it does not describe", strangers)
+        self._compare(piece, counts, span_ns)
 
     def _lose(self, piece: int, why: str, messages: int) -> None:
         if piece in self._damaged:
@@ -249,6 +263,12 @@ class McapFile:
         self._loss.bytes += int(row["length"])
         self._loss.messages += 0 if messages == UNKNOWN else messages
         add_note(self._loss, f"{self._label}the piece at byte {row['offset']} is lost: {why}")
+
+
+def _contents(found: list[Place]) -> tuple[Counter[int], list[int]]:
+    """Messages by channel; the first and the last stamp, if there are any."""
+    counts = Counter(channel for _, channel, *_ in found)
+    return counts, [stamp_ns for stamp_ns, *_ in found[:1] + found[-1:]]
 
 
 def _open(path: Path) -> BinaryIO:

@@ -103,6 +103,8 @@ class _Pieces:
         self.index = self._index = Index()
         self._chunk: _Piece | None = None
         self._run: _Piece | None = None
+        self._disputed: list[int] = []  # where chunks begin that hold other than their index says
+        self._missing = 0  # messages that those do not hold
         self._statistics: Statistics | None = None
         self._seen: Counter[int] = Counter()
         self._data_end: Record | None = None
@@ -153,7 +155,7 @@ class _Pieces:
         missing = (told - found).total()
         if self._statistics is not None:
             missing = max(missing, self._statistics.message_count - found.total())
-        self._loss.messages = max(self._loss.messages + unknown, missing)
+        self._loss.messages = max(self._loss.messages + unknown, missing, self._missing)
         for note in self._differences(found, told):
             if not self._loss.notes:  # which say why
                 add_note(self._loss, note)
@@ -183,6 +185,8 @@ class _Pieces:
                     yield f"its index counts {count} records of kind {what}, {seen[kind]} are there"
         if statistics is not None and statistics.message_count != told.total():
             yield "its statistics contradict each other"
+        for start in self._disputed:
+            yield f"the chunk at byte {start} and its index contradict each other"
 
     def _whole(self, record: Record) -> bytes:
         self._file.seek(record.start)
@@ -254,9 +258,12 @@ class _Pieces:
         schemas, channels = described(records)
         self._index.describe(schemas.values(), channels.values())
         found, _ = messages(records, ANY_CHANNEL, *EVER)
+        counts = Counter(channel for _, channel, *_ in found)
+        if chunk.counts and chunk.counts != counts:
+            self._disputed.append(chunk.start)
+            self._missing += (chunk.counts - counts).total()
         if found:
-            span_ns = (found[0][0], found[-1][0])
-            self._add(chunk, span_ns, Counter(channel for _, channel, *_ in found))
+            self._add(chunk, (found[0][0], found[-1][0]), counts)
 
     def _add(
         self, piece: _Piece, span_ns: tuple[int, int], counts: Counter[int], is_chunk: bool = True
