@@ -107,6 +107,37 @@ def test_a_recording_goes_on_without_what_it_cannot_hold(
     assert "/markers: message refused" in markers
 
 
+class Uncertain(Image):
+    """An image whose calibration cannot be had."""
+
+    @property
+    def camera_info(self) -> Any:
+        raise RuntimeError("not calibrated yet")
+
+    @camera_info.setter
+    def camera_info(self, given: Any) -> None:
+        pass
+
+
+def test_a_recording_goes_on_where_a_calibration_cannot_be_had(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    @node("unsure", inputs={"image": Image}, outputs={"copy": Image})
+    def unsure(image: Image, params: Any) -> Image:
+        if image.pixels[0, 0] not in BAD:
+            return image
+        bad = Uncertain.__new__(Uncertain)
+        vars(bad).update(vars(image))
+        return bad
+
+    runtime, report = run(unsure, tmp_path / "r.mcap")
+    assert report.recordings[str(tmp_path / "r.mcap")].refused == len(BAD)
+    assert len(read(tmp_path / "r.mcap")["/copy"]) == COUNT
+    [said] = caplog.messages
+    assert "/copy: message refused: not a calibration: not calibrated yet" in said
+    assert runtime._recordings[0].error is None
+
+
 WRONG_HEADERS = {
     "no header": (None, "None is not a valid header"),
     "a number": (7, "7 is not a valid header"),

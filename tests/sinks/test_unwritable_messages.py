@@ -108,3 +108,12 @@ def test_a_video_refuses_what_is_no_image(tmp_path: Path) -> None:
                 recorder.write("/i", Text("hello"))
             recorder.write("/i", Image(PIXELS, "mono8", Header(number * 10**8)))
     assert (tmp_path / "v.mp4").stat().st_size > 0
+
+
+def test_an_image_without_pixels_is_refused_also_as_the_first_of_a_video(tmp_path: Path) -> None:
+    with open_recorder(tmp_path / "v.mp4", {"/i": TopicType(Image.type_name)}) as recorder:
+        for number in range(3):
+            with pytest.raises(DamagedMessage, match="an image of 0x2 has no pixels"):
+                recorder.write("/i", Image(PIXELS[:, :0], "mono8"))
+            recorder.write("/i", Image(PIXELS, "mono8", Header(number * 10**8)))
+    assert (tmp_path / "v.mp4").stat().st_size > 0

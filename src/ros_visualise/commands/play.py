@@ -128,8 +128,9 @@ class _Played:
 
     @property
     def is_over(self) -> bool:
-        """Whether it has ended, or a recording that was asked for has."""
-        return self.runtime.wait(0) or any(one.error for one in self.recordings)
+        """Whether it has ended, or all recordings that were asked for have failed."""
+        failed = [one.error is not None for one in self.recordings]
+        return self.runtime.wait(0) or bool(failed and all(failed))
 
     def report(self) -> RunReport:
         """Of what was stopped: its summary is said."""

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from ros_visualise.data import CameraInfo, Image
+from ros_visualise.errors import DamagedMessage
 from ros_visualise.graph import Graph
 from ros_visualise.messages.calibrations import (
     CAMERA_INFO,
@@ -54,11 +55,18 @@ class Calibrations:
                 self._topics[images] = topic
 
     def find(self, topic: str, image: Any) -> tuple[str, CameraInfo] | None:
-        """What belongs into the recording before a message: a topic of it, and the calibration."""
+        """What belongs into the recording before a message: a topic of it, and the calibration.
+
+        Raises:
+            DamagedMessage: the calibration is none.
+        """
         place = self._topics.get(topic)
         if place is None:
             return None
-        info = calibration_of(image)
+        try:
+            info = calibration_of(image)
+        except Exception as error:  # whatever a class of somebody's own raises
+            raise DamagedMessage(f"not a calibration: {error}") from error
         if info is None and isinstance(image, Image) and place in self._recorder.topics:
             info = replace(CameraInfo.uncalibrated(image.height, image.width), header=image.header)
         if info is None:

@@ -214,8 +214,11 @@ class RecorderThread:
         if 0 <= log_ns < LATEST_NS:  # else the events have to wait for the next message
             self._written_ns = log_ns
             self._write_events()
-        if found := self._calibrations.find(topic, message):
-            self.written += self._record(*found, log_ns)
+        try:
+            if found := self._calibrations.find(topic, message):
+                self.written += self._record(*found, log_ns)
+        except DamagedMessage as error:
+            self._refusals.add(topic, error)
         self.written += self._record(topic, message, log_ns)
 
     def _write_events(self) -> None:

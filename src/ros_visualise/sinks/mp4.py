@@ -141,6 +141,8 @@ class Mp4Recorder:
         """
         try:
             image = content(message)
+            if not (image.width and image.height):
+                raise DamagedMessage(f"an image of {image.width}x{image.height} has no pixels")
             size = even_size(image) if self._video is None else self._video.size
             return image, size, to_i420(image, size)
         except DamagedMessage:
