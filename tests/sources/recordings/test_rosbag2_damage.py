@@ -3,6 +3,7 @@
 import random
 import shutil
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -216,6 +217,34 @@ def test_damaged_compressed_bags_raise_nothing(tmp_path: Path, mode: Compression
         stamps_ns = [entry.stamp_ns for entry in recording.read()]
         assert stamps_ns == sorted(stamps_ns)
         assert len(stamps_ns) <= 300
+        recording.close()
+
+
+@pytest.mark.parametrize("data", [b"?\xb5\x2f\xfd cut", b"\0"], ids=["magic", "short"])
+def test_what_is_neither_compressed_nor_a_message_is_said(tmp_path: Path, data: bytes) -> None:
+    folder = tmp_path / "bag"
+    messages = numbered(range(30))
+    how = (CompressionMode.MESSAGE, CompressionFormat.ZSTD)
+    write_bag(folder, messages, compression=how)
+    [file] = folder.glob("*.db3")
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("UPDATE messages SET data = ? WHERE id = 7", (data,))
+        database.execute("UPDATE messages SET data = ? WHERE id = 9", (messages[8].data,))
+        database.commit()
+    recording = open_rosbag2(folder)
+    assert written(recording.read()) == messages[:6] + messages[7:]
+    assert recording.loss.messages == 1
+    assert recording.loss.notes == ["messages that are neither zstd data nor CDR"]
+    recording.close()
+
+
+@pytest.mark.parametrize("bytes_cut", [1, 70, 1000])
+def test_a_cut_within_the_last_page_of_a_database_is_said(tmp_path: Path, bytes_cut: int) -> None:
+    _, file = made(tmp_path / "bag", (20_000, 30_000), 40)
+    file.write_bytes(file.read_bytes()[:-bytes_cut])
+    for path in (tmp_path / "bag", file):
+        recording = open_rosbag2(path)
+        assert "its end is missing" in recording.loss.notes[0]
         recording.close()
 
 

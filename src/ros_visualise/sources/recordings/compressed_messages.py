@@ -14,6 +14,9 @@ from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack_all
 
 _ZSTD = b"\x28\xb5\x2f\xfd"
+_CDR = b"\0"
+"""How messages begin that are not compressed."""
+_CDR_BYTES = 4
 
 
 class CompressedMessages:
@@ -26,7 +29,7 @@ class CompressedMessages:
     """
 
     def __init__(self, storage: Storage, loss: Loss, is_known: bool) -> None:
-        self._storage, self._loss = storage, loss
+        self._storage, self._loss, self._is_known = storage, loss, is_known
         self._lost: set[tuple[str, int]] = set()
         self.size, self.channels, self.counts = storage.size, storage.channels, storage.counts
         self.starts_ns, self.ends_ns = storage.starts_ns, storage.ends_ns
@@ -55,7 +58,7 @@ class CompressedMessages:
     def _decompress(self, entry: Entry) -> bool:
         """Decompress a message if it is compressed; whether that could be done."""
         message = entry.message
-        if message.data[:4] == _ZSTD:  # no CDR begins like that
+        if message.data[:4] == _ZSTD:
             try:
                 message.data = unpack_all("zstd", message.data)
             except DamagedData:
@@ -64,6 +67,9 @@ class CompressedMessages:
             except TooLarge as error:
                 self._lose(entry, f"{entry.topic}: a message {error}")
                 return False
+        elif self._is_known and (message.data[:1] != _CDR or len(message.data) < _CDR_BYTES):
+            self._lose(entry, "messages that are neither zstd data nor CDR")
+            return False
         return True
 
     def _lose(self, entry: Entry, why: str) -> None:

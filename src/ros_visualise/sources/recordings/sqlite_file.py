@@ -159,7 +159,7 @@ class SqliteFile:
         if self.size < _LARGE_BYTES or not is_all:
             return None
         try:
-            if not has_index(self._database):
+            if not self._serves():
                 return None
             sql = "SELECT timestamp FROM messages ORDER BY timestamp"
             ends = [next(self._select(f"{sql} {way} LIMIT 1")) for way in ("ASC", "DESC")]
@@ -183,7 +183,7 @@ class SqliteFile:
     def _survey(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
         """Messages of each topic, and the span of their stamps if there are any."""
         try:
-            found = self._counted() if has_index(self._database) else None
+            found = self._counted() if self._serves() else None
         except sqlite3.DatabaseError as error:
             rows = self._salvage(error)
         else:
@@ -194,6 +194,15 @@ class SqliteFile:
         counts = dict(zip(topics.tolist(), numbers.tolist(), strict=True))
         stamps_ns = rows["stamp_ns"]
         return counts, [(int(stamps_ns[0]), int(stamps_ns[-1]))] if len(rows) else []
+
+    def _serves(self) -> bool:
+        """Whether SQLite can read the file in order of time, and none of its end is missing.
+
+        Raises:
+            sqlite3.DatabaseError: the file is damaged.
+        """
+        [(page,)] = self._select("PRAGMA page_size")
+        return has_index(self._database) and not missing_bytes(self.path, page)
 
     @damage_by_name()
     def _counted(self) -> tuple[Mapping[int, int], list[tuple[int, int]]]:
