@@ -98,6 +98,21 @@ def test_a_count_that_differs_is_a_difference(made, tmp_path, count):
         assert recording.loss.messages == max(0, count)
 
 
+@pytest.mark.parametrize(("field", "years"), [(b"start_time=", -9), (b"end_time=", 9)])
+def test_a_time_of_a_chunk_that_differs_is_a_difference(made, tmp_path, field, years):
+    written, data = made
+    part = [piece for piece in pieces(data) if piece.op == CHUNK_INFO][1]
+    changed, at = bytearray(data), data.index(field, part.start) + len(field)
+    (seconds,) = struct.unpack_from("<I", data, at)
+    struct.pack_into("<I", changed, at, max(0, seconds + years * 31_000_000))
+    recording = opened(tmp_path / "a.bag", bytes(changed))
+    _, there = read_through(recording)
+    recording.close()
+    assert there == written
+    assert recording.loss.notes
+    assert recording.loss.messages == 0
+
+
 @pytest.mark.parametrize("number", [0, 1, 2, -1])
 def test_a_chunk_that_the_index_hides_is_a_difference(made, tmp_path, number):
     """The bag's index is whole in itself, and names one chunk less than there are."""

@@ -136,7 +136,9 @@ class ChunkReader:
                 end = following
             entries = np.concatenate(indexed)
             if count(entries["connection"]) == chunk.counts and _is_likely(entries, chunk):
-                return Entries(entries, end, True)
+                stamps = entries["stamp_ns"]
+                span_ns = stamps.min(initial=chunk.end_ns), stamps.max(initial=chunk.start_ns)
+                return Entries(entries, end, span_ns == (chunk.start_ns, chunk.end_ns))
         return Entries(self.walked(chunk, content or self.content(chunk)), end, False)
 
     def walked(self, chunk: Chunk, content: Content) -> NDArray[Any]:
