@@ -237,7 +237,9 @@ def test_a_node_that_calls_exit_loses_that_message_and_this_is_said(caplog):
     report = run.to_the_end()
     assert report.nodes["leaves"].dropped == {"error": FRAMES}
     assert run.runtime.failed
-    assert [record.getMessage() for record in caplog.records] == ["leaves: 7 (said once)"]
+    assert [record.getMessage() for record in caplog.records] == [
+        "leaves: SystemExit: 7 (further occurrences suppressed)"
+    ]
 
 
 def test_a_node_that_raises_loses_that_message_alone(caplog):
@@ -253,7 +255,7 @@ def test_a_node_that_raises_loses_that_message_alone(caplog):
     assert report.topics["/fails/image"].messages == FRAMES - 4
     assert run.runtime.failed
     assert [record.getMessage() for record in caplog.records] == [
-        "fails: does not like threes (said once)"
+        "fails: does not like threes (further occurrences suppressed)"
     ]
 
 

@@ -74,11 +74,12 @@ def test_the_layout_of_the_json():
         '{"topics": {"/image_raw": {"type": "sensor_msgs/msg/Image", "messages": 30, "hz": 10.0,'
         ' "wall_hz": T}, "/slow": {"type": "sensor_msgs/msg/Image", "messages": 15, "hz": 5.0,'
         ' "wall_hz": T}}, "nodes": {"lamp": {"received": 30, "processed": 30, "dropped":'
-        ' {"source": 3}, "p50_ms": null, "p99_ms": null, "step_ms": null, "lost": {"messages": 1,'
-        ' "bytes": 2, "notes": ["a lamp"]}, "achieved_hz": 10.0}, "slow": {"received": 30,'
-        ' "processed": 15, "dropped": {"rate": 15}, "p50_ms": T, "p99_ms": T, "step_ms": T,'
-        ' "requested_hz": 5, "achieved_hz": 5.0}, "last": {"received": 15, "processed": 15,'
-        ' "dropped": {}, "p50_ms": T, "p99_ms": T, "step_ms": T, "seen": 15}}, "recordings": {}}'
+        ' {"source": 3}, "errors": 0, "p50_ms": null, "p99_ms": null, "step_ms": null, "lost":'
+        ' {"messages": 1, "bytes": 2, "notes": ["a lamp"]}, "achieved_hz": 10.0}, "slow":'
+        ' {"received": 30, "processed": 15, "dropped": {"rate": 15}, "errors": 0, "p50_ms": T,'
+        ' "p99_ms": T, "step_ms": T, "requested_hz": 5, "achieved_hz": 5.0}, "last": {"received":'
+        ' 15, "processed": 15, "dropped": {}, "errors": 0, "p50_ms": T, "p99_ms": T, "step_ms": T,'
+        ' "seen": 15}}, "recordings": {}, "failures": []}'
     )
 
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from ros_visualise.supervision import PROCESS
+
 RATES = ("hz", "wall_hz")
 """Those of a topic: by the stamps, and by the wall clock."""
 
@@ -43,6 +45,7 @@ class NodeReport:
         dropped: reason -> messages that it did not process, or answered with nothing.
         p50_ms, p99_ms: median and 99th percentile of the time from the source to the end of a step.
         step_ms: the median of a step by itself.
+        errors: how often it raised where no message was at stake, as at its end.
         own: figures of the node's own.
         publishes: whether it has outputs.
         achieved_hz: the rate of the first of them, by the stamps.
@@ -55,6 +58,7 @@ class NodeReport:
     p50_ms: float | None = None
     p99_ms: float | None = None
     step_ms: float | None = None
+    errors: int = 0
     own: Mapping[str, Any] = field(default_factory=dict)
     publishes: bool = False
     achieved_hz: float | None = None
@@ -132,11 +136,12 @@ class RunReport:
 
 
 def to_json(report: RunReport) -> dict[str, Any]:
-    """A run report in the layout of ``--json``."""
+    """A run report in the layout of ``--json``; with what failed beside the nodes' messages."""
     return {
         "topics": {name: asdict(topic) for name, topic in report.topics.items()},
         "nodes": {name: figures_of(node) for name, node in report.nodes.items()},
         "recordings": {path: asdict(one) for path, one in report.recordings.items()},
+        "failures": [{**one._asdict(), "count": n} for one, n in PROCESS.failures.items()],
     }
 
 
@@ -146,6 +151,7 @@ def figures_of(node: NodeReport) -> dict[str, Any]:
         "received": node.received,
         "processed": node.processed,
         "dropped": dict(node.dropped),
+        "errors": node.errors,
         "p50_ms": node.p50_ms,
         "p99_ms": node.p99_ms,
         "step_ms": node.step_ms,

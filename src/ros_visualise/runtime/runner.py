@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from ros_visualise.data import Image, Transforms
 from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError
@@ -27,14 +27,17 @@ NOTHING: Mapping[str, Any] = {}
 """A node's answer when it has nothing for this message."""
 
 _ERRORS = (Exception, SystemExit)  # exit() would end the node's thread alone, without a word
+T = TypeVar("T")
+
 _PATIENCE_S = 0.2  # of who asks for figures, with a step that takes long
 
 
 class NodeRunner:
     """One node at work: its state, its live parameters, its counts, and the frames that it knows.
 
-    An error in a step costs that one message: it is said once for each place in the code where it
-    comes from, counted under ``error``, and ``failed`` stays set.
+    An error in a step costs that one message, which is counted as dropped under ``error``; errors
+    elsewhere, as in ``tick`` or ``finish``, are counted by themselves. Each is logged once for the
+    place in the code where it comes from, and ``failed`` stays set.
 
     Raises:
         RosVisualiseError: the node cannot begin.
@@ -49,7 +52,7 @@ class NodeRunner:
         self.stateless = node.type.stateless
         self._type = node.type
         self._parameters = parameters
-        self._state = _made(node, parameters.current)
+        self._state = begun(node.name, lambda: node.type.make(parameters.current))
         self._epoch: int | None = None  # of the last message
         self._said: set[tuple[str, type, str, int | None]] = set()
         self._uncalibrated: set[str] = set()  # inputs of which it was said
@@ -94,8 +97,18 @@ class NodeRunner:
         return outputs
 
     def act(self, name: str) -> Mapping[str, Any]:
-        """Run an action; what the node answers to it."""
-        return self._answer(lambda: getattr(self._state, name)())
+        """Run an action; what the node answers to it.
+
+        Raises:
+            RosVisualiseError: it failed.
+        """
+        try:
+            return self._ask_between_steps(getattr(self._state, name))
+        except RosVisualiseError:
+            raise
+        except _ERRORS as error:
+            what = f"{type(error).__name__}: {error}"
+            raise RosVisualiseError(f"{self.node.name}: {name} failed: {what}") from error
 
     def tick(self) -> Mapping[str, Any]:
         """What is due although no message came."""
@@ -103,7 +116,7 @@ class NodeRunner:
 
     def finish(self) -> Mapping[str, Any]:
         """What the node still has at the end of the stream."""
-        return self._answer(lambda: self._state.finish())
+        return self._answer(self._state.finish)
 
     def report(self) -> NodeReport:
         """Counts and latencies, and the node's own figures; in a long step those of before it."""
@@ -112,19 +125,30 @@ class NodeRunner:
                 self._figures = self._state.report()
             except _ERRORS as error:
                 self._figures = {}
+                self.stats.errors += 1
                 self._fail(error)
             finally:
                 self._at_state.release()
         return replace(self.stats.report(), own=self._figures, gate=self._type.drops)
 
     def _answer(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
-        """What the node says between two steps."""
+        """What the node says between two steps; nothing where that fails."""
+        try:
+            return self._ask_between_steps(ask)
+        except _ERRORS:
+            return NOTHING
+
+    def _ask_between_steps(self, ask: Callable[[], Any]) -> Mapping[str, Any]:
         try:
             with self._at_state:
-                return self._passing(self._by_output(ask()))
+                given = self._by_output(ask())
+                outputs = self._passing(given)
         except _ERRORS as error:
+            self.stats.errors += 1
             self._fail(error)
-            return NOTHING
+            raise
+        self.stats.errors += len(given) - len(outputs)
+        return outputs
 
     def _content(self, packet: Packet) -> Any:
         try:
@@ -204,17 +228,27 @@ class NodeRunner:
             self._said.add(kind)
             bug = not isinstance(error, RosVisualiseError)
             where = f"{self.node.name}: {topic}" if topic else self.node.name
-            log.error("%s: %s (said once)", where, error, exc_info=error if bug else None)
+            what = f"{kind[1].__name__}: {error}" if bug else error
+            log.error(
+                "%s: %s (further occurrences suppressed)",
+                where,
+                what,
+                exc_info=error if bug else None,
+            )
 
 
-def _made(node: Node, params: Any) -> Any:
-    """The state of a node that begins."""
+def begun(name: str, make: Callable[[], T]) -> T:
+    """What ``make`` makes: the state of a node or a source of this name, which begins.
+
+    Raises:
+        RosVisualiseError: it cannot.
+    """
     try:
-        return node.type.make(params)
+        return make()
     except RosVisualiseError:
         raise
     except _ERRORS as error:
         origin = traceback.extract_tb(error.__traceback__)[-1]
         what = f"{type(error).__name__}: {error}".removesuffix(": ")
         where = f"{origin.filename}, line {origin.lineno}"
-        raise RosVisualiseError(f"{node.name} cannot begin: {what} ({where})") from error
+        raise RosVisualiseError(f"{name} cannot begin: {what} ({where})") from error

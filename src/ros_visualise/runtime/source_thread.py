@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from ros_visualise import supervision
 from ros_visualise.errors import DamagedMessage, ParameterError, RosVisualiseError
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
@@ -19,6 +20,7 @@ from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.refusals import Refusals, require_header
 from ros_visualise.runtime.report import NodeReport
+from ros_visualise.runtime.runner import begun
 from ros_visualise.runtime.stats import NodeStats
 from ros_visualise.runtime.topics import Topic
 from ros_visualise.sources.playback import Playback
@@ -84,7 +86,11 @@ class SourceThread:
 
     def report(self) -> NodeReport:
         """Counts and the source's own figures, which may be of drops."""
-        own = dict(self._source.report())
+        own: dict[str, Any] = {}
+        try:
+            own = dict(self._source.report())
+        except supervision.ERRORS as error:
+            supervision.note(self.name, error)
         dropped = dict(own.pop("dropped", {}))
         if self._refusals.count:
             dropped["error"] = dropped.get("error", 0) + self._refusals.count
@@ -111,7 +117,7 @@ class SourceThread:
 
     def close(self) -> None:
         """Let go of what is open."""
-        self._source.close()
+        supervision.attempt(self.name, self._source.close)
 
     def _do(self, work: Callable[[], None]) -> None:
         try:
@@ -119,7 +125,7 @@ class SourceThread:
         except RosVisualiseError as error:
             log.error("%s", error)
             self.failed = True
-        except (Exception, SystemExit):  # exit() would end this thread alone, without a word
+        except supervision.ERRORS:
             log.exception("%s broke", self.name)
             self.failed = True
 
@@ -176,7 +182,7 @@ class SourceThread:
         with self._swapping:
             self._is_opening, tried = True, self._given
         if self._type.live:
-            self._source.close()  # a device can be opened but once
+            self.close()  # a device can be opened but once
         try:
             source = self._open(tried)
         except RosVisualiseError as error:
@@ -191,7 +197,7 @@ class SourceThread:
     def _swap(self, source: Source, opened_with: Any) -> None:
         """Go on with a source that was opened, and with what was set since."""
         with self._swapping:
-            self._source.close()
+            self.close()
             self._source, self._opened_with, self._is_opening = source, opened_with, False
             late = vars(self._given).items() - vars(opened_with).items()
             changed = {name: value for name, value in late if name not in _reopening(opened_with)}
@@ -215,7 +221,7 @@ class SourceThread:
         self._opened_with = replace(self._opened_with, **live)
 
     def _open(self, params: Any) -> Source:
-        source = self._type.make(params, self._playback)
+        source: Source = begun(self.name, lambda: self._type.make(params, self._playback))
         source.set_demand(lambda port: self._outputs[port].awaited)
         return source
 

@@ -107,6 +107,7 @@ class NodeStats:
     def __init__(self) -> None:
         self.received = 0
         self.processed = 0
+        self.errors = 0
         self.dropped: Counter[str] = Counter()
         self._latencies_ns = _Newest()
         self._steps_ns = _Newest()
@@ -129,6 +130,7 @@ class NodeStats:
             p50_ms=_percentile(latencies_ms, 50),
             p99_ms=_percentile(latencies_ms, 99),
             step_ms=_percentile(steps_ms, 50),
+            errors=self.errors,
         )
 
 

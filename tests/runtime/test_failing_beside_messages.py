@@ -1,0 +1,94 @@
+"""What nodes and sources raise where no message is at stake is counted, and ends nobody else."""
+
+import pytest
+from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
+
+from ros_visualise.data import Image
+from ros_visualise.declarations import action
+from ros_visualise.errors import RosVisualiseError
+from ros_visualise.nodes import node, source
+from ros_visualise.runtime.report import to_json
+from ros_visualise.supervision import PROCESS
+
+
+def failing(*where):
+    """A node that raises in these methods."""
+
+    class Weak:
+        def __init__(self, params):
+            pass
+
+        def step(self, image, params):
+            return image
+
+    def fail(self):
+        raise ValueError("not here")
+
+    for name in where:
+        setattr(Weak, name, action("fails")(fail) if name == "press" else fail)
+    return node("weak", inputs={"image": Image}, outputs={"image": Image})(Weak)
+
+
+@pytest.mark.parametrize("where", ["finish", "report"])
+def test_an_error_beside_messages_is_counted_and_costs_none(where, caplog):
+    run = Run(graph_of(failing(where), add))
+    weak = run.to_the_end().nodes["weak"]
+    assert (weak.received, weak.processed, weak.dropped) == (FRAMES, FRAMES, {})
+    assert weak.errors >= 1
+    assert to_json(run.runtime.report())["nodes"]["weak"]["errors"] >= 1
+    assert run.runtime.report().topics["/add/sum"].messages == FRAMES
+    assert run.runtime.failed
+    assert caplog.messages == ["weak: ValueError: not here (further occurrences suppressed)"]
+
+
+def test_who_asks_for_an_action_hears_that_it_failed():
+    run = Run(graph_of(failing("press")))
+    with pytest.raises(RosVisualiseError, match="weak: press failed: ValueError: not here"):
+        run.runtime.act("weak", "press")
+    assert run.to_the_end().nodes["weak"].errors == 1
+    assert run.runtime.failed
+
+
+def failing_source(*where):
+    """A source that raises in these methods, and where ``frames`` is negative."""
+
+    class Weak(_Counter):
+        def __init__(self, params, playback):
+            if params.frames < 0:
+                raise ValueError("none")
+            super().__init__(params, playback)
+
+    def fail(self):
+        raise ValueError("not here")
+
+    for name in where:
+        setattr(Weak, name, fail)
+    return source("weak", params=CounterParams, outputs={"image": Image})(Weak)
+
+
+@pytest.mark.parametrize("where", ["report", "close"])
+def test_a_source_that_raises_beside_messages_ends_nobody(where):
+    run = Run(graph_of(add, source_type=failing_source(where)))
+    report = run.to_the_end()
+    assert report.nodes["add"].processed == FRAMES
+    [failed] = to_json(report)["failures"]
+    assert (failed["who"], failed["kind"]) == ("counter", "ValueError")
+    assert failed["place"].startswith("test_failing_beside_messages.py:")
+    PROCESS.forget()
+
+
+def test_a_source_that_cannot_begin_says_so_as_a_node_does():
+    with pytest.raises(RosVisualiseError, match="counter cannot begin: ValueError: none"):
+        Run(graph_of(source_type=failing_source(), counter={"frames": -1}))
+
+
+def test_a_source_that_raises_when_it_is_opened_anew_goes_on_as_before(caplog):
+    run = Run(graph_of(source_type=failing_source()), hold=True)
+    run.runtime.start()
+    until(lambda: run.playback.state.ended)
+    run.runtime.parameters["counter"].update({"frames": -1})
+    until(lambda: caplog.messages)
+    until(lambda: run.runtime.parameters["counter"].current.frames == FRAMES)
+    run.runtime.stop()
+    assert "cannot begin: ValueError: none" in caplog.text
+    assert not run.runtime.failed
