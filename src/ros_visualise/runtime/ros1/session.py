@@ -16,6 +16,7 @@ from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.handshakes import mend_handshakes
 from ros_visualise.runtime.ros1.pollers import mend_pollers
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
 from ros_visualise.signals import DONE, Wish, interrupt, note
@@ -43,6 +44,7 @@ def begin(name: str) -> None:
     _return_to_where_it_was_typed()
     wait_for_master()
     mend_pollers()
+    mend_handshakes()
     stop = interrupt()
     try:
         with asking("the ROS master"):
