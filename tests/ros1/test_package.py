@@ -108,8 +108,9 @@ def test_whole_package_is_installed(built):
     )
     assert files == expected
     share = built.folder / "install" / "share" / "ros_visualise"
-    for folder in ("launch", "config"):
-        expected = {str(path.relative_to(PACKAGE)) for path in (PACKAGE / folder).rglob("*.*")}
+    for folder, others in (("launch", ".xml"), ("config", "")):  # launch/*.launch.xml are for ROS 2
+        there = [path for path in (PACKAGE / folder).rglob("*.*") if path.suffix != others]
+        expected = {str(path.relative_to(PACKAGE)) for path in there}
         assert {str(path.relative_to(share)) for path in (share / folder).rglob("*.*")} == expected
 
 

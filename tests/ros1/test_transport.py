@@ -307,7 +307,7 @@ def test_an_unknown_rospy_does_it_all_by_itself(unknown_rospy, opened, caplog):
         assert (subscriber.connections, publisher.dropped) == (1, 0)
         publisher.close()
         publisher.publish(message)
-    assert [r.getMessage() for r in caplog.records if "not known" in r.getMessage()] == [
+    assert [r.getMessage() for r in caplog.records if "unsupported" in r.getMessage()] == [
         "unsupported rospy; using the stock transport, which is slower with large images"
     ]
 

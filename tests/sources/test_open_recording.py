@@ -76,7 +76,7 @@ def test_what_is_packed_is_to_be_unpacked(tmp_path, pack):
 def test_nothing_is_refused(tmp_path):
     assert not is_recording(tmp_path / "missing")
     assert_refused(tmp_path / "missing", "no such file")
-    assert_refused("/dev/null", "no file")
+    assert_refused("/dev/null", "not a regular file")
 
 
 def test_a_folder_with_one_recording_opens_it_and_with_several_asks(tmp_path):

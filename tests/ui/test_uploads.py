@@ -1,6 +1,7 @@
 """Files on their way to the page's folder: under a name of their own, within limits."""
 
 import asyncio
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
@@ -8,6 +9,12 @@ from websockets.exceptions import ConnectionClosedError
 
 from ros_visualise.ui.look.answers import Question
 from ros_visualise.ui.page.uploads import Uploads
+
+
+def run_async(coroutine):
+    """Run it on a thread of its own: browsers of other tests have an event loop on this one."""
+    with ThreadPoolExecutor(1) as threads:
+        threads.submit(asyncio.run, coroutine).result()
 
 
 class Sender:
@@ -79,7 +86,7 @@ def test_a_file_has_its_name_when_it_is_whole(tmp_path):
             assert (tmp_path / "a.mp4").read_bytes() == b"123456"
             assert here.opened == [tmp_path / "a.mp4"]
 
-    asyncio.run(run())
+    run_async(run())
 
 
 def test_two_of_one_name_do_not_meet(tmp_path, caplog):
@@ -100,7 +107,7 @@ def test_two_of_one_name_do_not_meet(tmp_path, caplog):
             assert (tmp_path / "b.mp4").read_text() == "precious"
             assert here.names == ["a.mp4", "b.mp4"]
 
-    asyncio.run(run())
+    run_async(run())
 
 
 def test_what_got_the_name_meanwhile_stays(tmp_path, caplog):
@@ -115,7 +122,7 @@ def test_what_got_the_name_meanwhile_stays(tmp_path, caplog):
             assert (tmp_path / "a.mp4").read_text() == "precious"
             assert "a.mp4: exists; choose another name; nothing was kept" in caplog.text
 
-    asyncio.run(run())
+    run_async(run())
 
 
 @pytest.mark.parametrize("sent", [b"", "12", b"123"])
@@ -128,7 +135,7 @@ def test_what_was_not_announced_leaves_nothing(tmp_path, caplog, sent):
             assert here.names == []
             assert "it is not the file that was announced; nothing was kept" in caplog.text
 
-    asyncio.run(run())
+    run_async(run())
 
 
 def test_a_browser_that_goes_or_falls_silent_leaves_nothing(tmp_path, caplog):
@@ -144,7 +151,7 @@ def test_a_browser_that_goes_or_falls_silent_leaves_nothing(tmp_path, caplog):
         assert "a.mp4: the browser was closed before the end; nothing was kept" in caplog.text
         assert "a.mp4: nothing came for 0.05 s; nothing was kept" in caplog.text
 
-    asyncio.run(run())
+    run_async(run())
 
 
 def test_all_together_have_a_limit_that_counts_what_is_there(tmp_path, caplog):
@@ -167,7 +174,7 @@ def test_all_together_have_a_limit_that_counts_what_is_there(tmp_path, caplog):
             await one
             assert here.names == ["b.mp4", "c.mp4"]
 
-    asyncio.run(run())
+    run_async(run())
 
 
 def test_a_few_come_at_once(tmp_path, caplog):
@@ -181,7 +188,7 @@ def test_a_few_come_at_once(tmp_path, caplog):
                 await taken
             assert here.names == [f"{number}.mp4" for number in range(4)]
 
-    asyncio.run(run())
+    run_async(run())
 
 
 @pytest.mark.parametrize(
@@ -200,7 +207,7 @@ def test_a_name_reads_as_it_is(tmp_path, caplog, name):
         assert "characters; choose another name" in caplog.text
         assert caplog.text.isascii()
 
-    asyncio.run(run())
+    run_async(run())
 
 
 @pytest.mark.parametrize("name", ["Bildschirm um 10.00.mov", "fährt.mp4", "飛行.mp4", "طيران.mp4"])
@@ -212,4 +219,4 @@ def test_names_of_all_languages_are_taken(tmp_path, name):
             await taken
             assert here.names == [name]
 
-    asyncio.run(run())
+    run_async(run())

@@ -208,7 +208,7 @@ class Encoder:
 
     def _rewrite(self, source: Definitions, name: str, kind: type[Message], data: Buffer) -> Buffer:
         """Read a message as one of ours and write that."""
-        return self._encode(from_message(source.read(name, data), kind))
+        return self.encode(from_message(source.read(name, data), kind))
 
     @property
     def _is_ros1(self) -> bool:
