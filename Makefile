@@ -11,8 +11,8 @@ OLDEST_PYTHON ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.1[0-9].*/bin/p
 	/usr/bin/python3.1[0-9]) $(PYTHON))
 # What the simulated camera draws with, where a Debian without a desktop has nothing for it.
 OPENGL := libegl1 libgl1 libgl1-mesa-dri
-# Who cannot be asked for a password is not.
-APT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || echo -n)) apt-get
+# Nobody is asked for a password who is not there to give it.
+AS_ROOT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || printf %s -n))
 
 .PHONY: demo test test-oldest fuzz soak clean
 
@@ -39,7 +39,9 @@ soak: .venv-test/.ready
 .venv/.ready: pyproject.toml package.xml
 	@echo 'setting up in .venv, which takes a minute or so ...'
 	@$(call make_venv,$(PYTHON),.venv)
-	.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]'
+	@.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]' \
+		>.venv/pip.log 2>&1 || { echo 'cannot install the Python packages, which takes a' \
+		'network the first time; the reason is in .venv/pip.log' >&2; exit 1; }
 	@.venv/bin/python -c '$(RENDER)' 2>/dev/null || { $(call apt_install,$(OPENGL)); }
 	@touch $@
 
@@ -61,17 +63,25 @@ soak: .venv-test/.ready
 		-c .venv-oldest/floors -e '.[headless,sim,detect,test]'
 	touch $@
 
-# Debian's python3 has no venv module until python3-venv is installed.
-make_venv = $(1) -m venv $(2) || { $(call apt_install,python3-venv); $(1) -m venv $(2); }
+# Debian's python3 makes no environments until python3-venv is installed.
+make_venv = $(1) -c '$(REQUIRED)' || exit 1; \
+	$(1) -c 'import ensurepip' 2>/dev/null || { $(call apt_install,python3-venv); }; \
+	$(1) -m venv $(2)
+
+LEAST_PYTHON := $(shell sed -n 's/^requires-python = ">=3\.\([0-9]*\)"/\1/p' pyproject.toml)
+REQUIRED := import sys; sys.exit(sys.version_info < (3, $(LEAST_PYTHON)) and "%s is Python %s, \
+	older than 3.$(LEAST_PYTHON); name another one by PYTHON=..." % \
+	(sys.executable, sys.version.split()[0]))
 
 # Whether there is anything to draw with.
 RENDER := from ros_visualise.simulation.rendering import choose_backend; choose_backend()
 
 # Where packages cannot be installed, what needs them goes without, or says what it lacks.
-apt_install = echo 'to be installed: $(1)'; \
-	command -v apt-get >/dev/null && { $(APT) install -q -y --no-install-recommends $(1) || \
-		{ $(APT) update -q && $(APT) install -q -y --no-install-recommends $(1); }; } || \
-		echo 'not installed, going on without: $(1)'
+apt_install = echo 'to be installed by apt-get: $(1)'; \
+	{ $(CAN_INSTALL) && $(AS_ROOT) sh -c '$(INSTALL) $(1) || { apt-get update -q && $(INSTALL) $(1); }'; } \
+	|| echo 'not installed: $(1)'
+CAN_INSTALL := command -v apt-get >/dev/null$(if $(AS_ROOT), && command -v sudo >/dev/null)
+INSTALL := apt-get install -q -y --no-install-recommends
 
 clean:
 	rm -rf .venv .venv-test .venv-oldest
