@@ -1,6 +1,7 @@
 """ROS 2 bags as they should be, and folders that are not as their metadata.yaml has them."""
 
 import random
+import re
 import shutil
 import sqlite3
 from contextlib import closing
@@ -205,6 +206,19 @@ def test_metadata_that_cannot_be_read_is_said(tmp_path: Path, content: str) -> N
     assert found == in_order(messages)
     [note] = recording.loss.notes
     assert note.startswith("metadata.yaml: cannot be read")
+
+
+@pytest.mark.parametrize("count", ["1e400", ".nan", "1.5", "'120'"])
+def test_a_count_that_is_no_number_of_messages_is_said(tmp_path: Path, count: str) -> None:
+    folder = tmp_path / "bag"
+    write_bag(folder, numbered(range(30)))
+    file = folder / "metadata.yaml"
+    file.write_text(re.sub(r"message_count: \d+", f"message_count: {count}", file.read_text()))
+    recording = open_recording(folder)
+    assert len(list(recording.read())) == 30
+    [note] = recording.loss.notes
+    assert note.startswith("metadata.yaml: cannot be read")
+    recording.close()
 
 
 @each_storage

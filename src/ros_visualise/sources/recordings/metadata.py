@@ -56,12 +56,18 @@ def _parse(about: Any) -> Metadata:
     topics = about.get("topics_with_message_count") or ()
     return Metadata(
         files=tuple(map(str, about.get("relative_file_paths") or ())),
-        messages=messages if isinstance(messages, int) else None,
+        messages=None if messages is None else _count(messages),
         compression_mode=str(about.get("compression_mode") or "").lower().replace("none", ""),
         custom={str(key): str(text) for key, text in (about.get(CUSTOM) or {}).items()},
-        by_topic={str(t["topic_metadata"]["name"]): int(t["message_count"]) for t in topics},
+        by_topic={str(t["topic_metadata"]["name"]): _count(t["message_count"]) for t in topics},
         by_file={
-            re.split(r"[/\\]", str(one["path"]))[-1]: int(one["message_count"])
+            re.split(r"[/\\]", str(one["path"]))[-1]: _count(one["message_count"])
             for one in about.get("files") or ()
         },
     )
+
+
+def _count(value: Any) -> int:
+    if not isinstance(value, int):
+        raise TypeError(f"{value!r} is not a number of messages")
+    return value
