@@ -8,10 +8,12 @@ import pytest
 
 from ros_visualise import limits
 from ros_visualise.data import Image, Imu, NavSatFix
+from ros_visualise.nodes.streamer import StreamerParams
+from ros_visualise.nodes.streamer import film as film_source
 from ros_visualise.pipelines import film_pipeline
 from ros_visualise.sources import demux
 from ros_visualise.sources.film import Film
-from ros_visualise.sources.logs.gpmf import read_samples
+from ros_visualise.sources.logs.gpmf import is_whole, read_samples
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.telemetry import telemetry_of
 from ros_visualise.sources.video import Video
@@ -110,8 +112,29 @@ def test_streams_are_scaled_by_their_own_scales():
     [samples] = read_samples(packet, {"GPS5"})
     assert (samples.key, samples.fix, samples.values.shape) == ("GPS5", 3, (2, 5))
     assert samples.values[1] == pytest.approx([33.1253688, -117.3310668, 15.711, 2.003, 8.8])
-    for cut in range(len(packet)):
+    assert is_whole(packet + bytes(12), {"GPS5"})
+    for cut in range(1, len(packet)):
         list(read_samples(packet[:cut], {"GPS5"}))  # as far as it goes
+        assert not is_whole(packet[:cut], {"GPS5"})
+
+
+@pytest.mark.parametrize(
+    ("key", "offset", "damage"),
+    [("DEVC", 0, bytes(8)), ("ACCL", 6, b"\xff\xff"), ("ACCL", 5, b"\5"), ("GLPI", 4, b"\1")],
+)
+def test_damaged_telemetry_is_said_where_the_film_is_played(karma, tmp_path, key, offset, damage):
+    content = bytearray(karma.read_bytes())
+    place = content.index(key.encode()) + offset
+    content[place : place + len(damage)] = damage
+    path = tmp_path / "damaged.mp4"
+    for data, notes in (
+        (content, ["damaged packets of its telemetry, skipped as far as damaged: 1"]),
+        (karma.read_bytes(), []),
+    ):
+        path.write_bytes(data)
+        played = film_source(path).make(StreamerParams(str(path)), Playback(rate=0))
+        assert played.report().get("lost", {"notes": []})["notes"] == notes
+        played.close()
 
 
 def test_subtitles_beside_a_film_are_taken(tmp_path, recordings):

@@ -42,11 +42,15 @@ class Streamer:
     """Play a video file."""
 
     def __init__(
-        self, params: StreamerParams, playback: Playback, series: Sequence[Series] = ()
+        self,
+        params: StreamerParams,
+        playback: Playback,
+        series: Sequence[Series] = (),
+        faults: Sequence[str] = (),
     ) -> None:
         if not params.path:
             raise OpenError("streamer: give the video file, its parameter path")
-        self._params, self._playback = params, playback
+        self._params, self._playback, self._faults = params, playback, faults
         self._calibration = Calibration(params.camera_info_url)
         self._video = Video(params.path, parse_size(params.size))
         self._film = Film(self._video, series)
@@ -63,7 +67,7 @@ class Streamer:
 
     def report(self) -> dict[str, Any]:
         """What was missing or damaged."""
-        notes = self._video.faults
+        notes = [*self._faults, *self._video.faults]
         return {"lost": {"messages": 0, "bytes": 0, "notes": notes}} if notes else {}
 
     def close(self) -> None:
@@ -73,9 +77,12 @@ class Streamer:
 
 def film(path: str | Path) -> SourceType:
     """A source that plays a video with an output for each thing that was measured beside it."""
-    series = telemetry_of(path)
+    faults: list[str] = []
+    series = telemetry_of(path, faults)
     declared = find_source("streamer")
     make: Callable[..., Source] = declared.make
     measured = {one.topic: one.kind for one in series}
     outputs = {**declared.outputs, **measured}
-    return replace(declared, make=partial(make, series=series), outputs=outputs, series=series)
+    return replace(
+        declared, make=partial(make, series=series, faults=faults), outputs=outputs, series=series
+    )

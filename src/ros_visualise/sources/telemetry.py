@@ -20,7 +20,7 @@ from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.limits import check_file, check_text
 from ros_visualise.regular_files import open_file, read_file
 from ros_visualise.sources.demux import open_container
-from ros_visualise.sources.logs.gpmf import Samples, read_samples
+from ros_visualise.sources.logs.gpmf import Samples, is_whole, read_samples
 from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt
 from ros_visualise.sources.series import Series
 
@@ -38,14 +38,18 @@ _UP_RIGHT_FORWARD = np.array([[0, 0, 1], [0, -1, 0], [1, 0, 0]])
 """R_link_gopro: forward, left, up of the axes that GoPro names up, right, forward."""
 
 
-def telemetry_of(film: str | Path) -> list[Series]:
+def telemetry_of(film: str | Path, faults: list[str] | None = None) -> list[Series]:
     """The series that a film comes with, called ``fix`` and ``imu``; stamps count from its start.
 
     There are none in a film that cannot be opened: whoever plays it says why.
+
+    Args:
+        film: the file.
+        faults: takes what is damaged in its telemetry.
     """
     path = Path(film)
     try:
-        return list(_of_gopro(path)) or _of_dji(path)
+        return list(_of_gopro(path, [] if faults is None else faults)) or _of_dji(path)
     except TooLarge as error:
         log.warning("%s: played without its telemetry: %s", path, error)
     except OpenError:
@@ -53,11 +57,15 @@ def telemetry_of(film: str | Path) -> list[Series]:
     return []
 
 
-def _of_gopro(path: Path) -> Iterator[Series]:
+def _of_gopro(path: Path, faults: list[str]) -> Iterator[Series]:
     rows: dict[str, list[tuple[npt.NDArray[np.int64], Samples]]] = {}
+    damaged = 0
     for packet in _packets(path):
+        damaged += not is_whole(packet.data, _READ)
         for samples in read_samples(packet.data, _READ):
             rows.setdefault(samples.key, []).append((packet.times_ns(len(samples.values)), samples))
+    if damaged:
+        faults.append(f"damaged packets of its telemetry, skipped as far as damaged: {damaged}")
     yield from _fixes(rows)
     if "ACCL" in rows and "GYRO" in rows:
         yield _imu(*(_joined(rows[key]) for key in ("ACCL", "GYRO")))

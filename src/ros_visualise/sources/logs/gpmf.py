@@ -54,6 +54,28 @@ def read_samples(packet: bytes, keys: Container[str]) -> Iterator[Samples]:
             yield Samples(last.key, values, _fix(items))
 
 
+def is_whole(packet: bytes, keys: Container[str]) -> bool:
+    """Whether a packet can be read to its end, and the samples of some streams in it."""
+    return _is_filled(packet, 0) and all(
+        _values(stream[-1], {item.key: item for item in stream}) is not None
+        for stream in _streams(packet, 0)
+        if stream and stream[-1].key in keys and stream[-1].repeat
+    )
+
+
+def _is_filled(data: bytes, depth: int) -> bool:
+    """Whether items fill all of it, but for zeros at its end."""
+    end = 0
+    for item in _items(data):
+        if not item.key.isprintable():
+            break
+        is_nested = item.kind == _NESTED and depth <= _DEEPEST
+        if is_nested and not _is_filled(item.data, depth + 1):
+            return False
+        end += _HEAD + len(item.data) + -len(item.data) % 4
+    return not any(data[end:])
+
+
 def _streams(data: bytes, depth: int) -> Iterator[list[_Item]]:
     for item in _items(data):
         if item.kind != _NESTED or depth > _DEEPEST:
