@@ -166,6 +166,38 @@ def test_who_connects_and_asks_for_nothing_keeps_nobody_out(shown, port):
             assert all(one.recv(1) == b"" for one in silent[:190])  # they were ended
 
 
+def test_of_many_who_connect_at_once_few_stay(shown, port, monkeypatch):
+    monkeypatch.setattr(ros_visualise.ui.page.connection, "_REQUEST_S", 600.0)
+    with ExitStack() as held:
+        silent = []
+        for _ in range(3):
+            come_together(shown, partial(connect_to, port, held, silent, 90))
+            assert get(port, "/?ask=topics", **OURS)[0] == 200  # all of them were let in
+        for one in silent[:170]:
+            assert one.recv(1) == b""
+
+
+def come_together(shown, come):
+    """While they come, the server accepts nobody."""
+    is_held, may_go_on = threading.Event(), threading.Event()
+
+    def hold():
+        is_held.set()
+        may_go_on.wait(60)
+
+    shown._server.get_event_loop().call_soon_threadsafe(hold)
+    is_held.wait(60)
+    come()
+    may_go_on.set()
+
+
+def connect_to(port, held, silent, count):
+    for _ in range(count):
+        one = held.enter_context(closing(socket.create_connection(("127.0.0.1", port))))
+        one.settimeout(20)
+        silent.append(one)
+
+
 def test_a_crowd_that_looks_leaves_room_for_its_host(shown, port):
     with ExitStack() as stack:
         for _ in range(50):

@@ -131,7 +131,9 @@ class _Connection(ServerConnection):
         super().connection_made(transport)
         self._silent[self] = None
         if len(self._silent) > _MOST_SILENT:
-            next(iter(self._silent)).transport.abort()
+            oldest = next(iter(self._silent))
+            del self._silent[oldest]  # at once: many may come before it is lost
+            oldest.transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forget it."""
