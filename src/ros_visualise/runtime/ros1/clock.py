@@ -12,6 +12,8 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from ros_visualise import supervision
 from ros_visualise.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
+from ros_visualise.runtime.ros1.errors import asking
+from ros_visualise.runtime.ros1.transport import Publisher
 
 _PERIOD_S = 0.01
 
@@ -25,7 +27,7 @@ class ClockPublisher:
 
     def __init__(self, now_ns: Callable[[], int]) -> None:
         self._now_ns = now_ns
-        self._publisher = rospy.Publisher("/clock", ClockMessage, queue_size=1)
+        self._publisher = Publisher("/clock", ClockMessage)
         self._closed = threading.Event()
         self._thread = supervision.start("clock", self._run, again_s=_PERIOD_S)
 
@@ -36,14 +38,13 @@ class ClockPublisher:
 
     def _run(self) -> None:
         while not self._closed.wait(_PERIOD_S):
-            try:
-                self._publisher.publish(ClockMessage(genpy.Time(*divmod(self._now_ns(), 10**9))))
-            except rospy.ROSException:  # this node is about to leave the graph
-                return
+            self._publisher.publish(ClockMessage(genpy.Time(*divmod(self._now_ns(), 10**9))))
 
 
 def ros_clock() -> Clock:
     """Simulated time where ``/use_sim_time`` is set, else the time of day."""
-    if not rospy.get_param("/use_sim_time", False):
+    with asking("the ROS master"):
+        is_simulated = rospy.get_param("/use_sim_time", False)
+    if not is_simulated:
         return WallClock()
     return SimulatedClock(lambda: int(rospy.Time.now().to_nsec()))
