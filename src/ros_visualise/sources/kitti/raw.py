@@ -96,11 +96,13 @@ def open_drive(folder: Path) -> SeriesRecording:
 
 
 def _say_empty(drive: _Drive) -> None:
-    """Say which sensors' folders have no frames."""
+    """Say which sensors' folders have no frames; those that their times count are missing."""
     for name in sorted(PARTS - drive.parts.keys()):
         data = drive.folder / name / "data"
         if data.exists() and not os.access(data, os.R_OK | os.X_OK):
             drive.lose(DamagedFile(data, "you may not read it; try chmod u+rX"))
+        elif times := stamps.read_times(data.with_name("timestamps.txt"), stamps.parse_time):
+            add_missing(drive.loss, name, 0, len(times))
         elif data.parent.is_dir():
             drive.notes.append(f"{name}: holds no frames; unpack it again if it should")
 
