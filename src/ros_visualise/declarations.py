@@ -48,7 +48,8 @@ class NodeType:
     actions, and what each does. ``stepped`` are the inputs whose messages its step is given, and
     ``join`` is how they come together; ``frames`` where it is also given the frames that there are,
     which come by the inputs of `TRANSFORMS`. ``calibrated`` where its images are to come with their
-    calibration, also on a graph on which that is a topic of its own.
+    calibration, also on a graph on which that is a topic of its own. ``topics`` maps outputs to
+    topics, where these do not follow from its name and the outputs' (`ros_visualise.graph.place`).
     """
 
     name: str
@@ -67,6 +68,7 @@ class NodeType:
     join: Join = EACH
     frames: bool = False
     calibrated: bool = False
+    topics: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,7 @@ def node(
     join: Join = EACH,
     frames: bool = False,
     calibrated: bool = False,
+    topics: Mapping[str, str] | None = None,
 ) -> Callable[[T], T]:
     """Declare the decorated function or class as a node; see `NodeType`.
 
@@ -185,7 +188,7 @@ def node(
             step does not take what it is given.
     """
     check_name(f"node {name}", name)
-    for port in (*on_demand, *latched):
+    for port in (*on_demand, *latched, *(topics or {})):
         if port not in outputs:
             raise UsageError(f"node {name}: no output {port!r}; choose from {', '.join(outputs)}")
     check_kinds(name, inputs)
@@ -215,6 +218,7 @@ def node(
             join=join,
             frames=frames,
             calibrated=calibrated,
+            topics=topics or {},
         )
         return target
 

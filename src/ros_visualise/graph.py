@@ -18,6 +18,15 @@ from ros_visualise.nodes import NodeType, SourceType
 
 M = TypeVar("M", bound="Member")
 
+SOURCE_TOPICS = {
+    "image": "/image_raw",
+    "imu": "/imu/data",
+    "mag": "/imu/mag",
+    "truth": "/ground_truth/odom",
+    "pad": "/ground_truth/pad",
+}
+"""Output of a source -> its topic, where that is not named after the output."""
+
 
 @dataclass(frozen=True)
 class TopicSpec:
@@ -181,7 +190,6 @@ class Graph:
         added: NodeType,
         after: str,
         topics: Mapping[str, str] = MappingProxyType({}),
-        outputs: Mapping[str, str] | None = None,
     ) -> Graph:
         """The same graph with one node more.
 
@@ -194,9 +202,8 @@ class Graph:
         Args:
             added: the new node.
             after: the node that it comes after.
-            topics: input -> topic, where it says.
-            outputs: output -> topic; see `place`. Where somebody publishes that topic already, it
-                is ``/NODE/OUTPUT``.
+            topics: input -> topic, where it says. Where somebody publishes the topic of an output
+                already, that is ``/NODE/OUTPUT``.
 
         Raises:
             UsageError: no such node or topic, the name is taken, or nothing fits an input.
@@ -205,9 +212,7 @@ class Graph:
         if any(member.name == added.name for member in self.members):
             raise UsageError(f"there is a node {added.name!r} already; name yours differently")
         main, given = self._main_output(added, before)
-        new = self._beside_others(
-            place(added, self._inputs_of(added, main, given, topics), outputs)
-        )
+        new = self._beside_others(place(added, self._inputs_of(added, main, given, topics)))
         makes = [
             topic
             for topic, made in new.topics.items()
@@ -283,12 +288,20 @@ def place(
     Args:
         declared: its type.
         inputs: input name -> topic.
-        outputs: output name -> topic; else a single output is called as the node, and several as
-            they are.
+        outputs: output name -> topic; else as the node declares it, else a single output is named
+            after the node, and several keep their names.
     """
     single = len(declared.outputs) == 1
     named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
-    return Node(declared.name, declared, declared.params(), inputs, outputs or named)
+    topics = outputs or {**named, **declared.topics}
+    return Node(declared.name, declared, declared.params(), inputs, topics)
+
+
+def place_source(declared: SourceType) -> SourceNode:
+    """A source in a graph, on its usual topics, with its own parameters."""
+    inputs = {port: f"/{port}" for port in declared.inputs}
+    outputs = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in declared.outputs}
+    return SourceNode(declared.name, declared, declared.params(), inputs, outputs)
 
 
 def _rewired(node: Node, before: str, now: str) -> Node:

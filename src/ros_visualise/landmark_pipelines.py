@@ -10,9 +10,8 @@ from typing import Any
 
 from ros_visualise.data import Imu, Message, NavSatFix, Odometry, Transforms
 from ros_visualise.errors import UsageError
-from ros_visualise.graph import Graph, Node, place
+from ros_visualise.graph import SOURCE_TOPICS, Graph, Node, place
 from ros_visualise.nodes import find_node
-from ros_visualise.topic_names import SOURCE_TOPICS, known_topics
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
@@ -91,7 +90,7 @@ def has_frames(graph: Graph) -> bool:
 def _placed(name: str, topic: str) -> Node:
     """A detector on that topic."""
     declared = find_node(name)
-    outputs = _OBJECTS if name == OBJECTS else known_topics(declared)
+    outputs = _OBJECTS if name == OBJECTS else None
     return place(declared, dict.fromkeys(declared.stepped, topic), outputs)
 
 
@@ -101,7 +100,7 @@ def _fed(name: str, graph: Graph, detectors: Sequence[Node]) -> Node:
     inputs = _found_by(detectors)
     if odometry := _odometry(graph):
         inputs["odom"] = odometry
-    return place(declared, inputs, known_topics(declared))
+    return place(declared, inputs)
 
 
 def _found_by(detectors: Sequence[Node]) -> dict[str, str]:
@@ -136,7 +135,7 @@ def _navigator(graph: Graph, detectors: Sequence[Node]) -> Node:
     for name, type in (("imu", Imu), ("gps", NavSatFix)):
         if topic := _first(graph, type, SOURCE_TOPICS.get(name, "")):
             inputs[name] = topic
-    return place(declared, inputs, known_topics(declared))
+    return place(declared, inputs)
 
 
 def _judge(graph: Graph, navigator: Node) -> list[Node]:
@@ -146,7 +145,7 @@ def _judge(graph: Graph, navigator: Node) -> list[Node]:
         return []
     declared = find_node(POSE_ERROR)
     inputs = {"pose": navigator.outputs["pose"], "truth": SOURCE_TOPICS["truth"]}
-    return [place(declared, inputs, known_topics(declared))]
+    return [place(declared, inputs)]
 
 
 def _odometry(graph: Graph) -> str | None:

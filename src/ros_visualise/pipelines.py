@@ -18,11 +18,11 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.graph import Graph, Node, SourceNode, place
+from ros_visualise.graph import Graph, Node, SourceNode, place, place_source
 from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.near import near
-from ros_visualise.nodes import NodeType, SourceType, find_all, find_node, find_source
+from ros_visualise.nodes import NODES, NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
 from ros_visualise.params import specs
@@ -30,7 +30,6 @@ from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
-from ros_visualise.topic_names import MADE, OUTPUTS, SOURCE_TOPICS, known_topics
 from ros_visualise.vision.reshape import Size
 
 log = logging.getLogger(__name__)
@@ -57,7 +56,7 @@ def film_pipeline(path: str | Path, **settings: Any) -> Graph:
         path: the file.
         settings: parameters of its source.
     """
-    source = _placed(film(path))
+    source = place_source(film(path))
     nodes = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
     if "fix" in source.outputs:
         nodes += (place(find_node("path"), {"fix": source.outputs["fix"]}),)
@@ -71,7 +70,7 @@ def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
     Raises:
         UsageError: two of the same name, or one whose input is not what comes before it.
     """
-    graph = Graph(_placed(find_source(source)) if source else None, _chained(added))
+    graph = Graph(place_source(find_source(source)) if source else None, _chained(added))
     return _told_apart(graph).with_frames()
 
 
@@ -85,7 +84,7 @@ def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node
         if list(declared.stepped.values()) != [given]:
             raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
         inputs = {next(iter(declared.stepped)): topic}
-        node = place(declared, inputs, known_topics(declared))
+        node = place(declared, inputs)
         nodes += (node,)
         passed = [p for p, made in declared.outputs.items() if made is given]
         topic = next((node.outputs[p] for p in passed if p not in declared.on_demand), topic)
@@ -117,7 +116,7 @@ def recording_pipeline(
     declared = player(recording, topics)
     if image is None:
         images = [name for name, cls in declared.outputs.items() if cls is Image]
-        image = first_image(recording, sorted(images, key=MADE.__contains__))
+        image = first_image(recording, sorted(images, key=made_topics().__contains__))
     else:
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
@@ -132,6 +131,12 @@ def recording_pipeline(
         port = _PATH_INPUTS[declared.outputs[odom]]
         nodes += (place(find_node("path"), {port: outputs[odom]}),)
     return _told_apart(Graph(source, nodes))
+
+
+def made_topics() -> frozenset[str]:
+    """Topics on which nodes of ours publish: those in a recording went through them already."""
+    nodes = [one for one in find_all() if isinstance(one, NodeType)]
+    return frozenset(topic for node in nodes for topic in place(node, {}).topics)
 
 
 def _told_apart(graph: Graph) -> Graph:
@@ -152,7 +157,7 @@ def _kept_apart(
     recorded: Iterable[str], added: Sequence[NodeType], also_made: Collection[str]
 ) -> dict[str, str]:
     """Recorded topic -> its name in the graph, which none that is made there has."""
-    made = {topic for node in added for topic in OUTPUTS[node.name].values()}
+    made = {topic for node in added for topic in place(node, {}).outputs.values()}
     made |= {info_topic(topic) for topic in made} | set(also_made)
     return {name: f"/recorded{name}" if name in made else name for name in recorded}
 
@@ -176,7 +181,7 @@ def simulation_pipeline(
     Raises:
         UsageError: there is no such robot; those that there are are listed.
     """
-    source = _placed(_find_robot(robot))
+    source = place_source(_find_robot(robot))
     images = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
     path = place(find_node("path"), {"odom": source.outputs["odom"]})
     if size is not None:
@@ -286,18 +291,11 @@ def alone(declared: NodeType | SourceType) -> Graph:
     A node that is in none listens to topics that are called as its inputs.
     """
     if isinstance(declared, SourceType):
-        return Graph(_placed(declared), ())
+        return Graph(place_source(declared), ())
     if declared.name in IMAGE_NODES:
         whole = chain([find_node(name) for name in IMAGE_NODES])
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
-    topics = known_topics(declared)
-    if topics and Image in declared.stepped.values():
+    is_ours = declared.name in NODES.builtin and find_node(declared.name) is declared
+    if is_ours and Image in declared.stepped.values():
         return chain([declared])
-    return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}, topics),))
-
-
-def _placed(source: SourceType) -> SourceNode:
-    """A source on its topics of the pipelines."""
-    inputs = {port: f"/{port}" for port in source.inputs}
-    outputs = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in source.outputs}
-    return SourceNode(source.name, source, source.params(), inputs, outputs)
+    return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))

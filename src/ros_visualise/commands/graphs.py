@@ -31,7 +31,6 @@ from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.video_pixels import parse_size
-from ros_visualise.topic_names import known_topics
 
 _NONE = "none"
 _PATH = "path"
@@ -83,7 +82,7 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
         wanted = parse_insertion(text)
         added = choose_node(wanted.node)
         after = wanted.after or last
-        graph = graph.insert(added, after, wanted.topics, known_topics(added))
+        graph = graph.insert(added, after, wanted.topics)
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
             last = added.name

@@ -24,13 +24,12 @@ from ros_visualise.landmark_pipelines import (
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.nodes.player import player
-from ros_visualise.pipelines import alone, robots
+from ros_visualise.pipelines import alone, made_topics, robots
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import NoRecording, is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures, no_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
-from ros_visualise.topic_names import MADE
 
 _NONE = "none"
 _OWN_CLASSES = "helipad, post, vehicle"
@@ -110,10 +109,11 @@ def _recorded(recording: Recording, args: Namespace) -> tuple[Graph, str]:
         what = f"--topic {args.topic}: no such topic" if args.topic else f"{args.input}: no topic"
         raise UsageError(f"{what} with images or detections; its topics with these: {there}")
     wanted = _MAPPED if args.map is None else (*_MAPPED, Imu)
+    made = made_topics()
     beside = [
         name
         for name, kind in kinds.items()
-        if kind in wanted and name not in MADE and not recording.topics[name].unreadable
+        if kind in wanted and name not in made and not recording.topics[name].unreadable
     ]
     declared = player(recording, [topic, *beside], camera_info_url=args.calibration)
     outputs = {name: name for name in declared.outputs}

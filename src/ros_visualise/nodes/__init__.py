@@ -53,14 +53,13 @@ function takes the parameters and gives those with more.
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import os
-import pkgutil
 import sys
 import zlib
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from ros_visualise.declarations import (
     NodeType,
@@ -73,8 +72,10 @@ from ros_visualise.declarations import (
 )
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.near import near
+from ros_visualise.registry import Registry
 
 __all__ = [
+    "NODES",
     "NoParams",
     "NodeType",
     "Source",
@@ -92,24 +93,34 @@ __all__ = [
 ]
 
 
-def find(name: str) -> NodeType | SourceType:
-    """The built-in node or source of that name, from its file ``nodes/<name>.py``.
+def _read(held: Any, name: str) -> NodeType | SourceType:
+    """The node or source that a module, or what an entry point names, declares by this name.
 
     Raises:
-        UsageError: there is none; those that there are are listed.
+        UsageError: there is no such declaration.
     """
-    there = [module.name for module in pkgutil.iter_modules(__path__)]
-    if name not in there:
-        raise UsageError(f"no node {name!r}{near(name, there)}")
-    module = importlib.import_module(f"{__name__}.{name}")
-    return _declared_in(module)[name]
+    found = _declared_in(held) if isinstance(held, ModuleType) else _declared_by(held)
+    if name not in found:
+        raise UsageError(
+            f"declares no node {name!r}; decorate a function with @node({name!r}, ...)"
+        )
+    return found[name]
+
+
+NODES = Registry("nodes", __name__, _read)
+"""All nodes and sources: those in this folder, and those of other packages."""
+
+
+def find(name: str) -> NodeType | SourceType:
+    """The node or source of that name; raises as `ros_visualise.registry.Registry.find`."""
+    return NODES.find(name)
 
 
 def find_node(name: str) -> NodeType:
-    """The built-in node of that name.
+    """The node of that name.
 
     Raises:
-        UsageError: there is none, or it is a source.
+        UsageError: unknown name, or a source.
     """
     found = find(name)
     if not isinstance(found, NodeType):
@@ -118,10 +129,10 @@ def find_node(name: str) -> NodeType:
 
 
 def find_source(name: str) -> SourceType:
-    """The built-in source of that name.
+    """The source of that name.
 
     Raises:
-        UsageError: there is none, or it is a node.
+        UsageError: unknown name, or a node.
     """
     found = find(name)
     if not isinstance(found, SourceType):
@@ -130,13 +141,12 @@ def find_source(name: str) -> SourceType:
 
 
 def find_all() -> list[NodeType | SourceType]:
-    """Every built-in source and node, by name."""
-    names = sorted(module.name for module in pkgutil.iter_modules(__path__))
-    return [find(name) for name in names]
+    """Every source and node, ours by name before those of other packages."""
+    return list(NODES.all())
 
 
 def choose(text: str) -> NodeType | SourceType:
-    """The built-in node or source of that name, or one's own as ``FILE.py:NAME``.
+    """The node or source of that name, or one's own as ``FILE.py:NAME``.
 
     Raises:
         OpenError: there is no such file, or it does not run.
@@ -193,7 +203,11 @@ def _run_file(path: str) -> ModuleType:
 def _declared_in(module: ModuleType) -> dict[str, NodeType | SourceType]:
     found: dict[str, NodeType | SourceType] = {}
     for attribute, value in vars(module).items():
-        declared = getattr(value, "declared", None)
-        if isinstance(declared, NodeType | SourceType):
-            found[attribute] = found[declared.name] = declared
+        for name, declared in _declared_by(value).items():
+            found[attribute] = found[name] = declared
     return found
+
+
+def _declared_by(value: Any) -> dict[str, NodeType | SourceType]:
+    declared = getattr(value, "declared", None)
+    return {declared.name: declared} if isinstance(declared, NodeType | SourceType) else {}

@@ -58,6 +58,7 @@ class CalibratorParams:
     params=CalibratorParams,
     inputs={"image": Image},
     outputs={"coverage": Image},
+    topics={"coverage": "/coverage"},
     on_demand=("coverage",),
 )
 class Calibrator:

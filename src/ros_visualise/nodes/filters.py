@@ -214,7 +214,13 @@ class FiltersParams:
     )
 
 
-@node("filters", params=FiltersParams, inputs={"image": Image}, outputs={"image": Image})
+@node(
+    "filters",
+    params=FiltersParams,
+    inputs={"image": Image},
+    outputs={"image": Image},
+    topics={"image": "/processed_image"},
+)
 def filters(image: Image, params: FiltersParams) -> Image:
     """Image filters that switch on and off, applied in the order of their parameters."""
     color.refuse_measurements(image.encoding)

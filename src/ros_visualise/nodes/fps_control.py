@@ -31,6 +31,7 @@ class FpsParams:
     params=FpsParams,
     inputs={"image": Image},
     outputs={"image": Image},
+    topics={"image": "/controlled_stream"},
     drops="rate",
     timed=True,
 )

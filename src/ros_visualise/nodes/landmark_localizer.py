@@ -93,6 +93,7 @@ class LocalizerParams(MapParams):
     params=LocalizerParams,
     inputs={"detections": Detections, "objects": Detections, "odom": Odometry},
     outputs={"landmarks": Detections3D, "markers": MarkerArray, "tf_static": Transforms},
+    topics={"markers": "/landmark_markers", "tf_static": "/landmarks/tf_static"},
     latched=("landmarks", "markers", "tf_static"),
     frames=True,
 )

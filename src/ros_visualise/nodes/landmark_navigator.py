@@ -70,6 +70,12 @@ _SHOWN_NS = 200_000_000  # between what people look at
         "markers": MarkerArray,
         "diagnostics": DiagnosticArray,
     },
+    topics={
+        "pose": "/navigation/pose",
+        "tf": "/navigation/tf",
+        "markers": "/landmark_markers",
+        "diagnostics": "/navigation/diagnostics",
+    },
     frames=True,
 )
 class LandmarkNavigator:

@@ -19,6 +19,7 @@ from ros_visualise.nodes import NoParams, node
     params=NoParams,
     inputs={"pose": PoseWithCovarianceStamped, "truth": Odometry},
     outputs={"nees": Number, "error": Number},
+    topics={"error": "/position_error"},
     join=Exact(),
 )
 class PoseError:

@@ -33,6 +33,7 @@ class RectifyParams:
     params=RectifyParams,
     inputs={"image": Image},
     outputs={"image_rect": Image},
+    topics={"image_rect": "/image_rect"},
     drops="uncalibrated",
     calibrated=True,
 )
