@@ -50,15 +50,15 @@ def test_what_is_none_is_refused(tmp_path, kind):
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("log.ulg", "no PX4 flight log"),
-        ("DJI.SRT", "no file of a DJI camera's subtitles"),
-        ("r.db3", "no ROS 2 bag's SQLite file"),
-        ("r.mcap", "no MCAP file"),
-        ("r.bag", "no ROS 1 bag"),
+        ("log.ulg", "not a valid PX4 flight log"),
+        ("DJI.SRT", "not a valid DJI subtitle file"),
+        ("r.db3", "not a valid ROS 2 bag's SQLite file"),
+        ("r.mcap", "not a valid MCAP file"),
+        ("r.bag", "not a valid ROS 1 bag"),
     ],
 )
 @pytest.mark.parametrize("open_it", [open_recording, open_source])
-def test_what_is_not_what_its_name_says_is_told_so(tmp_path, name, says, open_it):
+def test_what_is_not_what_its_name_says_is_reported(tmp_path, name, says, open_it):
     path = tmp_path / name
     path.write_bytes(b"ULoG\x01\x12\x35\x01" + bytes(100))
     with pytest.raises(OpenError) as refused:

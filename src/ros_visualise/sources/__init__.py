@@ -76,7 +76,8 @@ def _may_be_video(path: Path) -> bool:
 
 
 def _neither(path: str | os.PathLike[str]) -> OpenError:
-    from ros_visualise.sources.opening import KINDS, unknown_file
+    from ros_visualise.sources.formats import kinds
+    from ros_visualise.sources.opening import unknown_file
 
-    what = f"neither a recording ({KINDS}) nor a video that FFmpeg can read"
+    what = f"neither a recording ({kinds()}) nor a video that FFmpeg can read"
     return unknown_file(Path(path), what, "check the path, or copy it again")

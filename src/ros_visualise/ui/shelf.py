@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_visualise.errors import UsageError
-from ros_visualise.sources.opening import SUFFIXES as RECORDINGS
-from ros_visualise.sources.recordings.metadata import METADATA
+from ros_visualise.sources.formats import suffixes
+from ros_visualise.sources.opening import is_recorded_folder
 
 VIDEOS = (".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".ts", ".webm")
-SUFFIXES = (*RECORDINGS, *VIDEOS)
+SUFFIXES = (*suffixes(), *VIDEOS)
 """How the names end of what can be opened."""
 _MOST = 500  # files of a folder that are offered
 
@@ -68,7 +68,7 @@ def _is_openable(path: Path) -> bool:
     if path.name.startswith("."):
         return False
     is_named = path.suffix.lower() in SUFFIXES and (path.is_file() or path.is_dir())
-    return is_named or (path / METADATA).is_file()
+    return is_named or is_recorded_folder(path)
 
 
 def _is_same(one: Path, other: Path) -> bool:

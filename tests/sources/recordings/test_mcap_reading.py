@@ -306,7 +306,11 @@ def test_closing_from_another_thread_ends_reading(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "an empty file"), (b"hello", "no MCAP file"), (b"\x89MCAP1\r\n", "no MCAP file")],
+    [
+        (b"", "an empty file"),
+        (b"hello", "no MCAP file"),
+        (b"\x89MCAP1\r\n", "no MCAP file"),
+    ],
 )
 def test_what_is_no_mcap_is_said_in_a_line(tmp_path: Path, content: bytes, words: str) -> None:
     (tmp_path / "a.mcap").write_bytes(content)

@@ -350,7 +350,7 @@ class TestDamagedIndex:
         (b"#ROSBAG V2.0\n" + b"\x01\0\0\0" * 5000, "no message of it can be read"),
         (b"#ROSBAG V1.2\n" + bytes(100), "rosbag filter"),
         (b"#ROSBAG V3.0\n" + bytes(100), "another version"),
-        (b"no bag at all", "no ROS 1 bag"),
+        (b"no bag at all", "not a valid ROS 1 bag"),
     ],
 )
 def test_what_is_no_bag_is_refused_in_one_line(tmp_path, content, says):
