@@ -11,7 +11,7 @@ import pytest
 
 from ros_visualise.cli import main
 from ros_visualise.data import MarkerType
-from ros_visualise.lessons import TOPICS, find_lesson
+from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import Shown
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.lessons.topics import color
@@ -35,13 +35,13 @@ def texts_of(page: Path) -> str:
 def test_lessons_are_listed_with_a_sentence_each(capsys):
     assert main(["explain"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == [*TOPICS]
-    assert all(find_lesson(line.split()[0]).about in line for line in lines)
+    assert [line.split()[0] for line in lines] == LESSONS.names()
+    assert all(LESSONS.find(line.split()[0]).about in line for line in lines)
     assert main(["explain", "--json"]) == 0
-    assert list(json.loads(capsys.readouterr().out)) == [*TOPICS]
+    assert list(json.loads(capsys.readouterr().out)) == LESSONS.names()
 
 
-PICTURED = [topic for topic in TOPICS if not find_lesson(topic).streams]
+PICTURED = [topic for topic in LESSONS.names() if not LESSONS.find(topic).streams]
 
 
 @pytest.mark.parametrize("topic", PICTURED)
@@ -50,7 +50,7 @@ def test_a_lesson_is_written_with_its_figures(topic, picture, tmp_path, capfd):
     assert main(["explain", topic, str(picture), "--export", str(folder)]) == 0
     page = folder / "index.html"
     html = page.read_text(encoding="utf-8")
-    steps = [step.declared.name for step in find_lesson(topic).steps]
+    steps = [step.declared.name for step in LESSONS.find(topic).steps]
     for name in ("picture", *steps):
         assert f'src="{name}.' in html
         assert Xml.parse(folder / f"{name}.svg").getroot().tag.endswith("svg")

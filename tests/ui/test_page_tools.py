@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ros_visualise.graph import Node, place
-from ros_visualise.lessons import find_lesson
+from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.handout import handout_of
 from ros_visualise.nodes import find_node
 from ros_visualise.ui.page.tools import is_tool
@@ -16,7 +16,7 @@ def _placed(declared) -> Node:
 
 
 def test_the_handout_of_a_lesson_takes_no_window():
-    handout = _placed(handout_of(find_lesson("canny"), {"edges": ""}, Path(), False).declared)
+    handout = _placed(handout_of(LESSONS.find("canny"), {"edges": ""}, Path(), False).declared)
     assert is_tool(handout)
     assert not has_window(handout)
 

@@ -7,8 +7,8 @@ from scene_messages import LEFT, LEVEL, S, draw, has, is_at, tf, transform
 
 from ros_visualise.data import Header, OccupancyGrid, PolygonStamped, PoseArray
 from ros_visualise.ui.scene.drawing import Look
-from ros_visualise.ui.scene.grids import Scheme, depth_of, palette_of, picture_of
-from ros_visualise.ui.scene.particles import arrows_of
+from ros_visualise.ui.scene.drawings.grids import Scheme, depth_of, palette_of, picture_of
+from ros_visualise.ui.scene.drawings.particles import arrows_of
 
 GRAY_GREEN = [0x70, 0x89, 0x86]
 CELLS = np.full((30, 40), -1, np.int8)

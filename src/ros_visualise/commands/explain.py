@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ros_visualise.commands import play
 from ros_visualise.errors import OpenError
-from ros_visualise.lessons import TOPICS, find_lesson
+from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.handout import PAGE
 from ros_visualise.pipelines import robots
 from ros_visualise.printing import answer, say
@@ -20,7 +20,7 @@ def run(args: Namespace) -> int:
     if args.topic is None:
         _list(args.json)
         return 0
-    lesson = find_lesson(args.topic)
+    lesson = LESSONS.find(args.topic)
     if args.export is None:
         args.paused = args.rate is None and not lesson.plays
         return play.run(args)
@@ -65,9 +65,9 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _list(as_json: bool) -> None:
-    lessons = [find_lesson(name) for name in TOPICS]
+    lessons = list(LESSONS.all())
     if as_json:
         answer([json.dumps({lesson.name: lesson.about for lesson in lessons})])
         return
-    width = max(len(name) for name in TOPICS)
+    width = max(len(lesson.name) for lesson in lessons)
     answer([f"{lesson.name.ljust(width)}  {lesson.about}" for lesson in lessons])

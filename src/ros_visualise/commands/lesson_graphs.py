@@ -9,7 +9,7 @@ from typing import Any
 
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
-from ros_visualise.lessons import find_lesson
+from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.nodes import find_source
@@ -28,7 +28,7 @@ def lesson_graph(args: Namespace) -> Graph:
         OpenError: the file cannot be opened.
         UsageError: there is no such lesson, or no images in the file.
     """
-    lesson = find_lesson(args.topic)
+    lesson = LESSONS.find(args.topic)
     folder = args.export or args.record_dir / f"explain_{lesson.name}"
     with ExitStack() as undo:
         source, topic = _source(args.input, lesson, undo)

@@ -49,12 +49,14 @@ class Drawing:
         color: its own, where it has one.
 
     Attributes:
+        draws: the types of messages that it draws.
         coloring: one of ``colorings``, where a person can choose by what it is coloured.
         gathers: each of its messages changes something of what those before it left there.
         stays: it holds until the next message, and moves with its frame until then; what does not
             stays where its frame was at the message's time.
     """
 
+    draws: ClassVar[tuple[type, ...]] = ()
     colorings: ClassVar[type[Enum] | None] = None
     coloring: Enum | None = None
     gathers: ClassVar[bool] = False

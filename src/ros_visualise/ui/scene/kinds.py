@@ -6,56 +6,21 @@ from collections.abc import Mapping
 
 from ros_visualise.data import (
     CameraInfo,
-    Detections3D,
     Image,
     Imu,
-    LaserScan,
     Marker,
     MarkerArray,
     NavSatFix,
-    OccupancyGrid,
-    Odometry,
     Path,
-    PointCloud,
-    PolygonStamped,
-    PoseArray,
-    PoseStamped,
-    PoseWithCovarianceStamped,
     Text,
     Transforms,
-    TransformStamped,
 )
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.ui.scene.cameras import Camera
-from ros_visualise.ui.scene.detected import DetectedBoxes
 from ros_visualise.ui.scene.drawing import Drawing
-from ros_visualise.ui.scene.grids import Grid
-from ros_visualise.ui.scene.lines import Outline, PathDrawing
-from ros_visualise.ui.scene.markers import Markers
-from ros_visualise.ui.scene.particles import Particles
-from ros_visualise.ui.scene.points import Cloud, Scan
-from ros_visualise.ui.scene.poses import Pose
-from ros_visualise.ui.scene.sensors import Fix, ImuDrawing
+from ros_visualise.ui.scene.drawings import by_message
 
-DRAWINGS: dict[type, type[Drawing]] = {
-    PointCloud: Cloud,
-    LaserScan: Scan,
-    Path: PathDrawing,
-    Odometry: Pose,
-    PoseStamped: Pose,
-    PoseWithCovarianceStamped: Pose,
-    TransformStamped: Pose,
-    OccupancyGrid: Grid,
-    PolygonStamped: Outline,
-    PoseArray: Particles,
-    Marker: Markers,
-    Detections3D: DetectedBoxes,
-    MarkerArray: Markers,
-    NavSatFix: Fix,
-    Imu: ImuDrawing,
-    Image: Camera,
-    CameraInfo: Camera,
-}
+DRAWINGS: Mapping[type, type[Drawing]] = by_message()
+"""Type of messages -> what draws them."""
 CAMERAS = (Image, CameraInfo)
 HELD = (Text, Transforms, Marker, MarkerArray, NavSatFix)
 """What counts later too: all of it is taken, whoever looked on when it came."""

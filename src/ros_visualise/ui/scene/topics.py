@@ -26,11 +26,11 @@ from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
+from ros_visualise.ui.scene.drawings.markers import Markers
+from ros_visualise.ui.scene.drawings.poses import Pose
+from ros_visualise.ui.scene.drawings.sensors import Fix
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
-from ros_visualise.ui.scene.markers import Markers
-from ros_visualise.ui.scene.poses import Pose
-from ros_visualise.ui.scene.sensors import Fix
 
 _TELLS_ROBOT = (Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix)
 

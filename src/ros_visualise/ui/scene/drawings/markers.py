@@ -53,6 +53,8 @@ class _Kept:
 class Markers(Drawing):
     """The markers of a topic, of a `Marker` or a `MarkerArray` at a time."""
 
+    draws = (Marker, MarkerArray)
+
     stays = True
     gathers: ClassVar[bool] = True
 

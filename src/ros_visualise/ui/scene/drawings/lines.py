@@ -36,6 +36,8 @@ class Line:
 class PathDrawing(Drawing):
     """A `Path`."""
 
+    draws = (Path,)
+
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._line = Line(scene, f"{name}/line", color)
@@ -56,6 +58,8 @@ class PathDrawing(Drawing):
 
 class Outline(Drawing):
     """A `PolygonStamped`."""
+
+    draws = (PolygonStamped,)
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)

@@ -25,6 +25,8 @@ _BOXES = "boxes"
 class DetectedBoxes(Drawing):
     """A `Detections3D`: the boxes of one class have one colour."""
 
+    draws = (Detections3D,)
+
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._boxes = SolidBatch(scene, f"{name}/boxes", *mesh_of("cube"))

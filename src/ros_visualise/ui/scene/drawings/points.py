@@ -69,6 +69,8 @@ class _Dots(Drawing):
 class Cloud(_Dots):
     """A `PointCloud`: without the points that are none, evenly thinned where there are many."""
 
+    draws = (PointCloud,)
+
     colorings = Coloring
 
     def draw(self, message: Any, look: Look) -> None:
@@ -81,6 +83,8 @@ class Cloud(_Dots):
 
 class Scan(_Dots):
     """A `LaserScan`: its rays' ends, those that are measurements."""
+
+    draws = (LaserScan,)
 
     def draw(self, message: Any, look: Look) -> None:
         assert isinstance(message, LaserScan)

@@ -34,6 +34,8 @@ class Scheme(Enum):
 class Grid(Drawing):
     """An `OccupancyGrid`: as long as none of its cells changes, nothing is sent but its place."""
 
+    draws = (OccupancyGrid,)
+
     colorings = Scheme
     stays = True
 

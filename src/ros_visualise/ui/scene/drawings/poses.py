@@ -19,7 +19,7 @@ from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move, to_wxyz
-from ros_visualise.ui.scene.lines import Line, Trail, thinned
+from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 
 Posed = Odometry | PoseStamped | PoseWithCovarianceStamped | TransformStamped
 _SIGMAS = 2.0
@@ -28,6 +28,8 @@ _MIN_SIGMA_M = 1e-3
 
 class Pose(Drawing):
     """A message with one pose: axes, a trail, and an ellipsoid of two standard deviations."""
+
+    draws = (Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped)
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)

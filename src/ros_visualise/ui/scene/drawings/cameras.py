@@ -25,6 +25,8 @@ class Camera(Drawing):
     Of an image whose camera is not calibrated nothing is drawn: nobody knows what it sees.
     """
 
+    draws = (CameraInfo, Image)
+
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
         self._frustum: viser.CameraFrustumHandle | None = None

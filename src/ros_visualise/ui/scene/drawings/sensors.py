@@ -15,8 +15,8 @@ from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, to_wxyz
+from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 from ros_visualise.ui.scene.frames import Frames
-from ros_visualise.ui.scene.lines import Line, Trail, thinned
 
 _GRAVITY_MPS2 = 9.81
 _LENGTH = 0.6
@@ -27,6 +27,8 @@ class Fix(Drawing):
 
     That one is in the map's origin, where nobody knows where the frame of a fix is.
     """
+
+    draws = (NavSatFix,)
 
     gathers: ClassVar[bool] = True
 
@@ -95,6 +97,8 @@ class ImuDrawing(Drawing):
 
     The attitude is drawn as axes where the sensor is, turned as it says against the fixed frame.
     """
+
+    draws = (Imu,)
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)

@@ -12,7 +12,7 @@ from ros_visualise.data import PoseArray
 from ros_visualise.geometry import rotations
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look
-from ros_visualise.ui.scene.lines import thinned
+from ros_visualise.ui.scene.drawings.lines import thinned
 
 _NO_LINES = np.zeros((0, 2, 3), np.float32)
 _LEAST = 1e-6  # a shorter quaternion is no rotation
@@ -23,6 +23,8 @@ _ARROW = np.array([[[0, 0], [1, 0]], [[1, 0], [0.7, 0.15]], [[1, 0], [0.7, -0.15
 
 class Particles(Drawing):
     """A `PoseArray`: a flat arrow along the x axis of each, in one element for all."""
+
+    draws = (PoseArray,)
 
     def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
         super().__init__(scene, name, color)
