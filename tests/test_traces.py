@@ -54,6 +54,7 @@ COMMANDS: dict[str, tuple[str, list[str]]] = {
     ),
     "calibrate": ("calibrate {data}/calib/opencv --size 9x6 --output cam.yaml", ["cam.yaml"]),
     "nodes": ("nodes", NOTHING),
+    "plugins": ("plugins", NOTHING),
     "completion": ("completion bash", NOTHING),
 }
 """Command -> how it is called, and what it was asked to write."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import sys
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ros_visualise.commands import COMMANDS
 from ros_visualise.completion import SHELLS, complete
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
@@ -34,7 +36,6 @@ _OPTION = re.compile("--[a-z][a-z-]*")
 _CHOICE = re.compile(
     r"argument (?P<what>.*): invalid choice: '(?P<given>.*?)' \(choose from (?P<there>.*)\)"
 )
-_RECORDINGS = (".bag", ".mcap", ".db3", ".ulg", ".srt")
 _EXAMPLES = """examples:
   ros-visualise demo
   ros-visualise sim husky --world playpen --mission square
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         KeyboardInterrupt: stopped before there was anything to close.
     """
     try:
-        parser = _parser()
+        parser = _parser(sys.argv[1:] if arguments is None else arguments)
         complete(parser)
         args = parser.parse_args(arguments)
         if args.command is None:
@@ -66,10 +67,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         set_max_memory(args.max_memory)
         check_installation()
-        command = import_module(f"ros_visualise.commands.{args.module}")
+        run = args.run or import_module(f"ros_visualise.commands.{args.module}").run
         say_what_is_logged()
         interrupt()
-        status: int = command.run(args)
+        status: int = run(args)
         return status_of(status)
     except RosVisualiseError as error:
         say(f"ros-visualise: {error}")
@@ -102,11 +103,13 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _command_for(path: Path) -> str:
-    is_recording = path.is_dir() or path.suffix.lower() in _RECORDINGS
+    from ros_visualise.sources.formats import suffixes
+
+    is_recording = path.is_dir() or path.suffix.lower() in suffixes()
     return "bag" if is_recording else "video"
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="ros-visualise",
         description="See what a robot sees.",
@@ -114,10 +117,11 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action=_Version, help="show the version and exit")
-    parser.set_defaults(max_memory=DEFAULT_MEMORY)  # of commands that read nothing
+    parser.set_defaults(max_memory=DEFAULT_MEMORY, run=None)  # of commands that read nothing
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     _add_playing(commands)
     _add_asking(commands)
+    _add_plugins(commands, next((text for text in given if not text.startswith("-")), ""))
     return parser
 
 
@@ -244,12 +248,32 @@ def _add_asking(commands: Any) -> None:
         "nodes", help="list all nodes with their topics, actions and parameters"
     )
     nodes.set_defaults(module="nodes")
+    plugins = commands.add_parser(
+        "plugins", help="list what other packages add, and what of it cannot be used"
+    )
+    plugins.set_defaults(module="plugins")
+    plugins.add_argument("--json", action="store_true", help="print it as one JSON array")
     completion = commands.add_parser(
         "completion", help="print what a shell needs to complete commands and options"
     )
     completion.set_defaults(module="completion")
     completion.add_argument("shell", choices=SHELLS, help='for bash and zsh: eval "$(...)"')
     nodes.add_argument("--json", action="store_true", help="print it as one JSON object")
+
+
+def _add_plugins(commands: Any, given: str) -> None:
+    """The commands of other packages; the one that is given is imported."""
+    there = set(commands.choices)
+    for plugin in COMMANDS.plugins():
+        if plugin.name in there:  # `plugins` says so
+            continue
+        there.add(plugin.name)
+        known = COMMANDS.find(plugin.name) if plugin.name == given else None
+        parser = commands.add_parser(plugin.name, help=f"from the package {plugin.package}")
+        if known is not None:
+            parser.description = known.help
+            parser.set_defaults(run=known.run)
+            known.add_arguments(parser)
 
 
 def _add_convert(commands: Any) -> None:

@@ -1,0 +1,26 @@
+"""A drawing: the magnetic field as an arrow."""
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from ros_visualise.data import MagneticField
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look
+
+
+class Compass(Drawing):
+    """A `MagneticField`: an arrow along it, as long as the axes of frames."""
+
+    draws = (MagneticField,)
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._arrow = scene.add_arrows(f"{name}/field", np.zeros((1, 2, 3)), color)
+
+    def draw(self, message: Any, look: Look) -> None:
+        field = np.asarray(message.field_xyz, np.float64)
+        size = np.linalg.norm(field)
+        tip = field / size * look.axes_size if size > 0 else field
+        self._arrow.points = np.array([[np.zeros(3), tip]])

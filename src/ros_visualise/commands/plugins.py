@@ -1,0 +1,43 @@
+"""``plugins``: what other packages bring, and what of it cannot be used."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+from ros_visualise.commands import COMMANDS
+from ros_visualise.lessons import LESSONS
+from ros_visualise.nodes import NODES
+from ros_visualise.printing import answer, shown
+from ros_visualise.registry import GROUP, Plugin, Registry, unknown_groups
+from ros_visualise.sources.formats import FORMATS
+from ros_visualise.ui.scene.drawings import DRAWINGS
+
+_REGISTRIES: tuple[Registry[Any], ...] = (NODES, FORMATS, DRAWINGS, LESSONS, COMMANDS)
+
+
+def run(args: Namespace) -> int:
+    """List the plug-ins; 1 if one of them cannot be used."""
+    found = [_described(registry, one) for registry in _REGISTRIES for one in registry.plugins()]
+    known = [registry.kind for registry in _REGISTRIES]
+    for group, package in unknown_groups(known):
+        why = f"unknown group {group}; choose from {', '.join(GROUP + kind for kind in known)}"
+        found.append({"kind": "?", "name": "*", "package": package, "failure": why})
+    answer([json.dumps(found)] if args.json else _lines(found))
+    return int(any(one["failure"] for one in found))
+
+
+def _described(registry: Registry[Any], plugin: Plugin) -> dict[str, str]:
+    return {**asdict(plugin), "failure": registry.failure(plugin)}
+
+
+def _lines(found: list[dict[str, str]]) -> Iterator[str]:
+    if not found:
+        yield "no plug-ins installed; examples/plugin in the repository is one"
+    for one in found:
+        whose = f"{one['package']} {one.get('version', '')}".strip()
+        state = f": {one['failure']}" if one["failure"] else ""
+        yield shown(f"{one['kind']:<10} {one['name']:<20} {whose}{state}")

@@ -1,0 +1,183 @@
+"""Packages that extend ours: installed as by a stranger, used, and reported where they fail."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from made_videos import write_video
+
+SAMPLE = Path(__file__).parents[1] / "examples" / "plugin"
+WALK = "# stamp x y z qx qy qz qw\n" + "".join(
+    f"{stamp:.2f} {stamp} 0 0 0 0 0 1\n" for stamp in (1, 2, 2.5, 5)
+)
+
+
+class Packages:
+    """A folder of packages that are installed beside ours."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def install(self, project: Path) -> None:
+        """Install a project as pip does."""
+        options = ["--no-index", "--no-deps", "--no-build-isolation", "--target", self.folder]
+        pip = [sys.executable, "-m", "pip", "install", "--quiet", *options, project]
+        subprocess.run(pip, check=True, capture_output=True, text=True, timeout=100)
+
+    def add(self, name: str, entry_points: str, **modules: str) -> None:
+        """What an installed package leaves: its modules, and its metadata."""
+        for module, text in modules.items():
+            (self.folder / f"{module}.py").write_text(text)
+        about = self.folder / f"{name}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+        (about / "entry_points.txt").write_text(entry_points)
+
+    def run(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        """Our command line, with these packages installed."""
+        environment = {**os.environ, "PYTHONPATH": str(self.folder)}
+        command = [sys.executable, "-m", "ros_visualise", *map(str, arguments)]
+        return subprocess.run(command, capture_output=True, text=True, timeout=100, env=environment)
+
+
+@pytest.fixture
+def packages(tmp_path: Path) -> Packages:
+    folder = tmp_path / "site"
+    folder.mkdir()
+    return Packages(folder)
+
+
+@pytest.fixture(scope="module")
+def sample(tmp_path_factory: pytest.TempPathFactory) -> Packages:
+    """The sample that comes with us, installed."""
+    made = Packages(tmp_path_factory.mktemp("site"))
+    made.install(SAMPLE)
+    return made
+
+
+def test_the_sample_is_listed(sample):
+    done = sample.run("plugins", "--json")
+    found = json.loads(done.stdout)
+    assert [(one["kind"], one["name"], one["package"], one["failure"]) for one in found] == [
+        ("nodes", "vignette", "ros_visualise_example", ""),
+        ("formats", "tum", "ros_visualise_example", ""),
+        ("drawings", "compass", "ros_visualise_example", ""),
+        ("commands", "gaps", "ros_visualise_example", ""),
+    ]
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = sample.run("plugins").stdout.splitlines()
+    assert next(line.split() for line in lines) == [
+        "nodes",
+        "vignette",
+        "ros_visualise_example",
+        "0.1.0",
+    ]
+
+
+def test_its_node_runs_by_its_name(sample, tmp_path):
+    film, out = tmp_path / "white.mkv", tmp_path / "out.mp4"
+    write_video(film, [np.full((48, 64, 3), 200, np.uint8)] * 3)
+    done = sample.run(
+        *("video", film, "--view", "none", "--rate", "0", "--node", "vignette@streamer"),
+        *("--set", "vignette.strength=1", "--record", f"{out}@/vignette", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["topics"]["/vignette"]["messages"] == 3
+    _, image = cv2.VideoCapture(str(out)).read()
+    assert image[24, 32].mean() > 190
+    assert image[0, 0].mean() < 20
+    assert "vignette: Darkens the corners" in sample.run("nodes").stdout
+
+
+def test_its_format_is_opened_whatever_it_is_called(sample, packages, tmp_path):
+    walk = tmp_path / "walk.txt"
+    walk.write_text(WALK)
+    found = json.loads(sample.run("info", "--json", walk).stdout)
+    assert (found["format"], found["messages"], found["duration"]) == ("TUM trajectory", 4, 4.0)
+    assert sample.run("convert", walk, tmp_path / "walk.mcap").returncode == 0
+    without = packages.run("info", walk)
+    assert (without.returncode, "not a recording" in without.stderr) == (2, True) or (
+        "neither a recording" in without.stderr
+    )
+
+
+def test_its_command_has_help_and_an_exit_status(sample, tmp_path):
+    walk = tmp_path / "walk.tum"
+    walk.write_text(WALK)
+    done = sample.run("gaps", walk)
+    assert (done.returncode, done.stdout) == (0, "/pose: longest pause 2.500 s\n")
+    assert sample.run("gaps", walk, "--above", "2").returncode == 1
+    missing = sample.run("gaps", tmp_path / "none.tum")
+    assert (missing.returncode, len(missing.stderr.splitlines())) == (2, 1)
+    assert "gaps" in sample.run("--help").stdout
+    assert "--above" in sample.run("gaps", "--help").stdout
+
+
+def test_its_drawing_draws(sample):
+    code = (
+        "from ros_visualise.data import MagneticField\n"
+        "from ros_visualise.ui.scene.kinds import DRAWINGS\n"
+        "print(DRAWINGS[MagneticField].__name__)"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(sample.folder)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, env=environment
+    )
+    assert done.stdout == "Compass\n", done.stderr
+
+
+BROKEN = """[ros_visualise.nodes]
+absent = no_such_module
+leaving = leaving_module
+plain = plain_module:NODE
+filters = plain_module
+[ros_visualise.formats]
+bad = plain_module
+[ros_visualise.nods]
+typo = plain_module
+"""
+
+
+def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
+    packages.add("broken", BROKEN, leaving_module="raise SystemExit(3)", plain_module="NODE = 1")
+    done = packages.run("plugins", "--json")
+    failures = {one["name"]: one["failure"] for one in json.loads(done.stdout)}
+    assert failures == {
+        "absent": "ModuleNotFoundError: No module named 'no_such_module'",
+        "leaving": "SystemExit: 3",
+        "plain": "declares no node 'plain'; decorate a function with @node('plain', ...)",
+        "filters": "filters is a name of ros_visualise itself",
+        "bad": "holds no Format; give one, or a module with FORMAT",
+        "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
+        " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
+        " ros_visualise.commands",
+    }
+    assert done.returncode == 1
+    film = write_video(tmp_path / "film.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)
+    played = packages.run("video", film, "--view", "none", "--rate", "0", "--json")
+    assert played.returncode == 0, played.stderr
+    assert json.loads(played.stdout)["topics"]["/processed_image"]["messages"] == 3
+    asked = packages.run("video", film, "--view", "none", "--node", "absent")
+    assert asked.returncode == 2
+    assert "node 'absent' of broken cannot be loaded: ModuleNotFoundError" in asked.stderr
+
+
+def test_a_name_belongs_to_one_package(packages):
+    text = "[ros_visualise.commands]\nlook = {}\n"
+    command = (
+        "from ros_visualise.commands import Command\n"
+        "COMMAND = Command('looks', lambda parser: None, lambda args: print('{}') or 0)"
+    )
+    packages.add("one", text.format("of_one"), of_one=command.format("one"))
+    packages.add("two", text.format("of_two"), of_two=command.format("two"))
+    done = packages.run("plugins", "--json")
+    failures = [one["failure"] for one in json.loads(done.stdout)]
+    assert sorted(failures) == ["", "look is also a name of another package"]
+    assert packages.run("look").stdout in ("one\n", "two\n")
