@@ -59,6 +59,7 @@ soak: .venv-test/.ready
 .venv-oldest/.ready: pyproject.toml package.xml
 	$(call make_venv,$(OLDEST_PYTHON),--clear .venv-oldest)
 	grep -oE '"[a-z][a-z0-9._-]*>=[0-9.]+' pyproject.toml | sed 's/"//; s/>=/==/' >.venv-oldest/floors
+	.venv-oldest/bin/pip install --quiet --upgrade pip  # that of Python 3.10 finds no end
 	.venv-oldest/bin/pip install --quiet --disable-pip-version-check \
 		-c .venv-oldest/floors -e '.[headless,sim,detect,test]'
 	touch $@
