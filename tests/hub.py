@@ -18,7 +18,7 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.params import Parameters, specs
 from ros_visualise.rate import Clock, WallClock
-from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.middleware import Listing, Managed, ParametersListener
 
 PATIENCE_S = 20.0
 
@@ -29,6 +29,7 @@ class Hub:
     def __init__(self) -> None:
         self.topics: dict[str, Topic] = {}
         self.services: dict[str, Callable[[], str | None]] = {}
+        self.managed: dict[str, Managed] = {}
         self.parameters: dict[str, tuple[str, Parameters[Any]]] = {}  # by name: of which node
         self.lock = threading.RLock()
 
@@ -146,6 +147,9 @@ class HubMiddleware:
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Offered:
         return Offered(self._hub.services, self.resolve(service), take)
+
+    def manage(self, managed: Managed) -> Offered:
+        return Offered(self._hub.managed, self.name, managed)
 
     def call(self, service: str) -> None:
         act = self._hub.services.get(service)

@@ -85,7 +85,8 @@ class Publisher:
 
     def close(self) -> None:
         with self._hub.lock:
-            self._topic.publishers.remove(self._node)
+            if self._node in self._topic.publishers:
+                self._topic.publishers.remove(self._node)
 
 
 class Subscriber:

@@ -9,11 +9,13 @@ from contextlib import closing
 from functools import partial
 
 from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.executables.managed import run_managed
 from ros_visualise.executables.options import (
     OPTIONS,
     choose_image_transport,
     choose_memory,
     choose_view,
+    switch,
 )
 from ros_visualise.executables.player import run_player
 from ros_visualise.executables.running import offer_saving, run_graph
@@ -72,11 +74,17 @@ def _own(given: Sequence[str]) -> NodeType | SourceType:
 
 
 def _run_pipeline(middleware: Middleware) -> int:
-    """Run several nodes in one process; between them images pass by reference."""
+    """Run several nodes in one process; between them images pass by reference.
+
+    With ``~managed`` it does nothing before a manager of ROS 2's managed nodes configures it.
+    """
     names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
     source = middleware.option("source", "none")
     graph = chain([choose_node(name) for name in names], None if source == "none" else source)
-    return run_graph(middleware, graph, {node.name: node.name for node in graph.members})
+    namespaces = {node.name: node.name for node in graph.members}
+    if switch(middleware, "managed", False):
+        return run_managed(middleware, graph, namespaces)
+    return run_graph(middleware, graph, namespaces)
 
 
 def _run_viewer(middleware: Middleware) -> int:

@@ -43,7 +43,7 @@ def choose_view(middleware: Middleware, default: str) -> tuple[str, ViewOptions]
     if name == "web":
         host, port = str(middleware.option("host", "127.0.0.1")), _number(middleware, "port", 8080)
         origins = named_in(middleware, "allow_origin", "none")
-        token = _switch(middleware, "token", True)
+        token = switch(middleware, "token", True)
         options = replace(options, host=host, port=int(port), origins=origins, token=token)
     elif name == "windows":
         options = replace(options, place=str(middleware.option("window", "")))
@@ -94,6 +94,18 @@ def seconds(middleware: Middleware, option: str) -> float:
     return _number(middleware, option, 0.0)
 
 
+def switch(middleware: Middleware, option: str, default: bool) -> bool:
+    """An option that is true or false.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    given = middleware.option(option, default)
+    if not isinstance(given, bool):
+        raise UsageError(f"{option}={given}: give true or false")
+    return given
+
+
 def named_in(middleware: Middleware, option: str, default: str) -> list[str]:
     """What an option names, separated by spaces; nothing where it has its default."""
     named = str(middleware.option(option, default))
@@ -106,10 +118,3 @@ def _number(middleware: Middleware, option: str, default: float) -> float:
         return float(given)
     except (TypeError, ValueError):
         raise UsageError(f"{option}={given}: must be a number") from None
-
-
-def _switch(middleware: Middleware, option: str, default: bool) -> bool:
-    given = middleware.option(option, default)
-    if not isinstance(given, bool):
-        raise UsageError(f"{option}={given}: give true or false")
-    return given

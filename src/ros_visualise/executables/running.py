@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 from ros_visualise import supervision
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.errors import OpenError
 from ros_visualise.executables.options import (
     choose_image_transport,
     choose_jpeg_quality,
@@ -89,11 +89,65 @@ def run_graph(
     """
     if graph.makes_time:
         announce_time(middleware)
+    stays = bool(middleware.option("stay", False))
+    with running(middleware, graph, namespaces, options, conduct, stays) as run:
+        while not run.is_over:
+            run.spin(_SPIN_S)
+    return int(run.process.failed)
+
+
+class Run:
+    """A graph that runs in this process, and its view.
+
+    Args:
+        middleware: what it is joined to.
+        process: the graph.
+        view: looks at it.
+        stays: go on at the end of the source, unless something has failed.
+    """
+
+    def __init__(self, middleware: Middleware, process: Process, view: View, stays: bool) -> None:
+        self.process = process
+        self._middleware, self._view, self._stays = middleware, view, stays
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the graph, the view or this process has come to its end."""
+        runtime = self.process.runtime
+        if self._middleware.is_over() or self._view.closed:
+            return True
+        return runtime.wait(0) and (runtime.failed or not self._stays)
+
+    def spin(self, timeout_s: float) -> None:
+        """Do for so long what has to be done now and then."""
+        self._view.spin(timeout_s)
+        self.process.follow()
+
+
+@contextmanager
+def running(
+    middleware: Middleware,
+    graph: Graph,
+    namespaces: Mapping[str, str],
+    options: Iterable[str],
+    conduct: Conduct,
+    stays: bool,
+    active: bool = True,
+) -> Iterator[Run]:
+    """A graph with all that is around it, as `run_graph` has it, until the end of the block.
+
+    Args:
+        middleware, graph, namespaces, options, conduct: as of `run_graph`.
+        stays: as of `Run`.
+        active: as of `Process.start`.
+
+    Raises:
+        RosVisualiseError: the graph cannot be opened as the options ask for it.
+        KeyboardInterrupt: this process has to end meanwhile.
+    """
     name, shown = choose_view(middleware, "none")
-    view = _open_view(name, shown)
-    try:
+    with closing(_open_view(name, shown)) as view:
         graph = _configured(middleware, graph, namespaces, options)
-        stays = bool(middleware.option("stay", False))
         playback = _playback(middleware, graph, stays or view.stays)
         takes_images = Image in graph.inputs.values()
         compressed = takes_images and choose_image_transport(middleware)
@@ -101,19 +155,17 @@ def run_graph(
         quality = choose_jpeg_quality(middleware) if makes_images else JPEG_QUALITY
         made = partial(Process, middleware, graph, playback, namespaces, compressed, quality)
         process = opened(middleware, made)
-    except (RosVisualiseError, KeyboardInterrupt):
-        view.close()
-        raise
-    try:
-        view.open(process.runtime)
-        with conduct(middleware, process):
-            process.start()
-            with closing(offer_saving(middleware, lambda: process.parameters, shown.record_dir)):
-                _spin(middleware, process, view, stays)
-    finally:
-        view.close()
-        process.stop()
-    return int(process.failed)
+        try:
+            view.open(process.runtime)
+            with conduct(middleware, process):
+                process.start(active)
+                with closing(
+                    offer_saving(middleware, lambda: process.parameters, shown.record_dir)
+                ):
+                    yield Run(middleware, process, view, stays)
+        finally:
+            view.close()
+            process.stop()
 
 
 def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
@@ -135,16 +187,6 @@ def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:
         if middleware.is_over():
             raise KeyboardInterrupt
     return opening.result()
-
-
-def _spin(middleware: Middleware, process: Process, view: View, stays: bool) -> None:
-    """Run until the end: of the graph too, unless it stays there and nothing has failed."""
-    runtime = process.runtime
-    while not (middleware.is_over() or view.closed):
-        if runtime.wait(0) and (runtime.failed or not stays):
-            return
-        view.spin(_SPIN_S)
-        process.follow()
 
 
 def _configured(

@@ -125,6 +125,28 @@ class ParametersClient(Handle, Protocol):
         """
 
 
+class Managed(Protocol):
+    """A node that another one takes through the states of ROS 2's managed nodes.
+
+    The calls come one at a time, in the order that the states allow. Each returns when it is done.
+
+    Raises:
+        RosVisualiseError: it cannot be done; the node stays in the state that it was in.
+    """
+
+    def configure(self) -> None:
+        """Open all that is needed, and process nothing yet."""
+
+    def activate(self) -> None:
+        """Process messages from now on."""
+
+    def deactivate(self) -> None:
+        """Process none, and keep what is known."""
+
+    def cleanup(self) -> None:
+        """Close all that `configure` has opened, if anything is open; called at the end, too."""
+
+
 class Middleware(Protocol):
     """What carries messages between processes.
 
@@ -237,6 +259,13 @@ class Middleware(Protocol):
 
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Handle:
         """Offer a sensor_msgs/SetCameraInfo, as `offer`; ``take`` gets what is to be set."""
+
+    def manage(self, managed: Managed) -> Handle:
+        """Have this node taken through its states by others, from the unconfigured one on.
+
+        Raises:
+            UsageError: the middleware has no managed nodes.
+        """
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger, by its full name, and wait for the answer.

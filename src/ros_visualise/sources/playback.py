@@ -80,7 +80,7 @@ class Playback(PlaybackControls):
 
     def _passes_live(self, live_ns: int) -> bool:
         with self._changed:
-            passes = self._line.running or self._asked.steps > 0
+            passes = not self._suspended and (self._line.running or self._asked.steps > 0)
             self._asked.steps = max(0, self._asked.steps - 1)
             self._position_ns = live_ns
             self._quota.use(0, passes)
@@ -123,12 +123,17 @@ class Playback(PlaybackControls):
         with self._line.awaiting(place_ns):
             while not (self._closed or self._asked.lead_away or self._marks.end_before(time_ns)):
                 now_ns = self._clock.monotonic_ns()
-                due_ns = now_ns if self._asked.steps else self._line.due_ns(place_ns, now_ns)
+                due_ns = self._due_ns(place_ns, now_ns)
                 if due_ns is not None and due_ns <= now_ns:
                     self._line.put(place_ns, due_ns, now_ns)
                     return True
                 self._clock.wait(self._changed, due_ns)
         return False
+
+    def _due_ns(self, place_ns: int, now_ns: int) -> int | None:
+        if self._suspended:
+            return None
+        return now_ns if self._asked.steps else self._line.due_ns(place_ns, now_ns)
 
     def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
         """The time to read from next; None to end."""

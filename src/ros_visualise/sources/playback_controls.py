@@ -53,7 +53,7 @@ class PlaybackControls:
         self._marks = Marks()
         self._loop, self._hold = loop, hold
         self._laps = self._epoch = 0
-        self._closed = False
+        self._closed = self._suspended = False
         self._ended = False  # all is read and nobody wants more
         self._done = False  # all that was asked for is played
         self._length = PlayedLength()
@@ -130,6 +130,11 @@ class PlaybackControls:
         """Start again at the end, or not."""
         with self._changing():
             self._loop = loop
+
+    def suspend(self, suspended: bool) -> None:
+        """Give no messages for now, whatever else is asked for; what becomes due is let pass."""
+        with self._changing():
+            self._suspended = suspended
 
     def set_part(self, begin_s: float = 0.0, end_s: float | None = None) -> None:
         """Play what lies between two times, both included; a person may still seek elsewhere.

@@ -50,3 +50,7 @@ class Diagnostics:
             self._statuses.status(name, told.report, told.figures) for name, told in nodes.items()
         )
         self._publisher.publish(DiagnosticArray(statuses, Header(self._clock.now_ns())))
+
+    def close(self) -> None:
+        """Leave the topic."""
+        self._publisher.close()

@@ -27,7 +27,7 @@ _LARGE_BYTES = 20_000_000  # of this size the sockets of a connection keep one i
 
 
 class Input:
-    """Feeds a topic of this process with what comes on the graph, from `open` on.
+    """Feeds a topic of this process with what comes on the graph, from `open` to `close`.
 
     Args:
         middleware: what it comes by.
@@ -46,6 +46,7 @@ class Input:
         self._topic, self._kind, self._feed = name, kind, feed
         self._said_s: dict[str, float] = {}
         self._subscriber: Subscriber | None = None
+        self._dropped = 0  # by subscribers that are closed
 
     def open(self) -> None:
         """Subscribe; messages may come before this returns."""
@@ -56,7 +57,7 @@ class Input:
     @property
     def dropped(self) -> int:
         """Messages that were skipped for newer ones."""
-        return 0 if self._subscriber is None else self._subscriber.dropped
+        return self._dropped + (0 if self._subscriber is None else self._subscriber.dropped)
 
     def _take(self, message: Any) -> None:
         try:
@@ -74,9 +75,11 @@ class Input:
             log.warning("%s: %s", self._name, why)
 
     def close(self) -> None:
-        """End it."""
-        if self._subscriber is not None:
-            self._subscriber.close()
+        """Unsubscribe."""
+        subscriber, self._subscriber = self._subscriber, None
+        if subscriber is not None:
+            subscriber.close()
+            self._dropped += subscriber.dropped
 
 
 class ImageInput(Input):
@@ -121,7 +124,9 @@ class ImageInput(Input):
 
     def want_info(self, wanted: bool) -> None:
         """Subscribe to the calibration, or no longer, unless it is always wanted."""
-        wanted = wanted or self._calibrated
+        self._follow_info(wanted or self._calibrated)
+
+    def _follow_info(self, wanted: bool) -> None:
         if wanted and self._info_subscriber is None:
             self._info_subscriber = self._middleware.subscribe(
                 self._info_name, CameraInfo, self._take_info, self._refuse
@@ -131,11 +136,10 @@ class ImageInput(Input):
             self._info_subscriber = self._info = None
 
     def close(self) -> None:
-        """End it."""
+        """Unsubscribe, from the calibration too."""
         self._got_info.set()
         super().close()
-        self._calibrated = False
-        self.want_info(False)
+        self._follow_info(False)
 
     def _take(self, message: Image | CompressedImage) -> None:
         """Feed an image; the next large one is read when there is time for it.

@@ -31,7 +31,7 @@ class Output:
 
     Args:
         publisher: of the topic.
-        latched: whoever subscribes gets the last message at once.
+        latched: whoever subscribes gets the last message at once; an attribute, too.
         in_haste: whether a source of this process plays as fast as it goes, without loss: then a
             message waits until there is room for it.
     """
@@ -43,7 +43,7 @@ class Output:
         in_haste: Callable[[], bool] = lambda: False,
     ) -> None:
         self._publisher = publisher
-        self._latched = latched
+        self.latched = latched
         self._in_haste = in_haste
         self._refusals = Refusals()
 
@@ -60,7 +60,7 @@ class Output:
     @property
     def awaited(self) -> bool:
         """Whether anybody has a use for the next message."""
-        return self._latched or self.connections > 0
+        return self.latched or self.connections > 0
 
     @property
     def dropped(self) -> int:
@@ -99,6 +99,10 @@ class Output:
     def wait_for_room(self, timeout_s: float) -> None:
         """Wait until a subscriber, if there are any, could be sent another message."""
         self._publisher.wait_for_room(timeout_s)
+
+    def leave(self) -> None:
+        """Leave the graph's topic."""
+        self._publisher.close()
 
 
 class StaticFrames:
@@ -197,6 +201,13 @@ class ImageOutput(Output):
             self._send(self._publisher, image)
         if self._compressed.connections:
             self._to_compress.put(packet._replace(message=image))
+
+    def leave(self) -> None:
+        """Leave the graph's topics."""
+        self._to_compress.close(discard=True)
+        super().leave()
+        self._info.close()
+        self._compressed.close()
 
     def _send_all(self, image: Image) -> None:
         """Send an image to everybody before the next one is taken, so that none is dropped."""

@@ -46,7 +46,8 @@ class Process:
     """Runs a graph and joins it to a middleware: topics, parameters, services, diagnostics.
 
     Between its nodes messages pass by reference; outside a topic costs nothing until somebody
-    subscribes.
+    subscribes. While it is not active, nothing is taken from the graph, published there, or given
+    by its source.
 
     Args:
         middleware: what the graph is joined to.
@@ -79,23 +80,28 @@ class Process:
         self._graph = self.runtime.graph
         self._frames = StaticFrames()
         self._outputs = {name: self._open_output(name) for name in self._graph.topics}
+        self._is_active = False
         self._player: PlaybackFollower | None = None
         self._is_at_end = False
         if playback is not None and self._graph.source is not None:
+            playback.suspend(True)
             parameters = self.runtime.parameters[self._graph.source.name]
             self._player = PlaybackFollower(playback, parameters)
         self._diagnostics = Diagnostics(middleware)
         self._diagnosed_s = time.monotonic()
         self._compressed = compressed
-        self._inputs: list[Input] = []
+        self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
         self._offered: list[Handle] = []
 
-    def start(self) -> None:
-        """Begin to take and to publish messages; whoever finds its parameters finds it at work."""
+    def start(self, active: bool = True) -> None:
+        """Run; whoever finds its parameters finds it at work.
+
+        Args:
+            active: take and publish messages at once; else from `activate` on.
+        """
+        if active:
+            self.activate()
         self.runtime.start()
-        self._inputs = [self._input(*item) for item in self._graph.inputs.items()]
-        for one in self._inputs:
-            one.open()
         self._offered = [
             self._middleware.serve_parameters(parameters, self._namespaces[name])
             for name, parameters in self.runtime.parameters.items()
@@ -103,18 +109,46 @@ class Process:
         self._offered += offer_actions(self._middleware, self.runtime, self._namespaces)
         self._offered += offer_calibration(self._middleware, self.runtime)
 
+    def activate(self) -> None:
+        """Take and publish messages from now on."""
+        for name, output in self._outputs.items():
+            wants = partial(getattr, output, "awaited")
+            self.runtime.topic(name).connect(output, output.latched, wants)
+        for one in self._inputs:
+            one.open()
+        self._is_active = True
+        self._suspend(False)
+
+    def deactivate(self) -> None:
+        """Take and publish none until the next `activate`; what the nodes know stays."""
+        self._suspend(True)
+        self._is_active = False
+        for one in self._inputs:
+            one.close()
+        for name, output in self._outputs.items():
+            self.runtime.topic(name).disconnect(output)
+
+    def _suspend(self, suspended: bool) -> None:
+        if self.runtime.playback is not None:
+            self.runtime.playback.suspend(suspended)
+
     def follow(self) -> None:
         """Do what has to be done now and then: some ten times a second."""
         if self._player is not None:
             self._player.follow()
         self._notice_end()
+        if self._is_active:
+            self._follow_calibrations()
+        if time.monotonic() - self._diagnosed_s >= _DIAGNOSTICS_S:
+            self._diagnosed_s = time.monotonic()
+            self._diagnostics.publish(self._statuses())
+
+    def _follow_calibrations(self) -> None:
+        """Take calibrations while somebody wants them of the images that are made here."""
         outputs = [one for one in self._outputs.values() if isinstance(one, ImageOutput)]
         for one in self._inputs:
             if isinstance(one, ImageInput):
                 one.want_info(any(output.wants_info for output in outputs))
-        if time.monotonic() - self._diagnosed_s >= _DIAGNOSTICS_S:
-            self._diagnosed_s = time.monotonic()
-            self._diagnostics.publish(self._statuses())
 
     def subscribers(self, name: str) -> int:
         """How many there are of a topic of this process, called as a node calls it.
@@ -149,6 +183,12 @@ class Process:
         for output in self._outputs.values():
             output.flush(_FLUSH_S / len(self._outputs))
 
+    def leave(self) -> None:
+        """Leave the topics as well, after `stop`, while this node of the graph goes on."""
+        for output in self._outputs.values():
+            output.leave()
+        self._diagnostics.close()
+
     def _open_output(self, name: str) -> Output:
         topic = self._graph.topics[name]
         source = self._graph.source
@@ -168,7 +208,6 @@ class Process:
                 if is_static
                 else Output(advertised, made.qos.transient_local, self._is_in_haste)
             )
-        self.runtime.topic(name).connect(output, wants=lambda: output.awaited)
         return output
 
     def _as_recorded(self, name: str, recorded: TopicType) -> Output:

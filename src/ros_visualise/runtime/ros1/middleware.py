@@ -7,11 +7,12 @@ from functools import partial
 from typing import Any
 
 from ros_visualise.data import CameraInfo
+from ros_visualise.errors import UsageError
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.params import Parameters
 from ros_visualise.rate import Clock
-from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.middleware import Handle, Listing, Managed, ParametersListener
 from ros_visualise.runtime.ros1 import clock, listing, publishers, reconfigure, services, session
 from ros_visualise.runtime.ros1.clock import ClockPublisher
 from ros_visualise.runtime.ros1.parameters_client import ReconfigureClient
@@ -93,6 +94,10 @@ class Ros1:
     ) -> SetCameraInfoService:
         """Offer a sensor_msgs/SetCameraInfo."""
         return SetCameraInfoService(service, take)
+
+    def manage(self, managed: Managed) -> Handle:
+        """Refuse it."""
+        raise UsageError("ROS 1 has no managed nodes; run it without managed")
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger."""

@@ -13,7 +13,7 @@ from ros_visualise.params import Parameters
 from ros_visualise.rate import Clock
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.bridge.logged import log_to
-from ros_visualise.runtime.middleware import Listing, ParametersListener
+from ros_visualise.runtime.middleware import Handle, Listing, Managed, ParametersListener
 from ros_visualise.runtime.ros2 import clock, publishers, services, session
 from ros_visualise.runtime.ros2.clock import ClockPublisher
 from ros_visualise.runtime.ros2.errors import asking
@@ -106,6 +106,10 @@ class Ros2:
     def offer_calibration(self, service: str, take: Callable[[CameraInfo], None]) -> Service:
         """Offer a sensor_msgs/SetCameraInfo."""
         return services.set_camera_info(self.session.node, session.spelled(service), take)
+
+    def manage(self, managed: Managed) -> Handle:
+        """Have this node taken through the states of a managed node."""
+        return self.session.manage(managed)
 
     def call(self, service: str) -> None:
         """Call a std_srvs/Trigger."""

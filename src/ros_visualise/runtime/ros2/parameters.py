@@ -75,8 +75,11 @@ class ParameterDesk:
         self._declare_fixed(options, "read when the node starts")
 
     def remove(self, served: ServedParameters) -> None:
-        """No longer."""
-        self._served.pop(served.prefix, None)
+        """Answer no longer, and have them declared no longer."""
+        with self.lock:
+            self._served.pop(served.prefix, None)
+            for name in served.told:
+                self.node.undeclare_parameter(name)
 
     def declare(self, parameters: Sequence[tuple[str, Any, ParameterDescriptor]]) -> None:
         """Declare parameters with these values, as they are here."""

@@ -23,9 +23,10 @@ from rclpy.utilities import remove_ros_args
 
 from ros_visualise import supervision
 from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.runtime.middleware import Handle
+from ros_visualise.runtime.middleware import Handle, Managed
 from ros_visualise.runtime.ros2.cyclone import configure
 from ros_visualise.runtime.ros2.graph_node import GraphNode
+from ros_visualise.runtime.ros2.lifecycle import Lifecycle
 
 _PACKAGE = "package://"
 _ILLEGAL = re.compile(r"[^\w~/{}]", re.ASCII)
@@ -82,6 +83,12 @@ class Session:
         """Have something closed when the node ends, if it is still there."""
         self._open.add(handle)
         return handle
+
+    def manage(self, managed: Managed) -> Lifecycle:
+        """Offer the services of a managed node."""
+        lifecycle = Lifecycle(self.node, managed)
+        self._executor.wake()
+        return lifecycle
 
     def start(
         self, run: Callable[[], None], name: str, again_s: float | None = None
