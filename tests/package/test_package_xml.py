@@ -84,3 +84,13 @@ def test_what_launch_files_start_is_asked_for(version, suffix):
         for node in ElementTree.parse(path).iter("node")
     }
     assert started - IN_OTHERS - {"ros_visualise"} <= needed(version, "exec_depend")
+
+
+def test_its_repository_is_where_the_readme_clones_from():
+    urls = ElementTree.parse(PACKAGE / "package.xml").getroot().findall("url")
+    by_type = {url.get("type"): url.text for url in urls}
+    cloned = set(
+        re.findall(r"git clone (\S+) src/ros_visualise", (PACKAGE / "README.md").read_text())
+    )
+    assert {by_type["repository"]} == cloned
+    assert str(by_type["bugtracker"]).startswith(str(by_type["repository"]))
