@@ -37,6 +37,8 @@ from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.nodes.filters import FiltersParams
+from ros_visualise.params import Parameters
 from ros_visualise.runtime.bridge.inputs import ImageInput
 from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
 from ros_visualise.runtime.queues import Packet
@@ -544,3 +546,25 @@ def test_a_topic_that_cannot_be_subscribed_leaves_neither_a_thread_nor_a_file(
         wait_for(lambda: recording.written, "the image")
         viewer.stop_recording(recording)
     assert f"{tmp_path / 'r.mcap'}: /said is not recorded: no messages of type" in caplog.text
+
+
+def test_a_viewer_follows_few_of_the_nodes_that_have_gone(
+    hub: Hub, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ros_visualise.runtime.remote.runtime._LOOK_S", 0.01)
+    monkeypatch.setattr("ros_visualise.runtime.remote.runtime._REMEMBERED", 3)
+    with closing(RemoteRuntime(HubMiddleware(hub, name="viewer"))) as viewer:
+        for number in range(10):
+            node = HubMiddleware(hub, name=f"passing{number}")
+            with closing(node.serve_parameters(Parameters(FiltersParams()), "")):
+                wait_for(lambda name=f"passing{number}": name in viewer.parameters, "the node")
+
+        def followed() -> set[str]:
+            names = {thread.name for thread in threading.enumerate()}
+            return {name for name in names if name.startswith("parameters of /passing")}
+
+        wait_for(lambda: len(followed()) <= 3, "the first to be forgotten")
+        assert followed() == {f"parameters of /passing{number}" for number in (7, 8, 9)}
+        assert set(viewer.parameters) == {"passing7", "passing8", "passing9"}
+        with closing(node.serve_parameters(Parameters(FiltersParams()), "")):
+            wait_for(lambda: "passing9" in {one.name for one in viewer.graph.nodes}, "its return")

@@ -6,6 +6,7 @@ import logging
 import threading
 import time
 from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -39,13 +40,15 @@ _LOOK_S = 0.5
 _PATIENCE_S = 1.0
 """For so long a new node is waited for to tell of its parameters, before it is shown without."""
 _CLOSE_S = 1.0
+_REMEMBERED = 50
+"""So many nodes that have gone are followed, as they may come back."""
 
 
 class RemoteRuntime:
     """Looks at nodes elsewhere on the graph; see `ros_visualise.runtime.base.Runtime`.
 
     ``graph`` is another object as soon as nodes or topics have come or gone; ``parameters`` keeps
-    those that have gone.
+    the last of those that have gone.
 
     Args:
         middleware: what they are reached by.
@@ -200,6 +203,7 @@ class RemoteRuntime:
             return
         found = [place for peer in self._sight.peers for place in places(peer, self._figures)]
         self._meet(found)
+        self._forget_gone({place.name for place in found})
         shown = [place for place in found if self._is_settled(place)]
         types = self._sight.types
         key = [(place, type(self._met[place.name].current)) for place in shown], types
@@ -221,6 +225,18 @@ class RemoteRuntime:
                 self._seen_s[place.name] = time.monotonic()
             elif known is None:
                 self._met[place.name] = Parameters(NoParams())
+
+    def _forget_gone(self, there: AbstractSet[str]) -> None:
+        """Follow no longer those that have gone, but for the last ones: each has a thread."""
+        for name in there & self._met.keys():
+            self._met[name] = self._met.pop(name)  # now the last
+        gone = [name for name in self._met if name not in there]
+        for name in gone[:-_REMEMBERED]:
+            forgotten = self._met.pop(name)
+            self._seen_s.pop(name, None)
+            self.parameters = {n: one for n, one in self.parameters.items() if n != name}
+            if isinstance(forgotten, RemoteParameters):
+                forgotten.close()
 
     def _is_settled(self, place: Place) -> bool:
         parameters = self._met[place.name]
