@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import subprocess
 from collections.abc import Callable
@@ -13,10 +14,12 @@ from rcl_interfaces.msg import ParameterEvent, ParameterType
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.context import Context
 from rclpy.parameter import Parameter
+from rclpy.task import Future
 from waiting import wait_for
 
 from ros_visualise.errors import ParameterError
 from ros_visualise.runtime.remote.parameters import RemoteParameters
+from ros_visualise.runtime.ros2 import parameters_client
 from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.parameter_services import ParameterServices
 from ros_visualise.runtime.ros2.services import result_of
@@ -165,7 +168,9 @@ def test_parameters_of_any_node_are_followed_and_set(ros2: Ros2):
     other.end("")
 
 
-def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(ros2: Ros2):
+def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(
+    ros2: Ros2, monkeypatch: pytest.MonkeyPatch
+):
     """One of the parameter services is there, and nobody answers."""
     context = Context()
     rclpy.init(args=[], context=context)
@@ -177,9 +182,13 @@ def test_a_node_that_answers_nobody_costs_one_client_until_it_is_gone(ros2: Ros2
         return [one.srv_name for one in node.clients if "mute" in one.srv_name]
 
     wait_for(lambda: ros2.look() and clients(), "the node to be asked")
+    monkeypatch.setattr(parameters_client, "_ANSWER_S", 0.0)
     for _ in range(20):
         ros2.look()
     assert len(clients()) == 1
+    gc.collect()
+    waiting = [one for one in gc.get_objects() if isinstance(one, Future) and not one.done()]
+    assert len(waiting) < 20
     mute.destroy_node()
     context.shutdown()
     wait_for(lambda: ros2.look() and not clients(), "nobody to be asked")

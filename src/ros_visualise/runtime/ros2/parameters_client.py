@@ -203,6 +203,8 @@ class _Question:
             return self._future.result()
         now_s = time.monotonic()
         if now_s - self._asked_s > _ANSWER_S and self._services.are_ready:
+            if self._future is not None:
+                self._future.cancel()  # else its client waits for the answer for ever
             self._future, self._asked_s = self._services.get([MEMBERS]), now_s
         return None
 

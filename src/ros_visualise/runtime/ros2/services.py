@@ -90,10 +90,13 @@ def call(node: Node, service: str) -> None:
 
 
 def result_of(future: Any, timeout_s: float) -> Any:
-    """What a call is answered; None where no answer comes in time.
+    """The answer to a call; None where none comes in time, and then its client forgets the call.
 
     Not to be called on a thread that answers services.
     """
     done = threading.Event()
     future.add_done_callback(lambda _: done.set())
-    return future.result() if done.wait(timeout_s) else None
+    if done.wait(timeout_s):
+        return future.result()
+    future.cancel()
+    return None

@@ -81,6 +81,7 @@ class Subscriber:
         self._closed = threading.Event()
         self._wake = GuardCondition(None, None, session.context)
         self._asked = self._wanted(_Asked(type_name(kind), QoS(max(kind.waiting, _LEAST))))
+        self._refused: _Asked | None = None
         self._open = [self._subscribe(self._asked)]
         self._changed_s = time.monotonic()
         self._known: frozenset[int] = frozenset()
@@ -154,14 +155,17 @@ class Subscriber:
             self._turn_to(wanted, now_s)
 
     def _turn_to(self, wanted: _Asked, now_s: float) -> None:
+        if wanted == self._refused:
+            return
         try:
             opened = self._subscribe(wanted)
         except UsageError as error:
+            self._refused = wanted
             self._refuse(str(error))
             return
         if wanted.type != self._asked.type:  # nothing comes any more of what was asked for
             self._session.node.destroy_subscription(self._open.pop())
-        self._asked, self._changed_s = wanted, now_s
+        self._asked, self._refused, self._changed_s = wanted, None, now_s
         self._known = frozenset(self._sent_ns)
         self._open.append(opened)
 
