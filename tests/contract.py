@@ -73,7 +73,9 @@ def running(playing: Running) -> Iterator[Running]:
     before = {name: vars(of.current) for name, of in playing.runtime.parameters.items()}
     yield playing
     for name, values in before.items():
-        playing.runtime.parameters[name].update(values)
+        now = playing.runtime.parameters[name]
+        changed = {n: value for n, value in values.items() if getattr(now.current, n) != value}
+        now.update(changed)  # others may be read-only
 
 
 def key(image: Image | np.ndarray) -> bytes:

@@ -32,6 +32,13 @@ class Nodes2:
         self._started.append(process)
         return process
 
+    def end(self, process: subprocess.Popen[str]) -> tuple[int, str]:
+        """End one of them, which may have failed; its exit status, and what it said."""
+        self._started.remove(process)
+        process.terminate()
+        said, _ = process.communicate(timeout=_END_S)
+        return process.returncode, said
+
     def stop(self) -> None:
         """End all of them."""
         for process in self._started:

@@ -88,10 +88,8 @@ class Ros2World(GraphWorld):
         return subscription
 
     def end(self) -> int:
-        self._node.terminate()
-        said, _ = self._node.communicate(timeout=60)
-        assert "Traceback" not in said or "a number that it cannot stand" in said, said
-        return self._node.returncode
+        status, _ = self._nodes.end(self._node)
+        return status
 
     def close(self) -> None:
         for process in self._deaf:
