@@ -13,7 +13,8 @@ from ros_visualise.ui.colors import PALETTE
 
 SETTLE_S = 600.0
 """What comes before is not counted: caches and histories fill."""
-LIMIT_MB_PER_H = 1.0
+LIMITS = {"rss_mb": (1.0, "MB"), "fds": (1.0, "open files"), "threads": (1.0, "threads")}
+"""Measured quantity -> what it may grow by in an hour, and its unit."""
 _WIDTH, _HEIGHT, _LEFT, _TOP, _RIGHT, _ROW = 860, 120, 64, 34, 210, 150
 _GRAY = (190, 190, 190)
 _LEAST_MB = 5.0  # from the middle of a picture to its edge
@@ -33,12 +34,13 @@ def table(series: Series, settle_s: float = SETTLE_S) -> str:
 
 
 def growing(series: Series, settle_s: float = SETTLE_S) -> list[str]:
-    """What grows by more than `LIMIT_MB_PER_H`, with 97.5 %, in words."""
+    """What grows by more than its limit, with 97.5 %, in words."""
     found = []
     for (scenario, process), samples in series.items():
-        slope = _slope(_settled(samples, settle_s), "rss_mb")
-        if slope is not None and slope.least > LIMIT_MB_PER_H:
-            found.append(f"{scenario}: {process} grows by {slope} MB/h")
+        for name, (limit, unit) in LIMITS.items():
+            slope = _slope(_settled(samples, settle_s), name)
+            if slope is not None and slope.least > limit:
+                found.append(f"{scenario}: {process} grows by {slope} {unit} per hour")
     return found
 
 

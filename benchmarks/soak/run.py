@@ -16,8 +16,11 @@ import time
 from pathlib import Path
 
 from report import growing, picture, table
-from samples import Log, read, take
+from samples import Log, Sample, read, take
 from scenarios import SCENARIOS, Scenario
+
+_CONNECTED_S = 120.0
+"""A client that looks has to be connected by then."""
 
 
 class Soak:
@@ -48,6 +51,9 @@ class Soak:
                     break
                 sample = take(name, process_name, process, scenario.looker, elapsed_s)
                 self._logs[name].add(sample)
+                if why := _blind(scenario, sample):
+                    self._give_up(name, why)
+                    break
             else:
                 scenario.tend(elapsed_s)
 
@@ -85,6 +91,16 @@ def main() -> int:
         soak.end()
     found = tell(folder, args.scenarios)
     return status or int(bool(found or soak.ended))
+
+
+def _blind(scenario: Scenario, sample: Sample) -> str:
+    """Why nobody looks at a page that is to be looked at; empty where somebody does."""
+    if scenario.looker is None:
+        return ""
+    if scenario.looker.has_ended:
+        return f"{scenario.looker.log} ended with {scenario.looker.bury()}"
+    is_late = sample.time_s > _CONNECTED_S and not sample.connected
+    return f"{scenario.looker.log} has not connected in {_CONNECTED_S:.0f} s" if is_late else ""
 
 
 def tell(folder: Path, names: list[str]) -> list[str]:
