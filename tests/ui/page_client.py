@@ -38,7 +38,7 @@ _POSES = {"SetPositionMessage": "position", "SetOrientationMessage": "wxyz"}
 def addresses(port: int) -> str:
     """What a person reads where a page begins."""
     return (
-        f"look at http://127.0.0.1:{port}/{TOKEN}; Ctrl-C ends it\n"
+        f"look at http://127.0.0.1:{port}/{TOKEN} (Ctrl-C ends it)\n"
         f"read-only: http://127.0.0.1:{port}/{VIEW_TOKEN}\n"
     )
 

@@ -149,9 +149,11 @@ class Page:
 def _lines(host: str, port: int, door: Door) -> list[str]:
     """What a person reads of where the page is. Logs have none of it: it holds tokens."""
     names = [host] if not door.addresses else [host, socket.gethostname()]
-    addresses = ", from elsewhere at ".join(url(name, port, door.token) for name in names)
-    lines = [f"look at {addresses}; Ctrl-C ends it"]
+    addresses = " or from elsewhere at ".join(url(name, port, door.token) for name in names)
+    lines = [f"look at {addresses} (Ctrl-C ends it)"]
     if door.view_token:
-        addresses = ", from elsewhere at ".join(url(name, port, door.view_token) for name in names)
+        addresses = " or from elsewhere at ".join(
+            url(name, port, door.view_token) for name in names
+        )
         lines.append(f"read-only: {addresses}")
     return lines
