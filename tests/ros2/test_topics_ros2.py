@@ -6,6 +6,7 @@ import logging
 import threading
 from array import array
 from collections.abc import Iterator
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.waitable import NumberOfEntities, Waitable
 from sensor_msgs.msg import Image as ImageMessage
 from std_msgs.msg import String
 from waiting import wait_for
@@ -227,3 +230,36 @@ def test_a_recorded_type_that_is_not_installed_is_left_out(
     assert publisher.connections == 0
     assert "ros-$ROS_DISTRO-odd-msgs" in caplog.text
     publisher.close()
+
+
+class ClosedMeanwhile(Waitable):  # type: ignore[misc]
+    """What another thread closes just as the executor begins to wait for it."""
+
+    def __init__(self, node: Node) -> None:
+        super().__init__(node.default_callback_group)
+        self.met = threading.Event()
+
+    def is_ready(self, wait_set: Any) -> bool:
+        return False
+
+    def get_num_entities(self) -> NumberOfEntities:
+        return NumberOfEntities()
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        if not self.met.is_set():
+            self.met.set()
+            raise rclpy_implementation.InvalidHandle("destruction was requested")
+
+
+def test_what_is_closed_as_callbacks_are_awaited_is_no_failure(ros2: Ros2):
+    node = ros2.session.node
+    closed = ClosedMeanwhile(node)
+    node.add_waitable(closed)
+    wait_for(lambda: ros2.advertise("brief", TopicType(TEXT)).close() or closed.met.is_set(), "it")
+    with closing(ros2.offer("~again", lambda: None)):
+        other = Ros2()
+        other.join("other", [])
+        other.call("/tests/again")
+        other.end("")
+    node.remove_waitable(closed)
+    assert not supervision.PROCESS.failures

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, partial
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -17,6 +18,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_share_
 from rclpy.context import Context
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import MultiThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
@@ -154,9 +156,13 @@ class Session:
             raise UsageError(f"ROS 2 takes no topic of this name: {_first_line(error)}") from None
 
     def _spin(self) -> None:
-        """Answer until the node ends; after a callback that failed, the next one all the same."""
+        """Answer until the node ends; after a callback that failed, the next one all the same.
+
+        What another thread closes as rclpy begins to wait for it is nothing to wait for any more.
+        """
         while not self.is_over:
-            self._executor.spin()
+            with suppress(rclpy_implementation.InvalidHandle):
+                self._executor.spin()
 
 
 @cache
