@@ -1,10 +1,11 @@
 """The two ends of a topic of images, by stock rclpy or by our transport.
 
-    python ends.py publish rclpy|ours WIDTHxHEIGHT --rate R
+    python ends.py publish rclpy|ours|plain WIDTHxHEIGHT --rate R
     python ends.py subscribe rclpy|ours|count TOPIC --seconds S --warmup W
 
 The subscriber prints one JSON object. Images are as old as their stamps say, which a publisher
-takes from the time of day just before it publishes. ``count`` is for a topic of calibrations, whose
+takes from the time of day just before it publishes. ``plain`` is our transport, whose bytes rclpy
+sends instead of ROS 2's C library by itself. ``count`` is for a topic of calibrations, whose
 bytes are taken and not looked at.
 """
 
@@ -25,6 +26,7 @@ from sensor_msgs.msg import Image as RosImage
 
 from ros_visualise.data import Header, Image
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.runtime.ros2 import rcl
 from ros_visualise.runtime.ros2.middleware import Ros2
 
 TYPE = TopicType("sensor_msgs/msg/Image")
@@ -69,6 +71,11 @@ def publish_ours(size: str, rate: float) -> None:
     for number in paced(rate):
         header = Header(time.time_ns(), "camera_optical")
         publisher.publish(Image(images[number % _DIFFERENT], "bgr8", header))
+
+
+def publish_plain(size: str, rate: float) -> None:
+    rcl.publish = lambda publisher, data: publisher.publish(data.tobytes())
+    publish_ours(size, rate)
 
 
 class Ages:
@@ -152,6 +159,7 @@ def figures(ages: Ages, warmup_s: float, seconds: float) -> dict[str, float]:
     return {"fps": fps, "p50_ms": p50_ms, "p99_ms": p99_ms}
 
 
+PUBLISHERS = {"rclpy": publish_rclpy, "ours": publish_ours, "plain": publish_plain}
 SUBSCRIBERS = {"rclpy": subscribe_rclpy, "ours": subscribe_ours, "count": subscribe_count}
 
 
@@ -167,7 +175,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     ends = parser.add_subparsers(dest="end", required=True)
     publisher = ends.add_parser("publish")
-    publisher.add_argument("kind", choices=("rclpy", "ours"))
+    publisher.add_argument("kind", choices=PUBLISHERS)
     publisher.add_argument("size")
     publisher.add_argument("--rate", type=float, required=True)
     subscriber = ends.add_parser("subscribe")
@@ -176,10 +184,10 @@ def main() -> None:
     subscriber.add_argument("--seconds", type=float, required=True)
     subscriber.add_argument("--warmup", type=float, required=True)
     args = parser.parse_args()
-    if args.kind != "ours":
+    if args.kind not in ("ours", "plain"):
         rclpy.init()
     if args.end == "publish":
-        {"rclpy": publish_rclpy, "ours": publish_ours}[args.kind](args.size, args.rate)
+        PUBLISHERS[args.kind](args.size, args.rate)
     else:
         ages = Ages()
         end = SUBSCRIBERS[args.kind](args.topic, ages)

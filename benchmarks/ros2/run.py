@@ -90,7 +90,7 @@ def transport(bench: Bench) -> None:
         measured = bench.rounds_of(
             {
                 f"{sender} to {taker}": (taker, "/image_raw", [_sender(sender, size, rate)])
-                for sender in ("rclpy", "ours")
+                for sender in ("rclpy", "ours", "plain")
                 for taker in ("rclpy", "ours")
             }
         )
