@@ -14,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.simulation import WORLDS, HuskyParams, Simulation
 from ros_visualise.simulation.attitude import from_yaw, rows
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.sensors.lidar import Lidar
+from ros_visualise.simulation.settings import HuskyParams
+from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 LAYOUTS = ((16, 900), (64, 1024))
 SCANS = 40
@@ -54,7 +56,7 @@ def mujocos(simulation: Simulation, lidar: Lidar) -> Callable[[np.ndarray, np.nd
 
 def main() -> None:
     print("| world | rays | ours, ms | mj_multiRay, ms | ratio |\n|---|---|---|---|---|")
-    for world in WORLDS:
+    for world in WORLDS.builtin:
         simulation = Simulation("husky", world, settings=replace(HuskyParams(), camera=False))
         for rings, columns in LAYOUTS:
             params = replace(HuskyParams(), lidar_rings=rings, lidar_columns=columns)

@@ -18,8 +18,10 @@ from itertools import pairwise
 from typing import Any
 
 from ros_visualise.errors import OpenError
-from ros_visualise.simulation import PARAMS, WORLDS, RobotParams, Simulation
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.simulator import PARAMS, Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 WARM_UP_S = 2
 
@@ -83,7 +85,7 @@ def main() -> None:
     args = parser.parse_args()
     print("| robot | world | sensors | by the wall | by CPU | dearest |\n|---|---|---|---|---|---|")
     for robot in PARAMS:
-        for world in WORLDS:
+        for world in WORLDS.builtin:
             for title, chosen in settings(robot).items():
                 if args.images or not chosen.camera:
                     print_row(robot, world, title, chosen, args.seconds)

@@ -69,6 +69,7 @@ def test_the_sample_is_listed(sample):
         ("nodes", "vignette", "ros_visualise_example", ""),
         ("formats", "tum", "ros_visualise_example", ""),
         ("drawings", "compass", "ros_visualise_example", ""),
+        ("worlds", "hall", "ros_visualise_example", ""),
         ("commands", "gaps", "ros_visualise_example", ""),
     ]
     assert (done.returncode, done.stderr) == (0, "")
@@ -133,6 +134,27 @@ def test_its_drawing_draws(sample):
     assert done.stdout == "Compass\n", done.stderr
 
 
+def test_robots_are_simulated_in_its_world_with_its_tags(sample):
+    def in_hall(robot, *more):
+        options = ("--duration", "1", "--rate", "0", "--view", "none", "--json")
+        done = sample.run("sim", robot, "--world", "hall", *options, *more)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)["topics"]
+
+    small = ("--size", "320x240", "--set", "quadrotor.lidar=false")
+    assert in_hall("quadrotor", *small)["/ground_truth/odom"]["messages"] > 40
+    mapped = sample.run(
+        *("landmarks", "husky", "--world", "hall", "--duration", "1", "--json"),
+        *("--model", "none"),
+    )
+    assert mapped.returncode == 0, mapped.stderr
+    (tag,) = json.loads(mapped.stdout)["landmarks"]
+    assert tag["name"] == "tag36h11_7"
+    assert tag["pose"]["position"] == pytest.approx([7.8, 0, 0.8], abs=0.3)
+    there = "no world 'cave'; choose from plane, playpen, field, hall"
+    assert there in sample.run("landmarks", "husky", "--world", "cave").stderr
+
+
 BROKEN = """[ros_visualise.nodes]
 absent = no_such_module
 leaving = leaving_module
@@ -140,6 +162,9 @@ plain = plain_module:NODE
 filters = plain_module
 [ros_visualise.formats]
 bad = plain_module
+[ros_visualise.worlds]
+flat = plain_module
+field = plain_module
 [ros_visualise.nods]
 typo = plain_module
 """
@@ -155,9 +180,11 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "plain": "declares no node 'plain'; decorate a function with @node('plain', ...)",
         "filters": "filters is a name of ros_visualise itself",
         "bad": "holds no Format; give one, or a module with FORMAT",
+        "flat": "holds no World; give one, or a module with WORLD",
+        "field": "field is a name of ros_visualise itself",
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
         " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
-        " ros_visualise.commands",
+        " ros_visualise.worlds, ros_visualise.commands",
     }
     assert done.returncode == 1
     film = write_video(tmp_path / "film.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)
@@ -167,6 +194,9 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
     asked = packages.run("video", film, "--view", "none", "--node", "absent")
     assert asked.returncode == 2
     assert "node 'absent' of broken cannot be loaded: ModuleNotFoundError" in asked.stderr
+    asked = packages.run("sim", "husky", "--world", "flat", "--view", "none", "--duration", "1")
+    assert asked.returncode == 2
+    assert "world 'flat' of broken cannot be loaded: holds no World" in asked.stderr
 
 
 def test_a_name_belongs_to_one_package(packages):

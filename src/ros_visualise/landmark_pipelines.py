@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -12,6 +11,7 @@ from ros_visualise.data import Imu, Message, NavSatFix, Odometry, Transforms
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import SOURCE_TOPICS, Graph, Node, place
 from ros_visualise.nodes import find_node
+from ros_visualise.simulation.worlds import WORLDS
 
 TAGS, OBJECTS, RECORDED_TAGS = "tag_detector", "landmark_detector", "tag_poses"
 LOCALIZER, NAVIGATOR = "landmark_localizer", "landmark_navigator"
@@ -28,8 +28,6 @@ _OBJECTS = {
     "vision_info": "/vision_info",
 }
 """Its outputs beside a detector of tags."""
-
-_WORLDS = Path(__file__).parent / "simulation" / "worlds"  # to import that takes a second
 
 Settings = Mapping[str, Mapping[str, Any]]
 
@@ -77,9 +75,12 @@ def with_landmarks(
 
 
 def tags_of_world(name: str) -> str:
-    """The file with the sizes of a simulated world's tags; empty where it has none."""
-    path = _WORLDS / f"{name}_tags.yaml"
-    return str(path) if path.is_file() else ""
+    """The file with the sizes of a simulated world's tags.
+
+    Raises:
+        UsageError: there is no such world.
+    """
+    return str(WORLDS.find(name).tags)
 
 
 def has_frames(graph: Graph) -> bool:

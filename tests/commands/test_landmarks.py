@@ -14,7 +14,7 @@ import pytest
 
 from ros_visualise.cli import main
 from ros_visualise.landmarks.tags import draw_cells, family
-from ros_visualise.simulation.worlds import build_world
+from ros_visualise.simulation.model import build_world
 from ros_visualise.yaml_files import load_yaml
 
 CALIBRATION = """\

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Twist
-from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.simulator import Simulation
 
 BLIND_HUSKY = replace(HuskyParams(), camera=False, lidar=False)
 BLIND_QUADROTOR = replace(QuadrotorParams(), camera=False)

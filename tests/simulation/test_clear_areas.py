@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_HUSKY, collect
 
-from ros_visualise.simulation import SHAPES, WORLDS, Mission, Simulation, read_mission
-from ros_visualise.simulation.model import compile_model
+from ros_visualise.simulation.missions import SHAPES, Mission, read_mission
+from ros_visualise.simulation.model import build_world, compile_model
 from ros_visualise.simulation.route import Route
-from ros_visualise.simulation.worlds import build_world
-from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
+from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 HALF_WIDTH_M, MARGIN_M = 0.335, 0.3
 SOLID = 2
@@ -42,13 +42,13 @@ def way_of(mission: Mission, start_xy: tuple[float, float]) -> np.ndarray:
     return np.array([*ways[0], *ways[1]])
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("world", WORLDS.builtin)
 def test_every_shape_is_clear_of_what_stands_in_the_world(world: str):
-    boxes, starts = footprints(world), build_world(world, False).starts
+    boxes, built = footprints(world), build_world(world, False)
     assert (len(boxes) > 0) == (world != "plane")
     for shape in SHAPES:
-        center, size = CLEAR_AREAS[world][shape]
-        for x, y, _ in starts.values():
+        center, size = WORLDS.find(world).clear_area(shape)
+        for x, y, _ in map(built.start, ("husky", "quadrotor")):
             way = way_of(Mission(shape, size, center), (x, y))
             assert clearance(way, boxes) > HALF_WIDTH_M + MARGIN_M, (world, shape)
 
@@ -61,12 +61,13 @@ def test_a_shape_where_something_stands_is_seen():
 def test_a_file_without_a_place_has_the_room_of_its_shape(tmp_path):
     path = tmp_path / "mission.yaml"
     path.write_text("shape: lawn_mower\nsize: 3\n")
-    mission = read_mission(path, CLEAR_AREAS["field"])
-    assert (mission.center, mission.size) == (CLEAR_AREAS["field"]["lawn_mower"].center, (3, 3))
+    field = WORLDS.find("field")
+    mission = read_mission(path, field)
+    assert (mission.center, mission.size) == (field.clear_area("lawn_mower").center, (3, 3))
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("world", [world for world in WORLDS if world != "plane"])
+@pytest.mark.parametrize("world", [world for world in WORLDS.builtin if world != "plane"])
 def test_the_rover_begins_every_shape_without_bumping_into_anything(world: str, shape: str):
     simulation = Simulation("husky", world, mission=shape, settings=BLIND_HUSKY)
     place = np.array([m.position_xyz[:2] for m in collect(simulation, 16.0)["truth"]])

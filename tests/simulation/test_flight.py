@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from ros_visualise.simulation import Simulation
 from ros_visualise.simulation.attitude import rows, yaw_of
 from ros_visualise.simulation.flight import _attitude
 from ros_visualise.simulation.robots.quadrotor import Quadrotor
+from ros_visualise.simulation.simulator import Simulation
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5, 3.1])

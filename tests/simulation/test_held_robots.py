@@ -10,7 +10,8 @@ from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
 from ros_visualise.data import PoseStamped
 from ros_visualise.errors import UsageError
-from ros_visualise.simulation import Mission, Simulation
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.simulator import Simulation
 
 LASTING = replace(BLIND_QUADROTOR, command_timeout=30.0)
 

@@ -1,6 +1,7 @@
 """The landing pad: how it moves, what it shows, and what stands on it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from simulated_runs import BLIND_QUADROTOR, collect
 from ros_visualise.errors import OpenError
 from ros_visualise.landmark_pipelines import tags_of_world
 from ros_visualise.landmarks.tags.known import read_known_tags
-from ros_visualise.simulation import WORLDS, Simulation
+from ros_visualise.simulation import worlds
+from ros_visualise.simulation.deck import PAD_TAGS
 from ros_visualise.simulation.settings import PadMotion
-from ros_visualise.simulation.worlds.pad import PAD_TAGS
+from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 
 def with_pad(motion: PadMotion, **settings):
@@ -38,9 +41,11 @@ def test_on_a_circle_it_goes_around():
     assert np.allclose(np.linalg.norm(np.diff(ways, axis=0), axis=1) / 0.02, 1.0, atol=1e-3)
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("world", WORLDS.builtin)
 def test_the_file_of_each_world_knows_the_tags_of_the_pad(world):
-    (bundle,) = read_known_tags(tags_of_world(world)).bundles
+    tags = Path(tags_of_world(world))
+    assert tags == Path(worlds.__file__).with_name(f"{world}_tags.yaml"), "as launch files name it"
+    (bundle,) = read_known_tags(str(tags)).bundles
     assert bundle.name == "pad"
     for tag_id, size, place in PAD_TAGS:
         corners = bundle.corners_xyz[tag_id]

@@ -13,8 +13,9 @@ from simulated_runs import collect
 
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
-from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
 from ros_visualise.simulation.rendering import choose_backend
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.simulator import Simulation
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,10 @@ import pytest
 from simulated_runs import collect, twist
 
 from ros_visualise.data import Odometry
-from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
 from ros_visualise.simulation.attitude import from_rotation_vector, from_yaw, multiply, rows
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.simulator import Simulation
 
 SEEDS = 60
 PERIOD_S = 0.1

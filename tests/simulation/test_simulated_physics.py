@@ -9,7 +9,10 @@ from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
 from ros_visualise.data import Header, PoseStamped
 from ros_visualise.errors import UsageError
-from ros_visualise.simulation import WORLDS, Mission, RobotParams, Simulation
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.simulator import Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 
 def test_a_quadrotor_without_thrust_falls_freely():
@@ -182,7 +185,7 @@ def test_the_rover_does_not_slow_down_in_the_curves_of_an_eight():
     assert min(speeds) > 0.5
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("world", WORLDS.builtin)
 @pytest.mark.parametrize(
     ("robot", "blind"), [("husky", BLIND_HUSKY), ("quadrotor", BLIND_QUADROTOR)]
 )
@@ -192,7 +195,7 @@ def test_a_robot_is_at_rest_from_the_first_measurement(robot: str, blind: RobotP
     found = collect(simulation, 0.3)
     forces = np.array([m.linear_xyz for m in found["imu"]])
     assert forces == pytest.approx(np.tile([0, 0, 9.81], (len(forces), 1)), abs=0.01)
-    x, y, yaw = simulation.world.starts[robot]
+    x, y, yaw = simulation.world.start(robot)
     first = found["truth"][0]
     assert first.position_xyz[:2] == pytest.approx([x, y], abs=1e-6)
     assert first.quat_xyzw == pytest.approx([0, 0, math.sin(yaw / 2), math.cos(yaw / 2)], abs=1e-6)

@@ -9,7 +9,9 @@ from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect
 
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.params import specs, update
-from ros_visualise.simulation import PARAMS, WORLDS, HuskyParams, QuadrotorParams, Simulation
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.simulator import PARAMS, Simulation
+from ros_visualise.simulation.worlds import WORLDS
 
 SETTINGS = {"husky": replace(HuskyParams(), camera=False), "quadrotor": BLIND_QUADROTOR}
 
@@ -136,7 +138,7 @@ def test_odometry_starts_at_zero_and_stays_near_the_truth_for_a_while():
     assert 1e-4 < error < 1.0
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("world", WORLDS.builtin)
 def test_default_missions_go_on_in_every_world(world: str):
     for robot in PARAMS:
         settings = {"husky": BLIND_HUSKY, "quadrotor": BLIND_QUADROTOR}[robot]
@@ -148,7 +150,7 @@ def test_default_missions_go_on_in_every_world(world: str):
 def test_wrong_names_are_told_with_the_right_ones():
     with pytest.raises(OpenError, match="husky, quadrotor"):
         Simulation("rover")
-    with pytest.raises(OpenError, match="plane, playpen, field"):
+    with pytest.raises(UsageError, match="choose from plane, playpen, field"):
         Simulation("husky", "moon", settings=BLIND_HUSKY)
     simulation = Simulation("quadrotor", "plane", settings=BLIND_QUADROTOR)
     assert simulation.actions == ("take_off", "land", "stop", "start_mission")

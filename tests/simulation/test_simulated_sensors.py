@@ -8,12 +8,13 @@ import pytest
 from simulated_runs import BLIND_HUSKY, collect
 
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.simulation import HuskyParams, QuadrotorParams, Simulation
 from ros_visualise.simulation.sensors.barometer import Barometer, pressure_at
 from ros_visualise.simulation.sensors.gps import GpsSensor
 from ros_visualise.simulation.sensors.imu import ImuSensor
 from ros_visualise.simulation.sensors.magnetometer import Magnetometer
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
+from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.simulator import Simulation
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 AT_REST = np.array([0, 0, 0, 0, 0, 9.81])

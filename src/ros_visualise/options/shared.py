@@ -11,6 +11,7 @@ from typing import Any
 from ros_visualise.errors import UsageError
 from ros_visualise.limits import DEFAULT_MEMORY, MAX_TAG_M, parse_memory
 from ros_visualise.rate import MAX_RATE
+from ros_visualise.simulation.worlds import OURS
 
 _MAX_S = 1e9  # thirty years; with more, stamps are beyond what ROS holds
 
@@ -68,7 +69,11 @@ MISSION = "what the robot is to do: square, figure_of_eight, lawn_mower, default
 
 def add_world_options(parser: Any) -> None:
     """Where a simulated robot is."""
-    parser.add_argument("--world", default="field", help="plane, playpen or field (default: field)")
+    parser.add_argument(
+        "--world",
+        default="field",
+        help=f"{OURS}, or one of another package (default: %(default)s)",
+    )
     parser.add_argument(
         "--seed", type=_seed, default=0, help="seed of all random errors (default: 0)"
     )

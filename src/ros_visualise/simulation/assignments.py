@@ -7,9 +7,9 @@ from pathlib import Path
 
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.missions import SHAPES, Mission, follow_path, read_mission
+from ros_visualise.simulation.model import build_world
 from ros_visualise.simulation.settings import QuadrotorParams, RobotParams
-from ros_visualise.simulation.worlds import build_world
-from ros_visualise.simulation.worlds.clear_areas import CLEAR_AREAS
+from ros_visualise.simulation.worlds import WORLDS
 
 
 def find_mission(mission: Mission | str | Path | None, robot: str, world: str) -> Mission | None:
@@ -17,16 +17,17 @@ def find_mission(mission: Mission | str | Path | None, robot: str, world: str) -
 
     Raises:
         OpenError: there is no such mission.
+        UsageError: there is no such world.
     """
     if mission is None or isinstance(mission, Mission):
         return mission
     if mission == "default":
         return _default_mission(robot, world)
-    clear_areas = CLEAR_AREAS[world]
+    declared = WORLDS.find(world)
     if mission in SHAPES:
-        center, size = clear_areas[str(mission)]
+        center, size = declared.clear_area(str(mission))
         return Mission(str(mission), size, center, laps=0)
-    return read_mission(mission, clear_areas)
+    return read_mission(mission, declared)
 
 
 def with_pad(settings: RobotParams, mission: Mission | None) -> RobotParams:

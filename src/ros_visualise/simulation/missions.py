@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import reprlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from ros_visualise.errors import OpenError
 from ros_visualise.near import near
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
-from ros_visualise.simulation.worlds.clear_areas import ClearArea
+from ros_visualise.simulation.worlds import World
 from ros_visualise.yaml_files import BadYaml, load_yaml
 
 PAD = "pad"
@@ -132,11 +132,11 @@ def _eight(width: float, depth: float) -> list[tuple[float, float]]:
     return [(width / 2 * math.sin(t), depth / 2 * math.sin(2 * t)) for t in turns]
 
 
-def read_mission(path: str | Path, clear_areas: Mapping[str, ClearArea] | None = None) -> Mission:
+def read_mission(path: str | Path, world: World | None = None) -> Mission:
     """The mission in a YAML file, whose keys are the fields of `Mission`.
 
     Args:
-        clear_areas: shape -> its centre and size where the file leaves them out.
+        world: gives a shape its centre and size if the file does not.
 
     Raises:
         OpenError: there is no such file, or it holds no mission.
@@ -150,8 +150,9 @@ def read_mission(path: str | Path, clear_areas: Mapping[str, ClearArea] | None =
             raise OpenError(f"{path}: no key {name!r}: choose of {', '.join(known)}")
     try:
         said = {name: _read(name, value) for name, value in content.items()}
-        clear = (clear_areas or {}).get(said.get("shape", ""))
-        return Mission(**((clear._asdict() if clear else {}) | said))
+        shape = said.get("shape")
+        clear = world.clear_area(shape)._asdict() if world and shape else {}
+        return Mission(**(clear | said))
     except OpenError as error:
         raise OpenError(f"{path}: {error}") from None
 

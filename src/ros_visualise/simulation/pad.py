@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 from ros_visualise.simulation.attitude import Quat, Vector
+from ros_visualise.simulation.deck import PAD, stands_on_start
 from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
-from ros_visualise.simulation.worlds.pad import PAD, stands_on_start
 
 _CLEAR_S, _OFTEN_S = 2.0, 0.1  # until the robot has taken off
 _ACCELERATION = 0.5  # m/s^2, where its line begins and ends

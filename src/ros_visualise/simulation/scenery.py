@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, Marker, MarkerArray, MarkerType
+from ros_visualise.simulation.deck import PAD
 from ros_visualise.simulation.frames import DECK, MAP
 from ros_visualise.simulation.textures import BOARD_CELLS
-from ros_visualise.simulation.worlds.pad import PAD
 
 _PLANE, _SPHERE, _ELLIPSOID, _CYLINDER, _BOX = 0, 2, 4, 5, 6  # mjtGeom
 _SOLIDS = {

@@ -14,6 +14,7 @@ from typing import Any
 
 from ros_visualise.params import param
 from ros_visualise.simulation.missions import SHAPES
+from ros_visualise.simulation.worlds import OURS
 
 
 def setting(default: Any, help: str, **limits: Any) -> Any:
@@ -233,7 +234,7 @@ class QuadrotorParams(RobotParams):
 class ScenarioParams:
     """The world, the mission and the seed of a simulation."""
 
-    world: str = setting("field", "the world to be in: plane, playpen or field")
+    world: str = setting("field", f"the world to be in: {OURS}, or another package's")
     mission: str = setting(
         "none",
         "square, figure_of_eight, lawn_mower, default (the robot's own), a YAML file, or none",

@@ -17,7 +17,13 @@ from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
 from ros_visualise.simulation.description import describe
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.model import compile_model, standing_height
+from ros_visualise.simulation.model import (
+    BuiltWorld,
+    Pose2,
+    build_world,
+    compile_model,
+    standing_height,
+)
 from ros_visualise.simulation.pad import Pad, meets_start
 from ros_visualise.simulation.robots import husky, quadrotor
 from ros_visualise.simulation.robots.base import Robot
@@ -26,7 +32,7 @@ from ros_visualise.simulation.schedule import Output, Schedule
 from ros_visualise.simulation.sensors.suite import SensorSuite
 from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
 from ros_visualise.simulation.wind import Wind
-from ros_visualise.simulation.worlds import World, build_world, check_world
+from ros_visualise.simulation.worlds import WORLDS
 
 PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
 """Robot -> its settings."""
@@ -52,8 +58,8 @@ class Simulation:
         wants: whether anybody wants that output; asked before each message that is costly.
 
     Raises:
-        OpenError: no such robot, world or mission, a pad where the robot stands, or MuJoCo is not
-            there.
+        UsageError: no such world.
+        OpenError: no such robot or mission, a pad where the robot stands, or MuJoCo is missing.
     """
 
     def __init__(
@@ -67,10 +73,13 @@ class Simulation:
     ) -> None:
         if robot not in PARAMS:
             raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
-        self._name, self._world_name = robot, check_world(world)
+        WORLDS.find(world)
+        self._name, self._world_name = robot, world
         self._mission = find_mission(mission, robot, world)
         self.settings = with_pad(settings or PARAMS[robot](), self._mission)
-        self.world: World = build_world(world, self.settings.camera, *_pad_of(self.settings))
+        start = build_world(world, pictures=False).start(robot)
+        pad = _pad_of(self.settings, start)
+        self.world: BuiltWorld = build_world(world, self.settings.camera, *pad)
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
         self._moves = self._surround(seed)
@@ -244,7 +253,7 @@ class Simulation:
     def _set_down(self) -> tuple[Vector, Quat]:
         """Put the robot at its start and let it come to rest there, its motors off."""
         mujoco = load_mujoco()
-        x, y, yaw = self.world.starts[self._name]
+        x, y, yaw = self.world.start(self._name)
         position, attitude = (x, y, standing_height(self._model)), from_yaw(yaw)
         self._data.qpos[:7] = (*position, *attitude)
         mujoco.mj_step(self._model, self._data, round(_SETTLING_S / self._model.opt.timestep))
@@ -272,16 +281,17 @@ class Simulation:
         raise TypeError(f"{type(settings).__name__} are no settings of a {self._name}")
 
 
-def _pad_of(settings: RobotParams) -> tuple[tuple[float, float, float] | None, bool]:
-    """Where the pad is at first, from the start, metres and radians, and whether it has tags."""
+def _pad_of(settings: RobotParams, start: Pose2) -> tuple[Pose2 | None, bool]:
+    """Where the pad is at first, and whether it has tags."""
     if not (isinstance(settings, QuadrotorParams) and settings.pad):
         return None, True
-    place = settings.pad_x, settings.pad_y, math.radians(settings.pad_heading)
     if meets_start(settings):
         raise OpenError(
             "the pad is, or comes at once, where the robot starts: choose another pad_x or pad_y"
         )
-    return place, settings.pad_tags
+    x, y, _ = start
+    yaw = math.radians(settings.pad_heading)
+    return (x + settings.pad_x, y + settings.pad_y, yaw), settings.pad_tags
 
 
 def _check_finite(what: str, *arrays: Floats) -> None:

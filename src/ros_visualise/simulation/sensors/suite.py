@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Transforms
+from ros_visualise.simulation.deck import PAD
 from ros_visualise.simulation.frames import CameraMount, body_frame, deck_frame
 from ros_visualise.simulation.pad import Pad
 from ros_visualise.simulation.robots.base import Robot
@@ -20,7 +21,6 @@ from ros_visualise.simulation.sensors.lidar import Lidar
 from ros_visualise.simulation.sensors.magnetometer import Magnetometer
 from ros_visualise.simulation.sensors.truth import tell_truth
 from ros_visualise.simulation.settings import QuadrotorParams, RobotParams
-from ros_visualise.simulation.worlds.pad import PAD
 
 Measured = Iterator[tuple[str, Any]]
 

@@ -1,86 +1,64 @@
-"""Simulated worlds, written as MJCF by the program.
+"""Worlds that robots are simulated in: a module each, which builds one and says what is in it.
 
-The frame is ``map``: x east, y north, z up; the ground is the plane z = 0.
+The frame is ``map``: x east, y north, z up; the ground is the plane z = 0. Another package brings a
+world by an entry point of the group ``ros_visualise.worlds``; see `ros_visualise.registry`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ros_visualise.errors import OpenError
-from ros_visualise.near import near
-from ros_visualise.simulation.landmarks import Landmark
-from ros_visualise.simulation.worlds.field import build_field
-from ros_visualise.simulation.worlds.mjcf import WorldBuilder
-from ros_visualise.simulation.worlds.pad import add_pad
-from ros_visualise.simulation.worlds.plane import build_plane
-from ros_visualise.simulation.worlds.playpen import build_playpen
+from ros_visualise.errors import UsageError
+from ros_visualise.registry import Registry
 
-Pose2 = tuple[float, float, float]
-"""x and y in metres, yaw in radians."""
+if TYPE_CHECKING:
+    from ros_visualise.simulation.mjcf import WorldBuilder
+
+Pair = tuple[float, float]
+
+
+class ClearArea(NamedTuple):
+    """``center`` and ``size`` along x and y, metres in ``map``."""
+
+    center: Pair
+    size: Pair
+
+
+_OPEN = ClearArea((0.0, 0.0), (8.0, 8.0))
+_TAGS_OF_PAD = Path(__file__).parent / "plane_tags.yaml"  # which has no others
 
 
 @dataclass(frozen=True)
 class World:
-    """One world; ``starts`` has the start of each robot, ``path_xy`` is a closed path.
+    """A world, before it is built.
 
-    ``landmarks`` are those that never move, so a landing pad is none.
+    Attributes:
+        build: adds a ground, what stands on it, and where robots start.
+        tags: file with the sizes of its tags and those of a landing pad, as apriltag_ros has them.
+        clear_areas: shape of a mission -> where it fits without touching an obstacle, also on the
+            straight line there from where robots start; without, 8 x 8 m around the origin.
     """
 
-    name: str
-    mjcf: str
-    assets: dict[str, bytes]
-    landmarks: tuple[Landmark, ...]
-    starts: dict[str, Pose2]
-    path_xy: tuple[tuple[float, float], ...]
+    build: Callable[[WorldBuilder], None]
+    tags: Path = _TAGS_OF_PAD
+    clear_areas: Mapping[str, ClearArea] = field(default_factory=dict)
 
-    def landmark(self, name: str) -> Landmark | None:
-        """The landmark of that name, or None."""
-        return next((each for each in self.landmarks if each.name == name), None)
+    def clear_area(self, shape: str) -> ClearArea:
+        """Where a mission's shape fits."""
+        return self.clear_areas.get(shape, _OPEN)
 
 
-_BUILDERS = {"plane": build_plane, "playpen": build_playpen, "field": build_field}
-WORLDS = tuple(_BUILDERS)
+def _read(held: Any, name: str) -> World:
+    found = getattr(held, "WORLD", held)
+    if not isinstance(found, World):
+        raise UsageError("holds no World; give one, or a module with WORLD")
+    return found
 
 
-def check_world(name: str) -> str:
-    """The name of a world, as it is.
+WORLDS = Registry("worlds", __name__, _read, first=("plane", "playpen", "field"))
 
-    Raises:
-        OpenError: there is no such world.
-    """
-    if name not in _BUILDERS:
-        raise OpenError(f"no world {name!r}{near(name, WORLDS)}")
-    return name
-
-
-@cache
-def build_world(
-    name: str, pictures: bool = True, pad: Pose2 | None = None, pad_tags: bool = True
-) -> World:
-    """The world of that name; without pictures it is gray, and ready much sooner.
-
-    Args:
-        name: one of `WORLDS`.
-        pictures: draw the textures.
-        pad: where a landing pad is at first, from the quadrotor's start; None: there is none.
-        pad_tags: it has tags.
-
-    Raises:
-        OpenError: there is no such world.
-    """
-    check_world(name)
-    scene = WorldBuilder(pictures)
-    _BUILDERS[name](scene)
-    if pad is not None:
-        x, y, _ = scene.starts["quadrotor"]
-        add_pad(scene, (x + pad[0], y + pad[1], pad[2]), pad_tags)
-    return World(
-        name,
-        scene.mjcf(),
-        scene.assets,
-        tuple(scene.landmarks),
-        dict(scene.starts),
-        tuple(scene.path_xy),
-    )
+OURS = f"{', '.join(WORLDS.builtin[:-1])} or {WORLDS.builtin[-1]}"
+"""The worlds of this package, for a help text."""

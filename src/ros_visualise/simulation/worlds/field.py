@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
 from ros_visualise.simulation.landmarks import Landmark, facing, lying
+from ros_visualise.simulation.missions import SHAPES
+from ros_visualise.simulation.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
 from ros_visualise.simulation.sky import FACES, draw_sky
 from ros_visualise.simulation.textures import (
     SUN_DEGREES,
@@ -17,7 +20,7 @@ from ros_visualise.simulation.textures import (
     draw_leaves,
     draw_wood,
 )
-from ros_visualise.simulation.worlds.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
+from ros_visualise.simulation.worlds import ClearArea, World
 
 _SIDE_M = 48.0
 _PICTURE_PX = 2048
@@ -154,3 +157,10 @@ def _cast(x: float, y: float, middle: float, up: float, aside: float) -> Shadow:
     turn, away = math.radians(SUN_DEGREES), SUN_SLOPE * middle
     along = math.hypot(aside, SUN_SLOPE * up)
     return x + away * math.cos(turn), y + away * math.sin(turn), along, aside
+
+
+WORLD = World(
+    build_field,
+    Path(__file__).with_name("field_tags.yaml"),
+    dict.fromkeys(SHAPES, ClearArea((-8.5, -2.25), (7.0, 5.5))),  # beside the helipad
+)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 from ros_visualise.simulation.landmarks import facing
+from ros_visualise.simulation.mjcf import WorldBuilder
 from ros_visualise.simulation.sky import FACES, draw_sky
 from ros_visualise.simulation.textures import draw_concrete, draw_wood
-from ros_visualise.simulation.worlds.mjcf import WorldBuilder
+from ros_visualise.simulation.worlds import ClearArea, World
 
 _HALF_M = 10.0
 _BARRIER_M = 2.5
@@ -41,7 +43,6 @@ def build_playpen(scene: WorldBuilder) -> None:
     for number, angle in enumerate((0.0, 0.5, 1.0, 1.5)):
         x, y = 9.3 * math.cos(angle * math.pi), 9.3 * math.sin(angle * math.pi)
         scene.add_board(number, (x, y, 0.6), facing((angle + 1) * math.pi), 0.6)
-    scene.starts |= {"husky": (0.0, 0.0, 0.0), "quadrotor": (0.0, 0.0, 0.0)}
     scene.path_xy += [(7 * math.cos(a), 2.2 * math.sin(2 * a)) for a in _EIGHT]
 
 
@@ -65,3 +66,14 @@ def _cone(scene: WorldBuilder, x: float, y: float) -> None:
         (0.42, 0.7, 0.05, orange),
     ):
         scene.add("cylinder", (radius, (top - bottom) / 2), (x, y, (top + bottom) / 2), look)
+
+
+WORLD = World(
+    build_playpen,
+    Path(__file__).with_name("playpen_tags.yaml"),
+    {
+        "square": ClearArea((0.0, 0.0), (13.0, 5.0)),  # around the cones
+        "figure_of_eight": ClearArea((0.0, 0.0), (14.0, 4.4)),
+        "lawn_mower": ClearArea((0.0, 0.0), (3.0, 5.6)),  # between the cones
+    },
+)

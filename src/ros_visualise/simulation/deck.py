@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from ros_visualise.simulation.mjcf import PRINT_THICKNESS, SHOWN, WorldBuilder
 from ros_visualise.simulation.textures import draw_helipad
-from ros_visualise.simulation.worlds.mjcf import PRINT_THICKNESS, SHOWN, WorldBuilder
 
 PAD = "pad"
 PAD_TOP_M = 0.3

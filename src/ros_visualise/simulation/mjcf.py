@@ -34,7 +34,7 @@ class WorldBuilder:
     Attributes:
         assets: file names in the MJCF -> pictures.
         landmarks: those added so far.
-        starts: robot -> where it starts.
+        starts: robot -> x and y in metres and yaw in radians, where it starts; else the origin.
         path_xy: a closed path through the world.
     """
 
