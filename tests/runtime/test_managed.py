@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -64,6 +65,13 @@ def managed(hub: Hub, **given: Any) -> Iterator[Managed]:
         yield wait_for(lambda: hub.managed.get("/pipeline"), "the node")
 
 
+def is_open(path: Path) -> bool:
+    """Whether this process holds a file open."""
+    return any(
+        os.path.realpath(link) == str(path.resolve()) for link in Path("/proc/self/fd").iterdir()
+    )
+
+
 @pytest.fixture
 def hub() -> Hub:
     return Hub()
@@ -121,7 +129,11 @@ def test_a_source_gives_nothing_while_it_is_not_active(hub: Hub, tmp_path: Path)
         came = len(peer.heard)
         node.activate()
         wait_for(lambda: len(peer.heard) > came, "more of them")
+        del parameters  # they hold on to their source
+        assert is_open(video)
+        node.deactivate()
         node.cleanup()
+        wait_for(lambda: not is_open(video), "the video to be closed")
 
 
 def test_what_cannot_be_configured_is_said_and_can_be_tried_again(hub: Hub, tmp_path: Path) -> None:

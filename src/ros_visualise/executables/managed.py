@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import threading
 from collections.abc import Callable, Mapping
@@ -57,6 +58,7 @@ class ManagedGraph:
         self._running = running
         self._open = ExitStack()
         self._run: Run | None = None
+        self._has_remains = False
         self._asked: SimpleQueue[tuple[Callable[[], None], Future[None]]] = SimpleQueue()
         self._asking = threading.Lock()
         self._is_closed = False
@@ -84,9 +86,12 @@ class ManagedGraph:
 
     def follow(self, timeout_s: float) -> None:
         """Do what was asked for, and what has to be done now and then."""
-        self._do_next(0 if self._run else timeout_s)
+        is_at_rest = not self._do_next(0 if self._run else timeout_s)
         if self._run is not None:
             self._run.spin(timeout_s)
+        elif is_at_rest and self._has_remains:  # its threads have ended meanwhile
+            gc.collect()  # files and decoders go with the last reference to them
+            self._has_remains = False
 
     def close(self) -> None:
         """Close the graph; what is asked for from now on is refused."""
@@ -137,3 +142,4 @@ class ManagedGraph:
         if run is not None:
             run.process.leave()
             self.failed |= run.process.failed
+            self._has_remains = True
