@@ -141,7 +141,7 @@ def test_a_node_makes_no_image_that_is_too_large():
     )
     assert status == 1
     assert said.count("an image of 16384x16384 takes 768 MiB") == 1
-    assert "filters: 3 of 3 left out by error" in said
+    assert "filters: 3 of 3 dropped (error)" in said
     assert "/image_raw: 3 messages" in said
     assert peak < 600 * MB
 

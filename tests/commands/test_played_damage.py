@@ -8,6 +8,7 @@ from played_bags import QUICK, image, images, write_bag
 
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.nodes.camera import CameraSource
 from ros_visualise.sinks import open_recorder
 
 
@@ -18,7 +19,7 @@ def no_pixels(stamp_ns):
 def test_an_image_without_pixels_is_damaged(run, tmp_path, caplog):
     bag = write_bag(tmp_path / "r.bag", zero=images(no_pixels))
     _, said = run("bag", bag, *QUICK)
-    assert "fps_control: 5 of 5 left out by damaged" in said
+    assert "fps_control: 5 of 5 dropped (damaged)" in said
     assert "/zero: sensor_msgs/msg/Image: an image of 0x0 pixels" in caplog.text
     assert "Traceback" not in caplog.text
 
@@ -40,7 +41,7 @@ def test_what_is_lost_of_a_recording_is_told_by_the_exit_status(run, tmp_path, c
 def test_what_a_node_leaves_out_as_it_is_asked_is_not_lost(run, tmp_path):
     bag = write_bag(tmp_path / "r.bag", a=images(count=40))
     status, said = run("bag", bag, *QUICK, "--set", "fps_control.fps=2")
-    assert (status, "left out by rate" in said) == (0, True)
+    assert (status, "dropped (rate)" in said) == (0, True)
 
 
 def mcap_with_json(path, names, ros=True):
@@ -93,3 +94,9 @@ def test_a_video_that_ends_early_is_said_once(run, tmp_path, caplog):
     assert "cut off" not in said
     (once,) = caplog.messages
     assert once.startswith("streamer: it ends at ")
+
+
+def test_what_a_camera_drops_is_not_of_what_it_gave(run, monkeypatch):
+    monkeypatch.setattr(CameraSource, "report", lambda _: {"dropped": {"source": 13}})
+    _, said = run("camera", "test", "--size", "64x48", "--frames", "2", *QUICK[:2])
+    assert "camera: 13 dropped (source)" in said

@@ -231,8 +231,9 @@ def _say_summary(report: RunReport) -> None:
         rates = f"{topic.hz or 0:g} Hz by the stamps, {topic.wall_hz or 0:g} per second"
         say(f"{name}: {counted(topic.messages, 'message')}, {rates}")
     for name, node in report.nodes.items():
+        of = f" of {node.received}" if node.received > node.processed else ""  # not of a source
         for reason, count in node.dropped.items():
-            say(f"{name}: {count} of {node.received} left out by {reason}")
+            say(f"{name}: {count}{of} dropped ({'queue full' if reason == 'queue' else reason})")
     for name, recording in report.recordings.items():
         dropped = f", {recording.dropped} dropped" if recording.dropped else ""
         dropped += f" ({recording.refused} refused)" if recording.refused else ""
