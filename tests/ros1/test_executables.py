@@ -127,6 +127,21 @@ def test_a_video_is_published_once_to_its_end(start, hear, video):
     assert not any(infos.messages[0].K)  # not calibrated
 
 
+def test_a_video_that_has_ended_does_not_start_paused_the_next_time(start, hear, video):
+    images, diagnostics = hear("image_raw", Image), hear("/diagnostics", DiagnosticArray)
+    begun = start("streamer", f"_path:={video}", "_stay:=true")
+
+    def ended() -> bool:
+        said = [one for array in diagnostics.messages for one in array.status]
+        return any(("ended", "True") in [(v.key, v.value) for v in one.values] for one in said)
+
+    wait_for(ended, "the end of the video")
+    end(begun)
+    before = rospy.Time.now()
+    start("streamer", f"_path:={video}", "_stay:=true")
+    wait_for(lambda: len(images.since(before)) > 1, "images of the second start")
+
+
 def test_a_calibration_goes_with_the_images_and_their_size(start, hear, video, tmp_path):
     file = tmp_path / "drone.yaml"
     file.write_text(CALIBRATION)

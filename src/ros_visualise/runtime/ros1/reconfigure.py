@@ -118,8 +118,11 @@ class ReconfigureServer:
             return config
 
     def _put(self, current: Any) -> None:
-        """Put what has changed on the parameter server."""
-        for spec in self._specs:
+        """Put what has changed on the parameter server, where the next start finds it.
+
+        But for what is played, and how: a recording that had ended would start paused.
+        """
+        for spec in (one for one in self._specs if one.saved):
             value = getattr(current, spec.name)
             if self._published is None or value != getattr(self._published, spec.name):
                 set_param(f"{self._namespace}/{spec.name}", plain(spec, value))
