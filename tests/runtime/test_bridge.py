@@ -155,15 +155,17 @@ def test_jpegs_are_as_good_as_asked(hub: Hub, peer: Peer) -> None:
         assert ended.value.code == 2
 
 
-def test_topics_of_unknown_types_are_listed(hub: Hub, peer: Peer) -> None:
-    for topic, kind in (("/chatter", "odd_msgs/msg/<Odd>"), ("/set", "dynamic_reconfigure/msg/C")):
+def test_topics_of_unsupported_types_are_listed(hub: Hub, peer: Peer) -> None:
+    unsupported = {"/odd": "odd_msgs/msg/<Odd>", "/chatter": "std_msgs/msg/String"}
+    for topic, kind in {**unsupported, "/set": "dynamic_reconfigure/msg/C"}.items():
         hub.topic(topic, kind).publishers.append("/talker")
     with closing(RemoteRuntime(peer.middleware)) as viewer:
         report = wait_for(viewer.report, "a report")
-        assert report.unknown == {"/chatter": "odd_msgs/msg/<Odd>"}
+        assert report.unknown == unsupported
         table = topic_table(viewer.graph, report)
-    assert "/chatter<small>odd_msgs/&lt;Odd&gt;</small>" in table
-    assert "unknown type" in table
+    assert "/odd<small>odd_msgs/&lt;Odd&gt;</small>" in table
+    assert "/chatter<small>std_msgs/String</small>" in table
+    assert table.count("unsupported type") == 2
 
 
 def test_actions_are_services_and_parameters_start_as_given(hub: Hub, peer: Peer) -> None:

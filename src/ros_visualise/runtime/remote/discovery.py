@@ -80,7 +80,7 @@ def survey(listing: Listing, own: str) -> Sight:
             peers.append(peer)
     told = {name: _TOLD[kind] for name, kind in kinds if kind in _TOLD and name != _TOLD_AGAIN}
     near = {topic for topic, node in published if _is_seen(node, own)}
-    unknown = {topic: kind for topic, kind in kinds if topic in near and _is_unknown(kind)}
+    unknown = {topic: kind for topic, kind in kinds if topic in near and _is_unsupported(kind)}
     return Sight(tuple(peers), shown, told, frozenset(compressed), unknown)
 
 
@@ -103,8 +103,8 @@ def _is_seen(node: str, own: str) -> bool:
     return node != own and (here.startswith(there) or there.startswith(here))
 
 
-def _is_unknown(kind: str) -> bool:
-    return data_class(kind) is None and not kind.startswith(_OF_THE_GRAPH)
+def _is_unsupported(kind: str) -> bool:
+    return data_class(kind) in (None, Text) and not kind.startswith(_OF_THE_GRAPH)
 
 
 def _base(topic: str, compressed: Collection[str]) -> str:

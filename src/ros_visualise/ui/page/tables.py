@@ -69,7 +69,7 @@ def _row(name: str, topic: TopicReport, node: NodeReport) -> str:
 
 
 def _unknown_row(name: str, kind: str) -> str:
-    return f'<tr>{_name(name, kind)}<td colspan="4">unknown type</td></tr>'
+    return f'<tr>{_name(name, kind)}<td colspan="4">unsupported type</td></tr>'
 
 
 def _name(topic: str, kind: str) -> str:
