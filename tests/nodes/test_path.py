@@ -202,10 +202,13 @@ def test_what_is_no_number_is_refused_and_counted(wrong):
     assert path.report()["length_m"] == 0
 
 
-def test_another_frame_begins_a_new_path():
-    paths, _ = run([odometry(1), odometry(2, time_s=1), odometry(3, time_s=2, frame="map")])
+def test_another_frame_begins_a_new_path_and_is_said_once(caplog):
+    frames = ["odom", "odom", "map", "odom", "map"]
+    paths, _ = run([odometry(i + 1, time_s=i, frame=one) for i, one in enumerate(frames)])
     assert paths[-1].header.frame_id == "map"
-    np.testing.assert_array_equal(paths[-1].positions_xyz, [[3, 2, 3]])
+    np.testing.assert_array_equal(paths[-1].positions_xyz, [[5, 2, 3]])
+    assert [line for line in caplog.messages if "frame changed from 'odom' to 'map'" in line]
+    assert len(caplog.messages) == 1
 
 
 def spiral(first, last, step_m):
@@ -417,13 +420,16 @@ def test_a_pose_that_comes_late_is_left_out_and_counted(runtime):
     assert runtime.report().nodes["path"].own["refused"] == 1
 
 
+@pytest.mark.parametrize("frame", ["odom", ""])
 @pytest.mark.parametrize("without", [0, 1, 2])
-def test_a_pose_without_a_timestamp_costs_itself_alone_and_is_reported(runtime, caplog, without):
+def test_a_pose_without_a_timestamp_costs_itself_alone_and_is_reported(
+    runtime, caplog, without, frame
+):
     subscription = runtime.subscribe("/path")
     for x in range(4):
         message = odometry(x, time_s=5 + x)
         if x == without:
-            message = replace(message, header=Header(0, "odom"))
+            message = replace(message, header=Header(0, frame))
         runtime.publish("/odom", message)
         path = subscription.take(0.3 if 0 < x == without else 5)
         assert (path is None) == (0 < x == without)

@@ -88,7 +88,7 @@ class PathNode:
         self._locator = Locator()
         self._pair = FramePair(params.tf_parent, params.tf_child)
         self._followed = ""
-        self._is_due = self._has_grown = False
+        self._is_due = self._has_grown = self._has_changed_frame = False
         self._arrival_ns = self._heard_ns = self._late = self._unstamped = 0
         self.reset()
 
@@ -193,9 +193,12 @@ class PathNode:
         self._add(header, pose, params)
 
     def _add(self, header: Header, pose: Floats, params: PathParams) -> None:
+        if not self._is_stamped_alike(header):
+            return
         if header.frame_id != self._header.frame_id:
-            self._begin()
-        if not self._is_in_time(header):
+            self._change_frame(header.frame_id)
+        if header.stamp_ns < self._header.stamp_ns:
+            self._late += 1
             return
         self._header = header
         self._heard_ns = self._clock.monotonic_ns()
@@ -207,17 +210,22 @@ class PathNode:
         if not params.rate or self._pacer.passes(time_ns, params.rate):
             self._is_due = True
 
-    def _is_in_time(self, header: Header) -> bool:
+    def _is_stamped_alike(self, header: Header) -> bool:
         """Whether a pose goes on the path, which is of poses with timestamps or of ones without."""
         has_stamp, had_stamp = bool(header.stamp_ns), bool(self._header.stamp_ns)
-        if len(self._track) and has_stamp != had_stamp:
-            if not self._unstamped:
-                what = "path: dropping poses without a timestamp (further occurrences suppressed)"
-                log.warning(what)
-            self._unstamped += len(self._track) if has_stamp else 1
-            if has_stamp:
-                self._begin()
-            return has_stamp
-        is_late = header.stamp_ns < self._header.stamp_ns
-        self._late += is_late
-        return not is_late
+        if not len(self._track) or has_stamp == had_stamp:
+            return True
+        if not self._unstamped:
+            log.warning("path: dropping poses without a timestamp (further occurrences suppressed)")
+        self._unstamped += len(self._track) if has_stamp else 1
+        if has_stamp:
+            self._begin()
+        return has_stamp
+
+    def _change_frame(self, frame_id: str) -> None:
+        """Begin a new path: the poses of the one before are in another frame."""
+        if len(self._track) and not self._has_changed_frame:
+            self._has_changed_frame = True
+            what = "path: frame changed from %r to %r: starting a new path"
+            log.warning(f"{what} (further occurrences suppressed)", self._header.frame_id, frame_id)
+        self._begin()
