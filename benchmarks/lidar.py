@@ -16,8 +16,8 @@ import numpy as np
 
 from ros_visualise.simulation.attitude import from_yaw, rows
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.sensors.lidar import Lidar
-from ros_visualise.simulation.settings import HuskyParams
 from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.worlds import WORLDS
 

@@ -19,8 +19,9 @@ from typing import Any
 
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.settings import RobotParams
-from ros_visualise.simulation.simulator import PARAMS, Simulation
+from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.worlds import WORLDS
 
 WARM_UP_S = 2
@@ -28,7 +29,7 @@ WARM_UP_S = 2
 
 def settings(robot: str) -> dict[str, RobotParams]:
     """What is measured, by its title."""
-    blind = replace(PARAMS[robot](), camera=False)
+    blind = replace(ROBOTS.find(robot).params(), camera=False)
     sets = {"all but images": blind, "and images": replace(blind, camera=True)}
     if not blind.lidar:
         sets["and the lidar, no images"] = replace(blind, lidar=True)
@@ -84,7 +85,7 @@ def main() -> None:
     parser.add_argument("--images", action=argparse.BooleanOptionalAction, default=True)
     args = parser.parse_args()
     print("| robot | world | sensors | by the wall | by CPU | dearest |\n|---|---|---|---|---|---|")
-    for robot in PARAMS:
+    for robot in ROBOTS.builtin:
         for world in WORLDS.builtin:
             for title, chosen in settings(robot).items():
                 if args.images or not chosen.camera:

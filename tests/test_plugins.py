@@ -155,6 +155,43 @@ def test_robots_are_simulated_in_its_world_with_its_tags(sample):
     assert there in sample.run("landmarks", "husky", "--world", "cave").stderr
 
 
+CART = """
+from dataclasses import replace
+from ros_visualise.declarations import source
+from ros_visualise.simulation.robots.husky import ROBOT as HUSKY
+from ros_visualise.simulation.robots.husky.settings import HuskyNodeParams
+from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, SimulatedRobot
+
+@source("cart", params=HuskyNodeParams, inputs=INPUTS, outputs=OUTPUTS, latched=HELD,
+        makes_time=True, velocity_axes=("linear.x",))
+class Cart(SimulatedRobot):
+    'A rover by another name.'
+    def __init__(self, params, playback):
+        super().__init__("cart", params, params, playback)
+
+ROBOT = replace(HUSKY, source=Cart)
+"""
+
+
+def test_a_robot_of_another_package_is_simulated(packages):
+    entries = "[ros_visualise.robots]\ncart = cart\nhusky = cart\nflat = cart:CART\n"
+    packages.add("carts", entries, cart=CART)
+    done = packages.run(
+        *("sim", "cart", "--world", "plane", "--mission", "default", "--duration", "2"),
+        *("--set", "cart.camera=false", "--rate", "0", "--view", "none", "--json"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["topics"]["/odom"]["messages"] > 90
+    assert "cart: A rover by another name." in packages.run("nodes").stdout
+    assert "choose from husky, quadrotor, cart, flat" in packages.run("sim", "x").stderr
+    failures = {
+        one["name"]: one["failure"] for one in json.loads(packages.run("plugins", "--json").stdout)
+    }
+    assert failures["cart"] == ""
+    assert failures["husky"] == "husky is a name of ros_visualise itself"
+    assert "has no attribute 'CART'" in failures["flat"]
+
+
 BROKEN = """[ros_visualise.nodes]
 absent = no_such_module
 leaving = leaving_module
@@ -184,7 +221,7 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "field": "field is a name of ros_visualise itself",
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
         " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
-        " ros_visualise.worlds, ros_visualise.commands",
+        " ros_visualise.robots, ros_visualise.worlds, ros_visualise.commands",
     }
     assert done.returncode == 1
     film = write_video(tmp_path / "film.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)

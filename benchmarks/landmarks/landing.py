@@ -33,9 +33,9 @@ from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParam
 from ros_visualise.nodes.landmark_detector import LandmarkDetector, LandmarkParams
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.pad import meets_start
+from ros_visualise.simulation.pad import PadMotion, meets_start
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.camera import calibrate
-from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 WORLD = "plane"

@@ -30,6 +30,7 @@ from ros_visualise.options.shared import (
 from ros_visualise.options.trajectory import add_trajectory
 from ros_visualise.printing import say, say_what_is_logged
 from ros_visualise.signals import interrupt
+from ros_visualise.simulation.robots import OURS, ROBOTS
 from ros_visualise.supervision import status_of
 
 _OPTION = re.compile("--[a-z][a-z-]*")
@@ -164,8 +165,7 @@ def _add_explain(commands: Any, playing: argparse.ArgumentParser) -> None:
         "input",
         metavar="FILE",
         nargs="?",
-        help="a picture, a film, a recording, husky or quadrotor (default: a sample that fits "
-        "the lesson)",
+        help=f"a picture, a film, a recording, {OURS} (default: a sample that fits the lesson)",
     )
     explain.add_argument(
         "--export",
@@ -182,13 +182,11 @@ def _add_robots(commands: Any, playing: argparse.ArgumentParser) -> tuple[Any, A
     demo.add_argument(
         "scene",
         nargs="?",
-        choices=("quadrotor", "husky", "landscape"),
+        choices=(*ROBOTS.builtin, "landscape"),
         help="a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
     )
-    sim = commands.add_parser(
-        "sim", parents=[playing], help="run a simulated robot: husky or quadrotor"
-    )
-    sim.add_argument("robot", metavar="ROBOT", help="husky or quadrotor")
+    sim = commands.add_parser("sim", parents=[playing], help=f"run a simulated robot: {OURS}")
+    sim.add_argument("robot", metavar="ROBOT", help=f"{OURS}, or one of another package")
     add_world_options(sim)
     sim.add_argument(
         "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: wait for commands)"

@@ -27,6 +27,7 @@ from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
 from ros_visualise.params import specs
 from ros_visualise.simulation.rendering import choose_backend
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
@@ -181,7 +182,8 @@ def simulation_pipeline(
     Raises:
         UsageError: there is no such robot; those that there are are listed.
     """
-    source = place_source(_find_robot(robot))
+    ROBOTS.find(robot)
+    source = place_source(find_source(robot))
     images = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
     path = place(find_node("path"), {"odom": source.outputs["odom"]})
     if size is not None:
@@ -208,7 +210,7 @@ def demo_pipeline(
     """
     if source is None:
         source = _demo_source()
-    if find_source(source).velocity_axes:
+    if source in ROBOTS.names():
         return simulation_pipeline(
             source, size, landmarks, navigate, mission="default", repeat=True
         )
@@ -225,19 +227,6 @@ def _demo_source() -> str:
         log.warning("showing a drawn landscape; the quadrotor needs more: %s", error)
         return "landscape"
     return "quadrotor"
-
-
-def robots() -> dict[str, SourceType]:
-    """The sources that simulate a robot, by name."""
-    sources = [one for one in find_all() if isinstance(one, SourceType)]
-    return {one.name: one for one in sources if one.velocity_axes}
-
-
-def _find_robot(name: str) -> SourceType:
-    there = robots()
-    if name not in there:
-        raise UsageError(f"no robot {name!r}{near(name, there)}")
-    return there[name]
 
 
 _PATH_INPUTS: dict[type, str] = {

@@ -60,12 +60,14 @@ class Registry(Generic[T]):
             from others.
         read: gives the thing of a name, from what a module or an entry point holds.
         first: names that come before all others, in this order.
+        more: a registry whose things are read for this one too.
     """
 
     kind: str
     folder: str
     read: Callable[[Any, str], T]
     first: Sequence[str] = ()
+    more: Registry[Any] | None = None
     _found: dict[str, T] = field(default_factory=dict)
     _reported: set[str] = field(default_factory=set)
 
@@ -115,18 +117,26 @@ class Registry(Generic[T]):
     @cached_property
     def builtin(self) -> list[str]:
         """Names of the things of this package."""
+        more = self.more.builtin if self.more else []
+        there = [*self._modules, *more]
+        return [*self.first, *(name for name in sorted(there) if name not in self.first)]
+
+    @cached_property
+    def _modules(self) -> list[str]:
         if not self.folder:
             return []
         path = importlib.import_module(self.folder).__path__
-        there = [one.name for one in pkgutil.iter_modules(path) if not one.name.startswith("_")]
-        return [*self.first, *(name for name in sorted(there) if name not in self.first)]
+        return [one.name for one in pkgutil.iter_modules(path) if not one.name.startswith("_")]
 
     @cached_property
     def _entry_points(self) -> dict[str, EntryPoint]:
         found = {entry.name: entry for entry in _entry_points(self.kind)}
+        found |= self.more._entry_points if self.more else {}
         return {name: found[name] for name in sorted(found) if name not in self.builtin}
 
     def _load(self, name: str) -> T:
+        if self.more and name in self.more.names():
+            return self.read(self.more.find(name), name)
         if name in self.builtin:
             return self.read(importlib.import_module(f"{self.folder}.{name}"), name)
         if name not in self._entry_points:

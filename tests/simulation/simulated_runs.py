@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.data import Twist
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 BLIND_HUSKY = replace(HuskyParams(), camera=False, lidar=False)

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from ros_visualise.simulation.attitude import rows, yaw_of
-from ros_visualise.simulation.flight import _attitude
-from ros_visualise.simulation.robots.quadrotor import Quadrotor
+from ros_visualise.simulation.robots.quadrotor.control import Quadrotor
+from ros_visualise.simulation.robots.quadrotor.flight import _attitude
 from ros_visualise.simulation.simulator import Simulation
 
 

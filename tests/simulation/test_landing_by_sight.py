@@ -15,8 +15,9 @@ from ros_visualise.landmark_pipelines import tags_of_world
 from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParams
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.robots.lander import Lander
-from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
+from ros_visualise.simulation.pad import PadMotion
+from ros_visualise.simulation.robots.quadrotor.lander import Lander
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 S = 1_000_000_000

@@ -12,7 +12,7 @@ from ros_visualise.landmark_pipelines import tags_of_world
 from ros_visualise.landmarks.tags.known import read_known_tags
 from ros_visualise.simulation import worlds
 from ros_visualise.simulation.deck import PAD_TAGS
-from ros_visualise.simulation.settings import PadMotion
+from ros_visualise.simulation.pad import PadMotion
 from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.worlds import WORLDS
 

@@ -14,7 +14,8 @@ from simulated_runs import collect
 from ros_visualise.data import Image
 from ros_visualise.errors import OpenError
 from ros_visualise.simulation.rendering import choose_backend
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 

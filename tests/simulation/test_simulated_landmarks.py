@@ -14,7 +14,7 @@ from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.pose import square_poses
 from ros_visualise.landmarks.tags import TagFinder, parse_families
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
-from ros_visualise.simulation.settings import QuadrotorParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 MOST = 16.81  # squared distances of 6 numbers: 99 of 100 are below

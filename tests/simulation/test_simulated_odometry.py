@@ -10,8 +10,9 @@ from simulated_runs import collect, twist
 
 from ros_visualise.data import Odometry
 from ros_visualise.simulation.attitude import from_rotation_vector, from_yaw, multiply, rows
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 SEEDS = 60

@@ -9,8 +9,10 @@ from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect
 
 from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.params import specs, update
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
-from ros_visualise.simulation.simulator import PARAMS, Simulation
+from ros_visualise.simulation.robots import ROBOTS
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
+from ros_visualise.simulation.simulator import Simulation
 from ros_visualise.simulation.worlds import WORLDS
 
 SETTINGS = {"husky": replace(HuskyParams(), camera=False), "quadrotor": BLIND_QUADROTOR}
@@ -34,7 +36,7 @@ def flat(messages: dict) -> dict[str, bytes]:
     }
 
 
-@pytest.mark.parametrize("robot", list(PARAMS))
+@pytest.mark.parametrize("robot", ROBOTS.builtin)
 def test_the_same_seed_gives_the_same_data_and_another_one_does_not(robot: str):
     def run(seed: int, **options):
         made = Simulation(robot, "playpen", seed, "default", SETTINGS[robot], **options)
@@ -48,7 +50,7 @@ def test_the_same_seed_gives_the_same_data_and_another_one_does_not(robot: str):
     assert fewer == {name: first[name] for name in fewer}
 
 
-@pytest.mark.parametrize("robot", list(PARAMS))
+@pytest.mark.parametrize("robot", ROBOTS.builtin)
 def test_messages_come_in_order_of_time_at_their_rates(robot: str):
     simulation = Simulation(robot, "plane", settings=SETTINGS[robot])
     stamps: dict[str, list[int]] = {}
@@ -88,7 +90,7 @@ def frame_tree(messages: dict) -> dict[str, str]:
     return {t.child_frame_id: t.header.frame_id for t in sent}
 
 
-@pytest.mark.parametrize("robot", list(PARAMS))
+@pytest.mark.parametrize("robot", ROBOTS.builtin)
 def test_every_message_is_in_a_frame_that_hangs_on_map(robot: str):
     messages = collect(Simulation(robot, "plane", settings=SETTINGS[robot]), 0.5)
     parents = frame_tree(messages)
@@ -140,7 +142,7 @@ def test_odometry_starts_at_zero_and_stays_near_the_truth_for_a_while():
 
 @pytest.mark.parametrize("world", WORLDS.builtin)
 def test_default_missions_go_on_in_every_world(world: str):
-    for robot in PARAMS:
+    for robot in ROBOTS.builtin:
         settings = {"husky": BLIND_HUSKY, "quadrotor": BLIND_QUADROTOR}[robot]
         messages = collect(Simulation(robot, world, 0, "default", settings), 12.0)
         place = np.array([m.position_xyz for m in messages["truth"]])
@@ -148,7 +150,7 @@ def test_default_missions_go_on_in_every_world(world: str):
 
 
 def test_wrong_names_are_told_with_the_right_ones():
-    with pytest.raises(OpenError, match="husky, quadrotor"):
+    with pytest.raises(UsageError, match="choose from husky, quadrotor"):
         Simulation("rover")
     with pytest.raises(UsageError, match="choose from plane, playpen, field"):
         Simulation("husky", "moon", settings=BLIND_HUSKY)
@@ -160,7 +162,7 @@ def test_wrong_names_are_told_with_the_right_ones():
         simulation.act("start_mission")
 
 
-@pytest.mark.parametrize("params", list(PARAMS.values()))
+@pytest.mark.parametrize("params", [ROBOTS.find(name).params for name in ROBOTS.builtin])
 def test_settings_are_declared_parameters(params: type):
     told = [spec for spec in specs(params) if spec.type is not bool]
     assert all(spec.help and (spec.range or spec.choices) for spec in told)

@@ -8,12 +8,13 @@ import pytest
 from simulated_runs import BLIND_HUSKY, collect
 
 from ros_visualise.geometry.geodesy import LocalPlane
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.barometer import Barometer, pressure_at
 from ros_visualise.simulation.sensors.gps import GpsSensor
 from ros_visualise.simulation.sensors.imu import ImuSensor
 from ros_visualise.simulation.sensors.magnetometer import Magnetometer
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry, WheelOdometry
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
 from ros_visualise.simulation.simulator import Simulation
 
 LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -133,16 +134,17 @@ def test_the_barometer_loses_twelve_pascal_a_metre_and_errs_as_declared():
     assert pressure_at(0.0) - pressure_at(1.0) == pytest.approx(12.01, abs=0.02)
     assert pressure_at(5000.0) == pytest.approx(54020, rel=1e-3)  # table of ISO 2533
     errors = [
-        Barometer(QUADROTOR, s).measure(0, 0.0).pressure - pressure_at(116) for s in range(1500)
+        Barometer(QUADROTOR, 116, s).measure(0, 0.0).pressure - pressure_at(116)
+        for s in range(1500)
     ]
     assert np.std(errors) == pytest.approx(math.hypot(1.5, 8.0), rel=0.06)
-    assert Barometer(QUADROTOR, 0).measure(0, 0.0).variance == pytest.approx(1.5**2 + 8.0**2)
+    assert Barometer(QUADROTOR, 116, 0).measure(0, 0.0).variance == pytest.approx(1.5**2 + 8.0**2)
 
 
 def test_a_drift_forgets_itself_by_the_stamps_however_they_come():
     params = replace(QUADROTOR, baro_noise=0.0, baro_drift_time=10.0)
     times = np.cumsum(np.tile([0.015, 0.02, 0.015], 40_000))
-    barometer = Barometer(params, 3)
+    barometer = Barometer(params, 116, 3)
     drift = np.array([barometer.measure(round(t * 1e9), 0.0).pressure for t in times])
     after = 600  # samples, 10 s
     assert np.corrcoef(drift[:-after], drift[after:])[0, 1] == pytest.approx(math.exp(-1), abs=0.15)

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_QUADROTOR, collect
 
+from ros_visualise.simulation.robots.quadrotor.wind import Gusts, dryden, mean_wind
 from ros_visualise.simulation.simulator import Simulation
-from ros_visualise.simulation.wind import Gusts, dryden, mean_wind
 
 FOOT = 0.3048
 

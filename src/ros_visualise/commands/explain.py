@@ -11,8 +11,8 @@ from ros_visualise.commands import play
 from ros_visualise.errors import OpenError
 from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.handout import PAGE
-from ros_visualise.pipelines import robots
 from ros_visualise.printing import answer, say
+from ros_visualise.simulation.robots import ROBOTS
 
 
 def run(args: Namespace) -> int:
@@ -29,7 +29,7 @@ def run(args: Namespace) -> int:
     args.view = "none"
     args.rate = 1.0 if lesson.in_time else 0.0
     if args.frames is None and args.duration is None:
-        is_recorded = lesson.streams and args.input not in (None, *robots())
+        is_recorded = lesson.streams and args.input not in (None, *ROBOTS.names())
         args.duration = None if is_recorded else lesson.export_s or None
         args.frames = None if lesson.export_s else 1
     try:

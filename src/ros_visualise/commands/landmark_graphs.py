@@ -24,7 +24,8 @@ from ros_visualise.landmark_pipelines import (
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.nodes.player import player
-from ros_visualise.pipelines import alone, made_topics, robots
+from ros_visualise.pipelines import alone, made_topics
+from ros_visualise.simulation.robots import OURS, ROBOTS
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import NoRecording, is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures, no_pictures
@@ -62,10 +63,8 @@ def _source(args: Namespace, undo: ExitStack) -> tuple[Graph, str]:
     """A graph of a source alone, and the topic that landmarks are looked for on."""
     path = args.input
     if not path:
-        raise UsageError(
-            "give a picture, a folder of pictures, a video, a recording, quadrotor or husky"
-        )
-    is_robot = path in robots() and not os.path.exists(path)
+        raise UsageError(f"give a picture, a folder of pictures, a video, a recording, {OURS}")
+    is_robot = path in ROBOTS.names() and not os.path.exists(path)
     if not is_robot and is_recording(path) and not is_pictures(path):
         _refuse_scenario(args)
         try:
@@ -142,7 +141,8 @@ def _has_network(model: str) -> bool:
 
 def _settings(args: Namespace) -> dict[str, dict[str, Any]]:
     """Node -> the parameters that options set."""
-    tags = args.tags or (tags_of_world(args.world or _FIELD) if args.input in robots() else "")
+    is_robot = args.input in ROBOTS.names()
+    tags = args.tags or (tags_of_world(args.world or _FIELD) if is_robot else "")
     sizes: dict[str, Any] = {"tags": tags} if tags else {}
     if args.size is not None:
         sizes["size"] = args.size

@@ -14,7 +14,8 @@ from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.player import player
-from ros_visualise.pipelines import alone, robots
+from ros_visualise.pipelines import alone
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
@@ -42,14 +43,14 @@ def _source(path: str | None, lesson: Lesson, undo: ExitStack) -> tuple[SourceNo
     if path is None:
         name, settings = lesson.sample
         return _alone(name, **settings), "/image_raw"
-    if path in robots():
+    if path in ROBOTS.names():
         return _alone(path, mission="default"), "/image_raw"
     if is_pictures(path) and not lesson.streams:
         return _alone("pictures", path=path), "/image_raw"
     if not is_recording(path) and not lesson.streams:
         return _alone("streamer", path=path), "/image_raw"
     if lesson.streams and Path(path).is_file() and not is_recording(path):
-        robot = " or ".join(robots())
+        robot = " or ".join(ROBOTS.names())
         raise UsageError(f"{path} is no recording: {lesson.name} takes one, or {robot}, or nothing")
     return _recorded(undo.enter_context(closing(open_recording(path))), lesson)
 

@@ -13,11 +13,14 @@ from ros_visualise.lessons import LESSONS
 from ros_visualise.nodes import NODES
 from ros_visualise.printing import answer, shown
 from ros_visualise.registry import GROUP, Plugin, Registry, unknown_groups
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.worlds import WORLDS
 from ros_visualise.sources.formats import FORMATS
 from ros_visualise.ui.scene.drawings import DRAWINGS
 
-_REGISTRIES: tuple[Registry[Any], ...] = (*(NODES, FORMATS, DRAWINGS, LESSONS, WORLDS, COMMANDS),)
+_REGISTRIES: tuple[Registry[Any], ...] = (
+    *(NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, WORLDS, COMMANDS),
+)
 
 
 def run(args: Namespace) -> int:

@@ -73,6 +73,7 @@ from ros_visualise.declarations import (
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.near import near
 from ros_visualise.registry import Registry
+from ros_visualise.simulation.robots import ROBOTS, RobotType
 
 __all__ = [
     "NODES",
@@ -99,6 +100,8 @@ def _read(held: Any, name: str) -> NodeType | SourceType:
     Raises:
         UsageError: there is no such declaration.
     """
+    if isinstance(held, RobotType):
+        held = held.source
     found = _declared_in(held) if isinstance(held, ModuleType) else _declared_by(held)
     if name not in found:
         raise UsageError(
@@ -107,8 +110,8 @@ def _read(held: Any, name: str) -> NodeType | SourceType:
     return found[name]
 
 
-NODES = Registry("nodes", __name__, _read)
-"""All nodes and sources: those in this folder, and those of other packages."""
+NODES = Registry("nodes", __name__, _read, more=ROBOTS)
+"""All nodes and sources: those in this folder, the robots, and those of other packages."""
 
 
 def find(name: str) -> NodeType | SourceType:

@@ -14,6 +14,7 @@ from ros_visualise.options.shared import (
     add_world_options,
     tag_size,
 )
+from ros_visualise.simulation.robots import OURS
 
 
 def add_landmarks(commands: Any) -> None:
@@ -26,7 +27,7 @@ def add_landmarks(commands: Any) -> None:
         "input",
         metavar="SRC",
         help="a picture, a folder of pictures, a video, a recording (with images, or with tags that"
-        " were found before), or a simulated robot: quadrotor or husky",
+        f" were found before), or a simulated robot: {OURS}",
     )
     _add_what_is_asked(landmarks)
     _add_source(landmarks)

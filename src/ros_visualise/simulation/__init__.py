@@ -1,1 +1,1 @@
-"""Robots simulated by MuJoCo: a skid-steered rover and a quadrotor, with their sensors."""
+"""Robots simulated by MuJoCo, with their sensors, in worlds."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
@@ -12,9 +11,9 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.simulation.deck import add_pad
 from ros_visualise.simulation.engine import load_mujoco
-from ros_visualise.simulation.flight import Airframe
 from ros_visualise.simulation.landmarks import Landmark
 from ros_visualise.simulation.mjcf import WorldBuilder
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.sensors.camera import vertical_fov
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
@@ -75,7 +74,7 @@ def compile_model(robot: str, world: BuiltWorld, params: RobotParams) -> Any:
     """The ``mjModel`` of a robot in a world."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"
-    assets = {**world.assets, name: (files(__package__) / "models" / name).read_bytes()}
+    assets = {**world.assets, name: ROBOTS.find(robot).model.read_bytes()}
     xml = f'<mujoco model="{robot}"><include file="{name}"/>{world.mjcf}</mujoco>'
     model = mujoco.MjModel.from_xml_string(xml, assets)
     model.cam_fovy[0] = vertical_fov(params)
@@ -98,16 +97,3 @@ def site_position(model: Any, name: str) -> Floats:
 def standing_height(model: Any) -> float:
     """Height of ``base_link`` over the ground, metres."""
     return float(model.body(BASE).pos[2])
-
-
-def read_airframe(model: Any) -> Airframe:
-    """Mass, inertia and motors of a quadrotor's model; the four motors are alike."""
-    base, motor = model.body(BASE), model.site("motor_front_left")
-    jx, jy, jz = base.inertia.tolist()
-    return Airframe(
-        mass=float(base.subtreemass[0]),
-        inertia=(jx, jy, jz),
-        arm=float(motor.pos[0]),
-        drag=float(model.actuator_gear[0, 5]),
-        max_thrust=float(model.actuator_ctrlrange[0, 1]),
-    )

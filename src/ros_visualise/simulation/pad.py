@@ -3,20 +3,68 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from enum import Enum
+from functools import partial
 from typing import Any
 
+from ros_visualise.errors import OpenError
+from ros_visualise.params import param
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.deck import PAD, stands_on_start
-from ros_visualise.simulation.settings import PadMotion, QuadrotorParams
+from ros_visualise.simulation.model import Pose2
+from ros_visualise.simulation.settings import RobotParams, setting
 
 _CLEAR_S, _OFTEN_S = 2.0, 0.1  # until the robot has taken off
 _ACCELERATION = 0.5  # m/s^2, where its line begins and ends
+
+_pad = partial(setting, group="pad")
 
 Motion = tuple[float, float, float, float]
 """Metres ahead and to the left of where it was at first, and both speeds in m/s."""
 
 
-def move(params: QuadrotorParams, time_s: float) -> Motion:
+class PadMotion(Enum):
+    """How a landing pad moves."""
+
+    STILL = "still"
+    LINE = "line"
+    CIRCLE = "circle"
+
+
+@dataclass(frozen=True)
+class PadParams:
+    """Parameters of a landing pad."""
+
+    pad: bool = _pad(False, "a landing pad with tags; a mission that lands on one brings it anyway")
+    pad_tags: bool = _pad(
+        True, "tags on the pad; without them it is a helipad, found by landmark_detector alone"
+    )
+    pad_motion: PadMotion = param(
+        PadMotion.STILL,
+        "how the pad moves; along a line it goes back and forth",
+        restart=True,
+        group="pad",
+    )
+    pad_speed: float = _pad(1.0, "speed of the pad, where it moves, m/s", min=0.01, max=10)
+    pad_reach: float = _pad(
+        4.0, "length of the pad's line, or diameter of its circle, m", min=0.1, max=1000
+    )
+    pad_x: float = _pad(
+        -3.5, "where the pad begins: east of the robot's start, m", min=-1000, max=1000
+    )
+    pad_y: float = _pad(
+        1.5, "where the pad begins: north of the robot's start, m", min=-1000, max=1000
+    )
+    pad_heading: float = _pad(
+        0.0,
+        "direction in which the pad points, and first moves, from east, degrees",
+        min=-360,
+        max=360,
+    )
+
+
+def move(params: PadParams, time_s: float) -> Motion:
     """Where the pad is, and how fast, along the axes of its heading."""
     if params.pad_motion is PadMotion.LINE:
         way, speed = _shuttle(params.pad_reach, params.pad_speed, time_s)
@@ -29,7 +77,24 @@ def move(params: QuadrotorParams, time_s: float) -> Motion:
     return 0.0, 0.0, 0.0, 0.0
 
 
-def meets_start(params: QuadrotorParams) -> bool:
+def place_pad(settings: RobotParams, start: Pose2) -> tuple[Pose2 | None, bool]:
+    """Where the pad is at first, if there is one, and whether it has tags.
+
+    Raises:
+        OpenError: it is, or comes at once, where the robot starts.
+    """
+    if not (isinstance(settings, PadParams) and settings.pad):
+        return None, True
+    if meets_start(settings):
+        raise OpenError(
+            "the pad is, or comes at once, where the robot starts: choose another pad_x or pad_y"
+        )
+    x, y, _ = start
+    yaw = math.radians(settings.pad_heading)
+    return (x + settings.pad_x, y + settings.pad_y, yaw), settings.pad_tags
+
+
+def meets_start(params: PadParams) -> bool:
     """Whether it stands where the robot starts, or comes there before that has taken off."""
     yaw = math.radians(params.pad_heading)
     for number in range(round(_CLEAR_S / _OFTEN_S) + 1):
@@ -66,7 +131,7 @@ class Pad:
         params: how it moves.
     """
 
-    def __init__(self, model: Any, data: Any, params: QuadrotorParams) -> None:
+    def __init__(self, model: Any, data: Any, params: PadParams) -> None:
         self._data, self._params = data, params
         self._body = model.body(PAD).id
         joints = [model.joint(f"{PAD}_{axis}") for axis in "xy"]

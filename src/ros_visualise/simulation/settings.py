@@ -8,7 +8,6 @@ random walk. A slow error has a standard deviation and a time constant.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
 from functools import partial
 from typing import Any
 
@@ -27,18 +26,6 @@ _imu = partial(setting, group="imu")
 _gps = partial(setting, group="gps")
 _odometry = partial(setting, group="odometry")
 _lidar = partial(setting, group="lidar")
-_magnetometer = partial(setting, group="magnetometer")
-_barometer = partial(setting, group="barometer")
-_wind = partial(setting, group="wind")
-_pad = partial(setting, group="pad")
-
-
-class PadMotion(Enum):
-    """How a landing pad moves."""
-
-    STILL = "still"
-    LINE = "line"
-    CIRCLE = "circle"
 
 
 @dataclass(frozen=True)
@@ -133,101 +120,10 @@ class RobotParams:
     lidar_far: float = _lidar(100.0, "longest range that is measured, m", min=1, max=1000)
     lidar_noise: float = _lidar(0.02, "noise of each range (standard deviation), m", min=0, max=1)
 
-
-@dataclass(frozen=True)
-class HuskyParams(RobotParams):
-    """Parameters of the rover."""
-
-    odom_turn_scale: float = _odometry(
-        0.02, "error of all turns (standard deviation), as a fraction: 0.01 is 1%", min=0, max=0.5
-    )
-    odom_turn_noise: float = _odometry(
-        0.01, "error of the heading that grows with the turns, rad/sqrt(rad)", min=0, max=1
-    )
-
-
-@dataclass(frozen=True)
-class QuadrotorParams(RobotParams):
-    """Parameters of the quadrotor."""
-
-    camera_pitch: float = _camera(
-        90.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
-    )
-    camera_gimbal: bool = _camera(
-        True, "a gimbal keeps the camera level while the body rolls and pitches"
-    )
-    odom_scale: float = _odometry(
-        0.005,
-        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
-        min=0,
-        max=0.5,
-    )
-    odom_noise: float = _odometry(
-        0.02, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
-    )
-    odom_yaw_noise: float = _odometry(
-        0.003, "error of the heading that grows with the distance, rad/sqrt(m)", min=0, max=1
-    )
-    lidar: bool = _lidar(False, "switch the lidar on")
-
-    mag_rate: float = _magnetometer(50.0, "measurements per second", min=1, max=200)
-    mag_noise: float = _magnetometer(
-        0.3, "noise of each axis (standard deviation), microtesla", min=0, max=100
-    )
-    mag_bias: float = _magnetometer(
-        1.0, "bias of each axis (standard deviation), microtesla", min=0, max=100
-    )
-    mag_strength: float = _magnetometer(
-        48.6, "strength of the Earth's field, microtesla", min=1, max=100
-    )
-    mag_inclination: float = _magnetometer(
-        64.8, "how far the Earth's field points down from level, degrees", min=-90, max=90
-    )
-    mag_declination: float = _magnetometer(
-        2.9, "how far magnetic north is east of true north, degrees", min=-180, max=180
-    )
-
-    baro_rate: float = _barometer(25.0, "measurements per second", min=1, max=200)
-    baro_noise: float = _barometer(1.5, "noise (standard deviation), Pa", min=0, max=1000)
-    baro_drift: float = _barometer(
-        8.0, "slow error, as of the weather (standard deviation), Pa", min=0, max=1000
-    )
-    baro_drift_time: float = _barometer(
-        300.0, "time constant of the slow error, seconds", min=0.1, max=1e5
-    )
-
-    wind: float = _wind(0.0, "mean speed of the wind, 6 m above the ground, m/s", min=0, max=20)
-    wind_direction: float = _wind(
-        0.0, "where the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
-    )
-    gusts: float = _wind(1.0, "how strong its gusts are; 1: as usual for such a wind", min=0, max=5)
-
-    pad: bool = _pad(False, "a landing pad with tags; a mission that lands on one brings it anyway")
-    pad_tags: bool = _pad(
-        True, "tags on the pad; without them it is a helipad, found by landmark_detector alone"
-    )
-    pad_motion: PadMotion = param(
-        PadMotion.STILL,
-        "how the pad moves; along a line it goes back and forth",
-        restart=True,
-        group="pad",
-    )
-    pad_speed: float = _pad(1.0, "speed of the pad, where it moves, m/s", min=0.01, max=10)
-    pad_reach: float = _pad(
-        4.0, "length of the pad's line, or diameter of its circle, m", min=0.1, max=1000
-    )
-    pad_x: float = _pad(
-        -3.5, "where the pad begins: east of the robot's start, m", min=-1000, max=1000
-    )
-    pad_y: float = _pad(
-        1.5, "where the pad begins: north of the robot's start, m", min=-1000, max=1000
-    )
-    pad_heading: float = _pad(
-        0.0,
-        "direction in which the pad points, and first moves, from east, degrees",
-        min=-360,
-        max=360,
-    )
+    @property
+    def gimbal(self) -> bool:
+        """A gimbal keeps the camera level."""
+        return False
 
 
 @dataclass(frozen=True)

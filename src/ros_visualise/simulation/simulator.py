@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import numpy as np
 
 from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.errors import UsageError
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.assignments import find_mission, with_pad
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw
@@ -19,23 +18,18 @@ from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import (
     BuiltWorld,
-    Pose2,
     build_world,
     compile_model,
     standing_height,
 )
-from ros_visualise.simulation.pad import Pad, meets_start
-from ros_visualise.simulation.robots import husky, quadrotor
-from ros_visualise.simulation.robots.base import Robot
+from ros_visualise.simulation.pad import Pad, PadParams, place_pad
+from ros_visualise.simulation.robot import Robot
+from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.scenery import scenery
 from ros_visualise.simulation.schedule import Output, Schedule
 from ros_visualise.simulation.sensors.suite import SensorSuite
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams, RobotParams
-from ros_visualise.simulation.wind import Wind
+from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
-
-PARAMS: Mapping[str, type[RobotParams]] = {"husky": HuskyParams, "quadrotor": QuadrotorParams}
-"""Robot -> its settings."""
 
 LATCHED = ("robot_description", "tf_static", "scenery")
 """Outputs that are there once, from the start."""
@@ -49,7 +43,7 @@ class Simulation:
     ``command``, ``goto``, ``add_mission`` and ``act`` may be called from any thread.
 
     Args:
-        robot: one of `PARAMS`.
+        robot: one of `ros_visualise.simulation.robots.ROBOTS`.
         world: one of `ros_visualise.simulation.worlds.WORLDS`.
         seed: of all random errors; the same seed gives the same data.
         mission: a `Mission`, one of `SHAPES`, a YAML file's path, ``default``, or None:
@@ -58,8 +52,8 @@ class Simulation:
         wants: whether anybody wants that output; asked before each message that is costly.
 
     Raises:
-        UsageError: no such world.
-        OpenError: no such robot or mission, a pad where the robot stands, or MuJoCo is missing.
+        UsageError: no such robot or world.
+        OpenError: no such mission, a pad where the robot stands, or MuJoCo is missing.
     """
 
     def __init__(
@@ -71,26 +65,25 @@ class Simulation:
         settings: RobotParams | None = None,
         wants: Callable[[str], bool] = lambda output: True,
     ) -> None:
-        if robot not in PARAMS:
-            raise OpenError(f"no robot {robot!r}: choose one of {', '.join(PARAMS)}")
-        WORLDS.find(world)
+        kind, _ = ROBOTS.find(robot), WORLDS.find(world)
         self._name, self._world_name = robot, world
         self._mission = find_mission(mission, robot, world)
-        self.settings = with_pad(settings or PARAMS[robot](), self._mission)
+        self.settings = with_pad(settings or kind.params(), self._mission)
         start = build_world(world, pictures=False).start(robot)
-        pad = _pad_of(self.settings, start)
+        pad = place_pad(self.settings, start)
         self.world: BuiltWorld = build_world(world, self.settings.camera, *pad)
         self._model = compile_model(robot, self.world, self.settings)
         self._data = load_mujoco().MjData(self._model)
-        self._moves = self._surround(seed)
+        self.pad: Pad | None = None
+        if isinstance(self.settings, PadParams) and self.settings.pad:
+            self.pad = Pad(self._model, self._data, self.settings)
         self.start_pose = self._set_down()
-        self._robot = self._make_robot(seed)
+        self._robot: Robot = kind.make(self._model, self._data, self.settings, seed)
         self._step_ns: int = round(1e9 * self._model.opt.timestep)
         self._steps = 0
         self._orders: deque[Callable[[], None]] = deque()
         self._told = ""  # of what it does
-        gimbal = isinstance(self.settings, QuadrotorParams) and self.settings.camera_gimbal
-        mount = frames.CameraMount(self._model, self.settings, gimbal)
+        mount = frames.CameraMount(self._model, self.settings, self.settings.gimbal)
         self._suite = SensorSuite(
             self._robot, self._model, self._data, self.settings, mount, seed, self.pad
         )
@@ -120,7 +113,7 @@ class Simulation:
     @property
     def lands_by_sight(self) -> bool:
         """The robot looks for what it is to land on, or lands there: it needs to hear by `see`."""
-        return isinstance(self._robot, quadrotor.Quadrotor) and self._robot.lands_by_sight
+        return self._robot.lands_by_sight
 
     @property
     def upright(self) -> bool:
@@ -152,14 +145,13 @@ class Simulation:
             yield Output(0, name, message)
         step, model, data = load_mujoco().mj_step, self._model, self._data
         control, schedule, orders = self._robot.control, self._schedule, self._orders
-        moves = self._moves
         try:
             while True:
                 while orders:
                     self._obey(orders.popleft())
                 stamp_ns = self._steps * self._step_ns
-                for move in moves:
-                    move(stamp_ns / 1e9)
+                if self.pad is not None:
+                    self.pad.advance(stamp_ns / 1e9)
                 control(stamp_ns / 1e9)
                 step(model, data)
                 self._steps += 1
@@ -186,7 +178,7 @@ class Simulation:
     def goto(self, goal: PoseStamped) -> None:
         """Go to a pose in ``map``; this ends a mission.
 
-        A quadrotor flies to a pose on the ground plane, as rviz's tool sends it, at its height.
+        A robot that flies goes to one on the ground plane, as rviz's tool sends it, at its height.
 
         Raises:
             UsageError: the pose is in another frame, or not finite, or the robot has tipped over.
@@ -202,9 +194,7 @@ class Simulation:
 
         It is taken for as old as its stamp says. Without such a mission nothing comes of it.
         """
-        robot = self._robot
-        if isinstance(robot, quadrotor.Quadrotor):
-            self._orders.append(lambda: robot.see(target))
+        self._orders.append(lambda: self._robot.see(target))
 
     def add_mission(self, mission: Mission | str | Path) -> None:
         """Begin another mission now.
@@ -259,39 +249,6 @@ class Simulation:
         mujoco.mj_step(self._model, self._data, round(_SETTLING_S / self._model.opt.timestep))
         self._data.time = 0.0
         return position, attitude
-
-    def _surround(self, seed: int) -> list[Callable[[float], None]]:
-        """What moves beside the robot, each at a time in seconds: the pad, and the air."""
-        self.pad: Pad | None = None
-        if not isinstance(self.settings, QuadrotorParams):
-            return []
-        model, data = self._model, self._data
-        moves: list[Callable[[float], None]] = [Wind(model, data, self.settings, seed).advance]
-        if self.settings.pad:
-            self.pad = Pad(model, data, self.settings)
-            moves.append(self.pad.advance)
-        return moves
-
-    def _make_robot(self, seed: int) -> Robot:
-        settings = self.settings
-        if isinstance(settings, HuskyParams) and self._name == "husky":
-            return husky.Husky(self._model, self._data, settings, seed)
-        if isinstance(settings, QuadrotorParams) and self._name == "quadrotor":
-            return quadrotor.Quadrotor(self._model, self._data, settings, seed)
-        raise TypeError(f"{type(settings).__name__} are no settings of a {self._name}")
-
-
-def _pad_of(settings: RobotParams, start: Pose2) -> tuple[Pose2 | None, bool]:
-    """Where the pad is at first, and whether it has tags."""
-    if not (isinstance(settings, QuadrotorParams) and settings.pad):
-        return None, True
-    if meets_start(settings):
-        raise OpenError(
-            "the pad is, or comes at once, where the robot starts: choose another pad_x or pad_y"
-        )
-    x, y, _ = start
-    yaw = math.radians(settings.pad_heading)
-    return (x + settings.pad_x, y + settings.pad_y, yaw), settings.pad_tags
 
 
 def _check_finite(what: str, *arrays: Floats) -> None:

@@ -63,7 +63,7 @@ class SimulatedRobot:
     To go back in time, all is simulated anew from the start; commands of that time are forgotten.
 
     Args:
-        robot: ``husky`` or ``quadrotor``.
+        robot: one of `ros_visualise.simulation.robots.ROBOTS`.
         scenario: its world, mission and seed.
         settings: of the robot's class.
         playback: how it is played; where nobody watches, it ends with the mission.

@@ -26,10 +26,10 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.rigid import Pose
 from ros_visualise.landmarks.pose import PoseEstimate, corner_sigma, squares_poses
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors.gps import GpsSensor
 from ros_visualise.simulation.sensors.imu import ImuSensor
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
-from ros_visualise.simulation.settings import QuadrotorParams
 
 S = 1_000_000_000
 INFO = CameraInfo(480, 640, K=np.array([[381.4, 0, 319.5], [0, 381.4, 239.5], [0, 0, 1]]))

@@ -1,1 +1,56 @@
-"""The robots: how they are driven, and what their bodies do."""
+"""Robots that are simulated: a folder each, with its model, settings, control and node.
+
+Another package brings a robot by an entry point of the group ``ros_visualise.robots``; see
+`ros_visualise.registry`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ros_visualise.errors import UsageError
+from ros_visualise.registry import Registry
+
+if TYPE_CHECKING:
+    from ros_visualise.simulation.missions import Mission
+    from ros_visualise.simulation.model import BuiltWorld
+    from ros_visualise.simulation.robot import Robot
+    from ros_visualise.simulation.settings import RobotParams
+    from ros_visualise.simulation.source import SimulatedRobot
+
+
+@dataclass(frozen=True)
+class RobotType:
+    """A robot, before it is in a world.
+
+    Attributes:
+        source: its node, under ``@source``.
+        params: its settings.
+        model: MJCF file with a body ``base_link`` that has a free joint, with its sites
+            ``camera_link``, ``gps_link``, ``imu_link`` and ``lidar_link``, a camera, and first an
+            accelerometer and a gyroscope.
+        make: gives the robot in its world, by ``mjModel``, ``mjData``, settings and seed.
+        default_mission: what suits it in a world.
+    """
+
+    source: type[SimulatedRobot]
+    params: type[RobotParams]
+    model: Path
+    make: Callable[[Any, Any, Any, int], Robot]
+    default_mission: Callable[[BuiltWorld], Mission]
+
+
+def _read(held: Any, name: str) -> RobotType:
+    found = getattr(held, "ROBOT", held)
+    if not isinstance(found, RobotType):
+        raise UsageError("holds no RobotType; give one, or a module with ROBOT")
+    return found
+
+
+ROBOTS = Registry("robots", __name__, _read)
+
+OURS = " or ".join(ROBOTS.builtin)
+"""The robots of this package, for a help text."""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
 from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.settings import QuadrotorParams
+from ros_visualise.simulation.settings import setting
 
 _SEA_LEVEL_PA = 101325.0
 _SEA_LEVEL_K = 288.15
 _LAPSE_K_M = 0.0065
 _EXPONENT = 5.25588
+
+_barometer = partial(setting, group="barometer")
 
 
 def pressure_at(altitude_m: float) -> float:
@@ -21,14 +25,32 @@ def pressure_at(altitude_m: float) -> float:
     return _SEA_LEVEL_PA * math.pow(1 - _LAPSE_K_M * altitude_m / _SEA_LEVEL_K, _EXPONENT)
 
 
+@dataclass(frozen=True)
+class BarometerParams:
+    """Parameters of a barometer."""
+
+    baro_rate: float = _barometer(25.0, "measurements per second", min=1, max=200)
+    baro_noise: float = _barometer(1.5, "noise (standard deviation), Pa", min=0, max=1000)
+    baro_drift: float = _barometer(
+        8.0, "slow error, as of the weather (standard deviation), Pa", min=0, max=1000
+    )
+    baro_drift_time: float = _barometer(
+        300.0, "time constant of the slow error, seconds", min=0.1, max=1e5
+    )
+
+
 class Barometer:
-    """Air pressure with a slow error, as from the weather, and white noise."""
+    """Air pressure with a slow error, as from the weather, and white noise.
+
+    Args:
+        origin_m: altitude of the world's origin.
+    """
 
     frame_id = "base_link"
 
-    def __init__(self, params: QuadrotorParams, seed: int) -> None:
+    def __init__(self, params: BarometerParams, origin_m: float, seed: int) -> None:
         self._random = random_of(seed, "barometer")
-        self._origin_m = params.gps_altitude
+        self._origin_m = origin_m
         self._white = params.baro_noise
         drift = np.array([params.baro_drift])
         self._drift, self._interval = (

@@ -3,14 +3,41 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ros_visualise.data import Floats, Header, MagneticField
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.settings import QuadrotorParams
+from ros_visualise.simulation.settings import setting
 
 _TESLA = 1e-6
+
+
+_magnetometer = partial(setting, group="magnetometer")
+
+
+@dataclass(frozen=True)
+class MagnetometerParams:
+    """Parameters of a magnetometer."""
+
+    mag_rate: float = _magnetometer(50.0, "measurements per second", min=1, max=200)
+    mag_noise: float = _magnetometer(
+        0.3, "noise of each axis (standard deviation), microtesla", min=0, max=100
+    )
+    mag_bias: float = _magnetometer(
+        1.0, "bias of each axis (standard deviation), microtesla", min=0, max=100
+    )
+    mag_strength: float = _magnetometer(
+        48.6, "strength of the Earth's field, microtesla", min=1, max=100
+    )
+    mag_inclination: float = _magnetometer(
+        64.8, "how far the Earth's field points down from level, degrees", min=-90, max=90
+    )
+    mag_declination: float = _magnetometer(
+        2.9, "how far magnetic north is east of true north, degrees", min=-180, max=180
+    )
 
 
 class Magnetometer:
@@ -18,7 +45,7 @@ class Magnetometer:
 
     frame_id = "imu_link"
 
-    def __init__(self, params: QuadrotorParams, seed: int) -> None:
+    def __init__(self, params: MagnetometerParams, seed: int) -> None:
         self._random = random_of(seed, "magnetometer")
         dip, east = math.radians(params.mag_inclination), math.radians(params.mag_declination)
         level, down = math.cos(dip), math.sin(dip)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -18,13 +20,28 @@ from ros_visualise.simulation.attitude import (
     yaw_of,
 )
 from ros_visualise.simulation.sensors.noise import Interval, random_of
-from ros_visualise.simulation.settings import HuskyParams, QuadrotorParams
+from ros_visualise.simulation.settings import RobotParams, setting
 
 _FRAME, _CHILD = "odom", "base_link"
 _SURE = 1e-6  # of what has no errors here: filters cannot use a variance of zero
 _SLIP = 1e-3  # (m/s)^2, aside and up, which wheels do not feel
 _WHEELS_TWIST = np.diag((_SURE, _SLIP, _SLIP, _SURE, _SURE, _SURE))
 _SEEN_TWIST = _SURE * np.eye(6)
+
+
+_odometry_setting = partial(setting, group="odometry")
+
+
+@dataclass(frozen=True)
+class WheelOdometryParams(RobotParams):
+    """Parameters of a robot with wheels that measure."""
+
+    odom_turn_scale: float = _odometry_setting(
+        0.02, "error of all turns (standard deviation), as a fraction: 0.01 is 1%", min=0, max=0.5
+    )
+    odom_turn_noise: float = _odometry_setting(
+        0.01, "error of the heading that grows with the turns, rad/sqrt(rad)", min=0, max=1
+    )
 
 
 class WheelOdometry:
@@ -39,7 +56,7 @@ class WheelOdometry:
     calibration, 2007.
     """
 
-    def __init__(self, params: HuskyParams, seed: int) -> None:
+    def __init__(self, params: WheelOdometryParams, seed: int) -> None:
         self._random = random_of(seed, "odometry")
         way, turn = self._random.standard_normal(2).tolist()
         self._scales = 1 + params.odom_scale * way, 1 + params.odom_turn_scale * turn
@@ -98,6 +115,24 @@ class WheelOdometry:
         )
 
 
+@dataclass(frozen=True)
+class VisualOdometryParams:
+    """Parameters of a robot that sees how it moves."""
+
+    odom_scale: float = _odometry_setting(
+        0.005,
+        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=0.5,
+    )
+    odom_noise: float = _odometry_setting(
+        0.02, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+    )
+    odom_yaw_noise: float = _odometry_setting(
+        0.003, "error of the heading that grows with the distance, rad/sqrt(m)", min=0, max=1
+    )
+
+
 class VisualInertialOdometry:
     """True motion with an error of its scale, and walks of place and heading along the way.
 
@@ -106,7 +141,9 @@ class VisualInertialOdometry:
     Source: Scaramuzza and Zhang, Visual-inertial odometry of aerial robots, 2019.
     """
 
-    def __init__(self, params: QuadrotorParams, seed: int, start: Vector, attitude: Quat) -> None:
+    def __init__(
+        self, params: VisualOdometryParams, seed: int, start: Vector, attitude: Quat
+    ) -> None:
         self._random = random_of(seed, "odometry")
         self._scale = 1 + params.odom_scale * float(self._random.standard_normal())
         self._params = params

@@ -11,16 +11,16 @@ from ros_visualise.data import Transforms
 from ros_visualise.simulation.deck import PAD
 from ros_visualise.simulation.frames import CameraMount, body_frame, deck_frame
 from ros_visualise.simulation.pad import Pad
-from ros_visualise.simulation.robots.base import Robot
+from ros_visualise.simulation.robot import Robot
 from ros_visualise.simulation.schedule import Make, Stream
-from ros_visualise.simulation.sensors.barometer import Barometer
+from ros_visualise.simulation.sensors.barometer import Barometer, BarometerParams
 from ros_visualise.simulation.sensors.camera import Camera
 from ros_visualise.simulation.sensors.gps import GpsSensor
 from ros_visualise.simulation.sensors.imu import ImuSensor
 from ros_visualise.simulation.sensors.lidar import Lidar
-from ros_visualise.simulation.sensors.magnetometer import Magnetometer
+from ros_visualise.simulation.sensors.magnetometer import Magnetometer, MagnetometerParams
 from ros_visualise.simulation.sensors.truth import tell_truth
-from ros_visualise.simulation.settings import QuadrotorParams, RobotParams
+from ros_visualise.simulation.settings import RobotParams
 
 Measured = Iterator[tuple[str, Any]]
 
@@ -51,10 +51,11 @@ class SensorSuite:
         if params.gps:
             self._gps = GpsSensor(params, seed)
             self._add("fix", params.gps_rate, self._fix, always=True)
-        if isinstance(params, QuadrotorParams):
+        if isinstance(params, MagnetometerParams):
             self._magnetometer = Magnetometer(params, seed)
-            self._barometer = Barometer(params, seed)
             self._add("mag", params.mag_rate, self._sense_field, always=True)
+        if isinstance(params, BarometerParams):
+            self._barometer = Barometer(params, params.gps_altitude, seed)
             self._add("pressure", params.baro_rate, self._weigh_air, always=True)
         if params.lidar:
             self._lidar = Lidar(params, seed, model, data)

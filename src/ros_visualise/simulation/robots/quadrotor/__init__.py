@@ -1,19 +1,21 @@
-"""The node of a simulated quadrotor."""
+"""A quadrotor with a camera that looks down."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pathlib import Path
 
 from ros_visualise.data import FluidPressure, MagneticField, Odometry
-from ros_visualise.nodes import action, source
-from ros_visualise.simulation.settings import QuadrotorParams, ScenarioParams
+from ros_visualise.declarations import action, source
+from ros_visualise.simulation.missions import Mission
+from ros_visualise.simulation.model import BuiltWorld
+from ros_visualise.simulation.robots import RobotType
+from ros_visualise.simulation.robots.quadrotor.control import Quadrotor
+from ros_visualise.simulation.robots.quadrotor.settings import (
+    QuadrotorNodeParams,
+    QuadrotorParams,
+)
 from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, TARGET, SimulatedRobot
 from ros_visualise.sources.playback import Playback
-
-
-@dataclass(frozen=True)
-class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
-    """Its world and mission, and its sensors."""
 
 
 @source(
@@ -25,7 +27,7 @@ class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
     makes_time=True,
     velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),
 )
-class Quadrotor(SimulatedRobot):
+class QuadrotorSource(SimulatedRobot):
     """A simulated quadrotor with a camera that looks down."""
 
     def __init__(self, params: QuadrotorNodeParams, playback: Playback) -> None:
@@ -40,3 +42,17 @@ class Quadrotor(SimulatedRobot):
     def land(self) -> None:
         """Land right below."""
         self.act("land")
+
+
+def default_mission(world: BuiltWorld) -> Mission:
+    """A survey of the middle."""
+    return Mission("lawn_mower", size=(15.0, 9.0), spacing=2.4, height=4.5, speed=2.0)
+
+
+ROBOT = RobotType(
+    QuadrotorSource,
+    QuadrotorParams,
+    Path(__file__).with_name("quadrotor.xml"),
+    Quadrotor,
+    default_mission,
+)

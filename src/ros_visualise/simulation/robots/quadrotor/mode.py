@@ -2,7 +2,7 @@
 
 from enum import Enum
 
-from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
+from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.route import Carrot, Route
 
 

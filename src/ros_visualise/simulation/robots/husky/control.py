@@ -9,14 +9,14 @@ from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector, wrap, yaw_of
+from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.robots.base import Body
-from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
-from ros_visualise.simulation.robots.stall import StallDetector, tell_place
-from ros_visualise.simulation.robots.tip_over import TipOverDetector
+from ros_visualise.simulation.robot import Body, Robot
+from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import WheelOdometry
-from ros_visualise.simulation.settings import HuskyParams
+from ros_visualise.simulation.stall import StallDetector, tell_place
+from ros_visualise.simulation.tip_over import TipOverDetector
 
 MAX_SPEED, MAX_ACCELERATION = 1.0, 3.0  # m/s, m/s^2: data sheet; husky_control
 MAX_TURN, MAX_TURN_ACCELERATION = 2.0, 6.0  # rad/s, rad/s^2: husky_control
@@ -48,7 +48,7 @@ class Wheels:
         return self.track * (1 + (self.base / self.track) ** 2)
 
 
-class Husky:
+class Husky(Robot):
     """Turns commands, goals and missions into a velocity, and that into wheel speeds."""
 
     def __init__(self, model: Any, data: Any, params: HuskyParams, seed: int) -> None:

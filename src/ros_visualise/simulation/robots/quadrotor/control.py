@@ -8,21 +8,21 @@ from typing import Any
 
 from ros_visualise.data import Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Vector, yaw_of
-from ros_visualise.simulation.flight import FlightController, State
+from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
-from ros_visualise.simulation.model import read_airframe
-from ros_visualise.simulation.robots.base import Body
-from ros_visualise.simulation.robots.lander import Lander
-from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
-from ros_visualise.simulation.robots.mode import Mode, tell_flight
-from ros_visualise.simulation.robots.reference import Reference
-from ros_visualise.simulation.robots.stall import StallDetector, tell_place
-from ros_visualise.simulation.robots.tip_over import TipOverDetector
-from ros_visualise.simulation.robots.touch_down import TouchDownDetector
-from ros_visualise.simulation.robots.velocity_command import MAX_SPEED, VelocityCommand
+from ros_visualise.simulation.robot import Body, Robot
+from ros_visualise.simulation.robots.quadrotor.flight import FlightController, State, read_airframe
+from ros_visualise.simulation.robots.quadrotor.lander import Lander
+from ros_visualise.simulation.robots.quadrotor.mode import Mode, tell_flight
+from ros_visualise.simulation.robots.quadrotor.reference import Reference
+from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
+from ros_visualise.simulation.robots.quadrotor.touch_down import TouchDownDetector
+from ros_visualise.simulation.robots.quadrotor.velocity_command import MAX_SPEED, VelocityCommand
+from ros_visualise.simulation.robots.quadrotor.wind import Wind
 from ros_visualise.simulation.route import Carrot, Route
 from ros_visualise.simulation.sensors.odometry import VisualInertialOdometry
-from ros_visualise.simulation.settings import QuadrotorParams
+from ros_visualise.simulation.stall import StallDetector, tell_place
+from ros_visualise.simulation.tip_over import TipOverDetector
 
 TAKE_OFF_M = 2.0
 _LOWEST_M = 1.0  # height of goals and missions at least
@@ -34,7 +34,7 @@ _HELD_M = 0.5  # farther from the reference than this, something holds the robot
 _ARRIVED_M, _THERE_M = 0.12, 0.3  # of the reference, of the robot
 
 
-class Quadrotor:
+class Quadrotor(Robot):
     """It is controlled by its true state; estimating that is left to users of its sensors.
 
     Where a pad is it knows by its odometry and by what it is told that was seen, alone.
@@ -47,6 +47,7 @@ class Quadrotor:
         self._long_dt_s = _NAVIGATION_STEPS * self._dt_s
         self._steps = 0
         self._controller = FlightController(read_airframe(model))
+        self._wind = Wind(model, data, params, seed)
         state = State.of(self._data)
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
         self._mode = Mode.LANDED
@@ -162,7 +163,8 @@ class Quadrotor:
             self._lander.see(target)
 
     def control(self, time_s: float) -> None:
-        """Set the motors' thrusts for the next step."""
+        """Set the motors' thrusts for the next step, and the air's forces."""
+        self._wind.advance()
         state = State.of(self._data)
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s, state)

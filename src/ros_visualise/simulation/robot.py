@@ -10,10 +10,10 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry, PoseStamped, Twist
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.robots.mission_monitor import MissionMonitor
-from ros_visualise.simulation.robots.tip_over import TipOverDetector
+from ros_visualise.simulation.tip_over import TipOverDetector
 
 
 class Body:
@@ -99,3 +99,11 @@ class Robot(Protocol):
 
     def measure_odometry(self, stamp_ns: int) -> Odometry:
         """What its odometry says; called once in each of its periods."""
+
+    @property
+    def lands_by_sight(self) -> bool:
+        """It looks for what it is to land on, or lands there; robots that do not fly never do."""
+        return False
+
+    def see(self, target: Odometry) -> None:
+        """Take in where what it is to land on was seen, in the frame of its odometry."""

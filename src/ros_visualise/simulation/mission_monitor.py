@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ros_visualise.simulation.attitude import Vector
-from ros_visualise.simulation.robots.stall import tell_place
+from ros_visualise.simulation.stall import tell_place
 
 _STEP_M = 0.02
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,9 @@ from ros_visualise.data import Floats
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.model import BASE
 from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.settings import QuadrotorParams
+from ros_visualise.simulation.settings import setting
+
+_wind = partial(setting, group="wind")
 
 _FOOT_M = 0.3048
 _REFERENCE_M = 20 * _FOOT_M  # where the wind's speed is given
@@ -24,6 +28,17 @@ _ROUGHNESS_M = 0.15 * _FOOT_M  # of the ground, for take-off and landing
 _LOWEST_M, _HIGHEST_M = 10 * _FOOT_M, 1000 * _FOOT_M  # where the spectra hold
 _SLOWEST_M_S = 0.5  # at which gusts pass by
 _STEPS = 4  # of the physics: every 20 ms
+
+
+@dataclass(frozen=True)
+class WindParams:
+    """Parameters of the wind."""
+
+    wind: float = _wind(0.0, "mean speed of the wind, 6 m above the ground, m/s", min=0, max=20)
+    wind_direction: float = _wind(
+        0.0, "where the wind blows to: 0 east, 90 north, degrees", min=-360, max=360
+    )
+    gusts: float = _wind(1.0, "how strong its gusts are; 1: as usual for such a wind", min=0, max=5)
 
 
 def mean_wind(speed: float, height_m: float) -> float:
@@ -110,7 +125,7 @@ class Wind:
     rotor drag, 2018, section III.
     """
 
-    def __init__(self, model: Any, data: Any, params: QuadrotorParams, seed: int) -> None:
+    def __init__(self, model: Any, data: Any, params: WindParams, seed: int) -> None:
         self._model, self._data, self._params = model, data, params
         self._base = model.body(BASE).id
         self._weight = float(model.body(BASE).subtreemass[0]) * -float(model.opt.gravity[2])
@@ -120,7 +135,7 @@ class Wind:
         self._steps = 0
         self.velocity: Vector = (0.0, 0.0, 0.0)
 
-    def advance(self, _time_s: float) -> None:
+    def advance(self) -> None:
         """Set the air's motion and its forces for the next step."""
         data = self._data
         if self._params.wind and self._steps % _STEPS == 0:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from ros_visualise.simulation.attitude import Vector, wrap
-from ros_visualise.simulation.flight import SetPoint
+from ros_visualise.simulation.robots.quadrotor.flight import SetPoint
 
 MAX_ACCELERATION = 3.0  # m/s^2
 MAX_TURN = math.radians(70)  # per second

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from ros_visualise.simulation.attitude import Quat, Vector, conjugate, from_yaw, multiply, rows
+from ros_visualise.simulation.model import BASE
 
 GRAVITY = 9.81
 _MAX_TILT = math.radians(35)
@@ -162,3 +163,16 @@ def _attitude(force: Vector, yaw: float) -> Quat:
         (math.cos(roll / 2), math.sin(roll / 2), 0.0, 0.0),
     )
     return multiply(from_yaw(yaw), tilt)
+
+
+def read_airframe(model: Any) -> Airframe:
+    """Mass, inertia and motors of a quadrotor's model; the four motors are alike."""
+    base, motor = model.body(BASE), model.site("motor_front_left")
+    jx, jy, jz = base.inertia.tolist()
+    return Airframe(
+        mass=float(base.subtreemass[0]),
+        inertia=(jx, jy, jz),
+        arm=float(motor.pos[0]),
+        drag=float(model.actuator_gear[0, 5]),
+        max_thrust=float(model.actuator_ctrlrange[0, 1]),
+    )

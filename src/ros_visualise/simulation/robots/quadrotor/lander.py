@@ -14,8 +14,8 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry
 from ros_visualise.geometry import rotations
 from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
-from ros_visualise.simulation.flight import State
-from ros_visualise.simulation.robots.reference import Reference
+from ros_visualise.simulation.robots.quadrotor.flight import State
+from ros_visualise.simulation.robots.quadrotor.reference import Reference
 
 _STIFFNESS = 4.0  # 1/s: how the reference is pulled to a target that moves
 _LEGS_M = 0.16  # from base_link down to its feet

@@ -1,0 +1,42 @@
+"""A skid-steered rover, after Clearpath's Husky."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ros_visualise.declarations import source
+from ros_visualise.simulation.missions import Mission, follow_path
+from ros_visualise.simulation.model import BuiltWorld
+from ros_visualise.simulation.robots import RobotType
+from ros_visualise.simulation.robots.husky.control import Husky
+from ros_visualise.simulation.robots.husky.settings import HuskyNodeParams, HuskyParams
+from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, SimulatedRobot
+from ros_visualise.sources.playback import Playback
+
+
+@source(
+    "husky",
+    params=HuskyNodeParams,
+    inputs=INPUTS,
+    outputs=OUTPUTS,
+    latched=HELD,
+    makes_time=True,
+    velocity_axes=("linear.x", "angular.z"),
+)
+class HuskySource(SimulatedRobot):
+    """A simulated rover, a skid-steered Husky."""
+
+    def __init__(self, params: HuskyNodeParams, playback: Playback) -> None:
+        super().__init__("husky", params, params, playback)
+
+
+def default_mission(world: BuiltWorld) -> Mission:
+    """Along the world's path, or around a square."""
+    if world.path_xy:
+        return follow_path(world.path_xy, 0.8)
+    return Mission("square", center=(4.0, 0.0), speed=0.8, laps=0)
+
+
+ROBOT = RobotType(
+    HuskySource, HuskyParams, Path(__file__).with_name("husky.xml"), Husky, default_mission
+)

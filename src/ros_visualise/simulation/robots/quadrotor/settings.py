@@ -1,0 +1,48 @@
+"""Parameters of the quadrotor."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+from ros_visualise.simulation.pad import PadParams
+from ros_visualise.simulation.robots.quadrotor.wind import WindParams
+from ros_visualise.simulation.sensors.barometer import BarometerParams
+from ros_visualise.simulation.sensors.magnetometer import MagnetometerParams
+from ros_visualise.simulation.sensors.odometry import VisualOdometryParams
+from ros_visualise.simulation.settings import RobotParams, ScenarioParams, setting
+
+_camera = partial(setting, group="camera")
+
+
+@dataclass(frozen=True)
+class _DownwardCameraParams(RobotParams):
+    camera_pitch: float = _camera(
+        90.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
+    )
+    camera_gimbal: bool = _camera(
+        True, "a gimbal keeps the camera level while the body rolls and pitches"
+    )
+    lidar: bool = setting(False, "switch the lidar on", group="lidar")
+
+    @property
+    def gimbal(self) -> bool:
+        """A gimbal keeps the camera level."""
+        return self.camera_gimbal
+
+
+@dataclass(frozen=True)
+class QuadrotorParams(
+    PadParams,  # from the last to the first on the page
+    WindParams,
+    BarometerParams,
+    MagnetometerParams,
+    VisualOdometryParams,
+    _DownwardCameraParams,
+):
+    """Its sensors, the wind, and a landing pad."""
+
+
+@dataclass(frozen=True)
+class QuadrotorNodeParams(ScenarioParams, QuadrotorParams):
+    """Its world and mission, and its sensors."""
