@@ -4,7 +4,7 @@ import numpy as np
 from scene_messages import S, draw, is_at, tf, transform
 
 from ros_visualise.data import Header, Marker, MarkerAction, MarkerArray, MarkerType
-from ros_visualise.ui.scene import markers
+from ros_visualise.ui.scene.drawings import markers
 
 EVERYTHING = Marker(MarkerType.CUBE, action=MarkerAction.DELETEALL)
 
