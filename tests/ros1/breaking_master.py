@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
+from xmlrpc.client import dumps
 
 WORDS = {
     "cut": lambda reply: reply[: len(reply) // 2],
     "empty": lambda reply: b"",
     "no XML": lambda reply: b"\x00\xff it works",
     "another's": lambda reply: b"<html><body>proxy</body></html>",
+    "no list": lambda reply: dumps((5,), methodresponse=True).encode(),
+    "of no lists": lambda reply: dumps(([1, "", 7],), methodresponse=True).encode(),
     "of no numbers": lambda reply: reply.replace(b"<int>1</int>", b"<int>one</int>"),
 }
 """How a reply is broken."""

@@ -9,8 +9,10 @@ from contextlib import closing
 from typing import Any
 
 import pytest
+import rospy
 from breaking_master import WORDS, BreakingMaster
-from ros_graph import Master, Nodes
+from ros_graph import Master, Nodes, end
+from sensor_msgs.msg import Image
 from waiting import wait_for
 
 from ros_visualise.errors import Unreachable
@@ -46,14 +48,14 @@ def test_a_master_that_takes_the_call_and_says_nothing_is_not_waited_for(
             listing.look()
 
 
-@pytest.mark.parametrize("how", ["cut", "of no numbers"])
+@pytest.mark.parametrize("how", ["cut", "no list", "of no lists", "of no numbers"])
 def test_a_node_registers_again_after_broken_replies(
     breaking: BreakingMaster, ros_master: Master, how: str
 ) -> None:
     nodes = Nodes(ros_master)
     ros_master.environment["ROS_MASTER_URI"] = breaking.uri
     try:
-        nodes.start("filters")
+        node = nodes.start("filters")
     finally:
         ros_master.environment["ROS_MASTER_URI"] = ros_master.uri
     proxy: Any = ros_master.proxy()
@@ -68,7 +70,11 @@ def test_a_node_registers_again_after_broken_replies(
             _, _, uri = proxy.lookupNode("/tests", "/filters")
             proxy.unregisterPublisher("/filters", "/processed_image", uri)
             time.sleep(2.0)  # some calls of the node
-            assert not publishes()
         wait_for(publishes, "the node to register again")
+        images = rospy.Publisher("/controlled_stream", Image, queue_size=1)
+        wait_for(images.get_num_connections, "the node to connect to a new publisher")
+        images.unregister()
+        said = end(node)
+        assert (node.returncode, "Traceback" in said) == (0, False), said
     finally:
         nodes.stop()

@@ -19,6 +19,7 @@ UNANSWERED = (
     XmlRpcError,
     ExpatError,  # an answer that was cut off
     ValueError,  # one that is not what it says to be
+    TypeError,  # one without the three values that each answer has
     rosgraph.MasterException,
     rospy.ServiceException,
     rospy.ROSException,

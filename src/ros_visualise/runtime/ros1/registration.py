@@ -164,7 +164,20 @@ class _Registrar(RegistrationListener):  # type: ignore[misc]
         if code != 1:
             log.error("the ROS master refuses %s: %s", name, message)
         elif direction == Registration.SUB:
-            self._manager.publisher_update(name, publishers)
+            self._manager.publisher_update(name, _addresses(publishers))
+
+
+def _addresses(publishers: Any) -> list[str]:
+    """Those of the publishers of a topic, as a master lists them.
+
+    rospy's own thread, which connects to them, would end by anything else.
+
+    Raises:
+        TypeError: it is no list of texts.
+    """
+    if not isinstance(publishers, list) or not all(isinstance(one, str) for one in publishers):
+        raise TypeError(f"{publishers!r} is not a list of publishers")
+    return publishers
 
 
 class BoundedTransport(xmlrpc.client.Transport):
