@@ -58,15 +58,21 @@ class Wish:
     asked = False
 
 
-def interrupt() -> Wish:
+def interrupt(status: int = STOPPED) -> Wish:
     """Raise a KeyboardInterrupt in the main thread, from now on; once.
+
+    Args:
+        status: exit status of the process that is left at once inside an import, where the
+            KeyboardInterrupt would become another error.
 
     Returns:
         Whether that has happened, for a caller of code that may swallow it.
     """
     wish = Wish()
 
-    def raise_once(*_: object) -> None:
+    def raise_once(_: int, frame: FrameType | None) -> None:
+        if _is_importing(frame):
+            os._exit(status)
         wish.asked = True
         ignore()
         _leave_terminal()
@@ -74,6 +80,12 @@ def interrupt() -> Wish:
 
     _handle(raise_once)
     return wish
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None and not frame.f_code.co_filename.startswith("<frozen importlib"):
+        frame = frame.f_back
+    return frame is not None
 
 
 def note(wish: Wish) -> dict[Any, Any]:

@@ -45,7 +45,7 @@ def begin(name: str) -> None:
     wait_for_master()
     mend_pollers()
     mend_handshakes()
-    stop = interrupt()
+    stop = interrupt(DONE)
     try:
         with asking("the ROS master"):
             rospy.init_node(name, disable_signals=True)  # its own handler may wait for itself
