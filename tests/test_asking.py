@@ -3,11 +3,14 @@
 import os
 import subprocess
 import sys
+from argparse import ArgumentParser
+from dataclasses import MISSING, fields
 from pathlib import Path
 
 import pytest
 
 from ros_visualise import cli
+from ros_visualise.commands import COMMANDS
 
 PROGRAM = Path(sys.executable).with_name("ros-visualise")
 
@@ -49,6 +52,14 @@ def test_it_says_what_was_probably_meant(capsys, words, meant):
     assert (status, out) == (2, "")
     assert meant in err
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("name", COMMANDS.builtin)
+def test_the_options_of_a_command_are_its_arguments(name):
+    parser, command = ArgumentParser(add_help=False), COMMANDS.find(name)
+    command.add_arguments(parser)
+    options = {one.name for one in fields(command.options) if one.default is MISSING}
+    assert options == {one.dest for one in parser._actions}
 
 
 def test_of_a_file_it_tells_the_one_that_is_there(capsys, tmp_path):

@@ -2,9 +2,9 @@ import sys
 
 import pytest
 
-from ros_visualise.commands.insertion import parse_insertion
 from ros_visualise.data import Image, Odometry, ParameterEvent
 from ros_visualise.errors import OpenError, ParameterError, UsageError
+from ros_visualise.jobs.graphs import parse_insertion
 from ros_visualise.joining import Latest
 from ros_visualise.nodes import choose_node, find, find_node, load, node
 from ros_visualise.pipelines import (

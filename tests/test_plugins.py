@@ -121,6 +121,14 @@ def test_its_command_has_help_and_an_exit_status(sample, tmp_path):
     assert "--above" in sample.run("gaps", "--help").stdout
 
 
+def test_a_shell_completes_the_options_of_its_command(sample, monkeypatch):
+    line = "ros-visualise gaps --ab"
+    asked = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    for name, value in {**asked, "_ARGCOMPLETE_STDOUT_FILENAME": "/dev/stdout"}.items():
+        monkeypatch.setenv(name, value)
+    assert sample.run().stdout.strip() == "--above"
+
+
 def test_its_drawing_draws(sample):
     code = (
         "from ros_visualise.data import MagneticField\n"
@@ -240,7 +248,7 @@ def test_a_name_belongs_to_one_package(packages):
     text = "[ros_visualise.commands]\nlook = {}\n"
     command = (
         "from ros_visualise.commands import Command\n"
-        "COMMAND = Command('looks', lambda parser: None, lambda args: print('{}') or 0)"
+        "COMMAND = Command('looks', lambda parser: None, dict, lambda options: print('{}') or 0)"
     )
     packages.add("one", text.format("of_one"), of_one=command.format("one"))
     packages.add("two", text.format("of_two"), of_two=command.format("two"))

@@ -2,10 +2,11 @@
 
 import pytest
 
-from ros_visualise.cli import _parser
-from ros_visualise.commands.graphs import graph_of
+from ros_visualise.cli import main
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.jobs import play
+from ros_visualise.jobs.graphs import graph_of
 from ros_visualise.near import near
 from ros_visualise.nodes import NoParams
 from ros_visualise.nodes.edge_detector import edge_detector
@@ -50,12 +51,15 @@ def test_the_seed_has_its_own_values():
     assert (found["edge_detector"].low, found["edge_detector"].high) == (200, 300)
 
 
-def test_the_command_line_takes_one_and_settings_go_before_it():
+def test_the_command_line_takes_one_and_settings_go_before_it(monkeypatch, capsys):
+    graphs = []
+    monkeypatch.setattr(play, "play", lambda *asked: graphs.append(graph_of(*asked)) or 0)
     words = ["demo", "landscape", "--preset", "seed", "--set", "edge_detector.low=7"]
-    found = values_of(graph_of(_parser().parse_args(words)))
+    assert main(words) == 0
+    found = values_of(graphs[0])
     assert (found["edge_detector"].low, found["edge_detector"].high) == (7, 300)
-    with pytest.raises(UsageError, match="no preset 'sed'; did you mean seed"):
-        graph_of(_parser().parse_args([*words, "--preset", "sed"]))
+    assert main([*words, "--preset", "sed"]) == 2
+    assert "no preset 'sed'; did you mean seed" in capsys.readouterr().err
 
 
 def test_what_has_no_images_has_no_presets():

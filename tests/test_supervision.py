@@ -18,14 +18,15 @@ OF_FUTURES = {"sources/recordings/series.py"}
 """Whoever takes a message there gets what its making raised."""
 COMMAND = """
 import sys
+from dataclasses import replace
 from ros_visualise import cli, supervision
 from ros_visualise.commands import nodes
 
-def run(args):
+def run(options):
     supervision.start("poller", lambda: 1 / 0).join()
     return {status}
 
-nodes.run = run
+nodes.COMMAND = replace(nodes.COMMAND, run=run)
 sys.exit(cli.main(["nodes"]))
 """
 

@@ -14,6 +14,11 @@ SHELLS = ("bash", "zsh", "fish")
 _PROGRAM = "ros-visualise"
 
 
+def words_to_complete() -> list[str]:
+    """Words after the program in the line that a shell completes; none if no shell asks."""
+    return os.environ.get("COMP_LINE", "").split()[1:] if "_ARGCOMPLETE" in os.environ else []
+
+
 def complete(parser: ArgumentParser) -> None:
     """Answer a shell that asks, and leave; else nothing."""
     if "_ARGCOMPLETE" in os.environ:

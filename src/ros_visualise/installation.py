@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import sysconfig
 from contextlib import redirect_stderr
 from importlib.util import find_spec
 from io import StringIO
@@ -47,6 +46,8 @@ def _advice(error: ImportError) -> str:
 
 def _pip_install() -> str:
     """The command, as the distribution's own Python (PEP 668) or another takes it."""
+    import sysconfig
+
     is_managed = Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").exists()
     in_venv = sys.prefix != sys.base_prefix
     options = " --user --break-system-packages" if is_managed and not in_venv else ""

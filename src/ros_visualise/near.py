@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 
 def near(name: str, there: Iterable[str], listed: bool = True) -> str:
@@ -14,6 +13,8 @@ def near(name: str, there: Iterable[str], listed: bool = True) -> str:
         there: what could have been; case does not matter.
         listed: whether to tell all of them where none is close.
     """
+    from difflib import get_close_matches  # not at each --help
+
     known = list(there)
     folded = {one.casefold(): one for one in reversed(known)}
     given = name.casefold()

@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
+from typing import Any
 
 from ros_visualise.errors import RosVisualiseError
 
@@ -85,3 +86,20 @@ class Shown(logging.Formatter):
 def _encodable(text: str, encoding: str | None) -> str:
     known = encoding or "ascii"
     return text.encode(known, "backslashreplace").decode(known)
+
+
+def answer_json(found: Any, **how: Any) -> None:
+    """Print what was asked for as one line of JSON; ``how`` goes to `json.dumps`."""
+    import json  # not at each --help
+
+    answer([json.dumps(found, **how)])
+
+
+def counted(number: int, noun: str) -> str:
+    """``1 message``, ``2 messages``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def sized(size: int) -> str:
+    """Bytes as ``12.3 MB`` or ``1.2 kB``."""
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

@@ -10,7 +10,7 @@ from recorded_tags import CALIBRATION, Flight
 
 from ros_visualise import signals
 from ros_visualise.cli import main
-from ros_visualise.commands import mapping
+from ros_visualise.commands.landmarks import mapping
 from ros_visualise.geometry.transforms import from_parts
 from ros_visualise.yaml_files import load_yaml
 

@@ -1,12 +1,14 @@
 """The first minute of a run with a page: who it waits for, and what its tab is called."""
 
 import sys
-from argparse import Namespace
+from types import SimpleNamespace
 
 import pytest
 
-from ros_visualise.commands import play
-from ros_visualise.commands.play import has_desktop, title_of
+from ros_visualise.cli import main
+from ros_visualise.errors import UsageError
+from ros_visualise.jobs import play
+from ros_visualise.jobs.play import has_desktop
 
 
 class Seen:
@@ -26,16 +28,16 @@ class Seen:
 @pytest.mark.parametrize("spins", [0, 3])
 def test_it_begins_when_somebody_looks(spins):
     view = Seen(spins)
-    play._await_somebody(view, Namespace(asked=False))
+    play._await_somebody(view, SimpleNamespace(asked=False))
     assert view.left == 0
 
 
 def test_it_waits_for_nobody_who_is_told_to_end_or_does_not_come(monkeypatch):
     view = Seen(5)
-    play._await_somebody(view, Namespace(asked=True))
+    play._await_somebody(view, SimpleNamespace(asked=True))
     assert view.left == 5
     monkeypatch.setattr(play, "_PATIENCE_S", 0.0)
-    play._await_somebody(view, Namespace(asked=False))
+    play._await_somebody(view, SimpleNamespace(asked=False))
     assert view.left == 5
 
 
@@ -56,15 +58,25 @@ def test_a_browser_opens_where_a_person_sees_it(monkeypatch, environment, is_ter
 
 
 @pytest.mark.parametrize(
-    ("args", "title"),
+    ("words", "title"),
     [
-        ({"command": "video", "input": "clips/flight.mp4"}, "flight.mp4 - ros_visualise"),
-        ({"command": "kitti", "input": "2011_09_26/drive/"}, "drive - ros_visualise"),
-        ({"command": "camera", "input": "rtsp://me:secret@host/s"}, "camera - ros_visualise"),
-        ({"command": "sim", "robot": "husky"}, "husky - ros_visualise"),
-        ({"command": "demo", "scene": None}, "demo - ros_visualise"),
-        ({"command": "explain", "topic": "canny", "input": None}, "canny - ros_visualise"),
+        ("video clips/flight.mp4", "flight.mp4 - ros_visualise"),
+        ("kitti 2011_09_26/drive/", "drive - ros_visualise"),
+        ("camera rtsp://me:secret@host/s", "camera - ros_visualise"),
+        ("sim husky", "husky - ros_visualise"),
+        ("demo", "demo - ros_visualise"),
+        ("demo landscape", "landscape - ros_visualise"),
+        ("explain canny", "canny - ros_visualise"),
     ],
 )
-def test_the_tab_is_named_after_what_is_shown(args, title):
-    assert title_of(Namespace(**args)) == title
+def test_the_tab_is_named_after_what_is_shown(monkeypatch, words, title):
+    titles = []
+
+    def open_view(_, options):
+        titles.append(options.title)
+        raise UsageError("no view")
+
+    monkeypatch.setattr(play, "graph_of", lambda *_: None)
+    monkeypatch.setattr(play, "open_view", open_view)
+    assert main(words.split()) == 2
+    assert titles == [title]

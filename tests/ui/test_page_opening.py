@@ -15,7 +15,7 @@ from ros_visualise.cli import main
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 HANGING = """
 import sys, threading
-from ros_visualise.commands import play
+from ros_visualise.jobs import play
 from ros_visualise.entry import main
 
 def following(*_):

@@ -1,41 +1,56 @@
-"""What the commands do: a module for each, with ``run(args)`` that returns the exit status.
+"""Commands: a module for each, or a folder where one takes more than a file.
 
-Another package brings a command by an entry point of the group ``ros_visualise.commands``; see
-`ros_visualise.registry`. It names a `Command`, or a module with ``COMMAND``.
+Each module holds a `Command` as ``COMMAND``. It is light to import: what is heavy is imported
+where the command runs. Another package brings a command by an entry point of the group
+``ros_visualise.commands``; see `ros_visualise.registry`.
 """
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from ros_visualise.errors import UsageError
 from ros_visualise.registry import Registry
 
+T = TypeVar("T")
+
 
 @dataclass(frozen=True)
-class Command:
-    """A command of another package.
+class Command(Generic[T]):
+    """A command.
 
     Attributes:
         help: a line about it.
         add_arguments: adds its arguments to a parser.
+        options: frozen dataclass with a field for each argument, by its ``dest``; a field with a
+            default needs none.
         run: does it; gives the exit status. RosVisualiseErrors end it with one line.
     """
 
     help: str
     add_arguments: Callable[[ArgumentParser], None]
-    run: Callable[[Namespace], int]
+    options: Callable[..., T]
+    run: Callable[[T], int]
 
 
-def _read(held: Any, name: str) -> Command:
+def _read(held: Any, name: str) -> Command[Any]:
     found = getattr(held, "COMMAND", held)
     if not isinstance(found, Command):
         raise UsageError("holds no Command; give one, or a module with COMMAND")
     return found
 
 
-COMMANDS = Registry("commands", "", _read)
-"""The commands of other packages."""
+COMMANDS = Registry(
+    "commands",
+    __name__,
+    _read,
+    first=(
+        *("demo", "sim", "video", "camera", "bag", "kitti", "explain"),
+        *("info", "convert", "landmarks", "trajectory", "calibrate"),
+        *("nodes", "plugins", "completion"),
+    ),
+)
+"""All commands, in the order of ``--help``."""

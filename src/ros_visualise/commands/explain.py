@@ -1,44 +1,103 @@
-"""Giving a lesson: on the page, or written down."""
+"""``explain``: a lesson, on the page or written down."""
 
 from __future__ import annotations
 
-import json
-from argparse import Namespace
-from contextlib import suppress
+from argparse import ArgumentParser
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ros_visualise.commands import play
+from ros_visualise.commands import Command
 from ros_visualise.errors import OpenError
-from ros_visualise.lessons import LESSONS
-from ros_visualise.lessons.handout import PAGE
-from ros_visualise.printing import answer, say
-from ros_visualise.simulation.robots import ROBOTS
+from ros_visualise.jobs.options import PlayingOptions, add_playing_options
+from ros_visualise.printing import answer, answer_json, say
+from ros_visualise.simulation.robots import OURS, ROBOTS
+
+if TYPE_CHECKING:
+    from ros_visualise.graph import Graph
+    from ros_visualise.jobs.graphs import Selection
+    from ros_visualise.lessons.lesson import Lesson
 
 
-def run(args: Namespace) -> int:
+@dataclass(frozen=True, kw_only=True)
+class ExplainOptions(PlayingOptions):
+    """Options of ``explain``."""
+
+    topic: str | None
+    input: str | None
+    export: Path | None
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which lesson, on what, and how it is given."""
+    add_playing_options(parser)
+    parser.add_argument(
+        "topic", metavar="TOPIC", nargs="?", help="the lesson; without it, all lessons are listed"
+    )
+    parser.add_argument(
+        "input",
+        metavar="FILE",
+        nargs="?",
+        help=f"a picture, a film, a recording, {OURS} (default: a sample that fits the lesson)",
+    )
+    parser.add_argument(
+        "--export",
+        type=Path,
+        metavar="DIR",
+        help="write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
+    )
+
+
+def run(options: ExplainOptions) -> int:
     """List the lessons, or give one; 1 if something was lost."""
-    if args.topic is None:
-        _list(args.json)
+    from ros_visualise.jobs.play import play
+    from ros_visualise.lessons import LESSONS
+    from ros_visualise.lessons.handout import PAGE
+
+    if options.topic is None:
+        _list(options.json)
         return 0
-    lesson = LESSONS.find(args.topic)
-    if args.export is None:
-        args.paused = args.rate is None and not lesson.plays
-        return play.run(args)
-    page = args.export / PAGE
-    made = _prepare(page, args.overwrite)
-    args.view = "none"
-    args.rate = 1.0 if lesson.in_time else 0.0
-    if args.frames is None and args.duration is None:
-        is_recorded = lesson.streams and args.input not in (None, *ROBOTS.names())
-        args.duration = None if is_recorded else lesson.export_s or None
-        args.frames = None if lesson.export_s else 1
+    lesson = LESSONS.find(options.topic)
+    folder = options.export or options.record_dir / f"explain_{lesson.name}"
+    selection = _selection(lesson, options.input, folder, options.export is not None)
+    if options.export is None:
+        is_paused = options.rate is None and not lesson.plays
+        return play(selection, replace(options, paused=is_paused))
+    page = options.export / PAGE
+    made = _prepare(page, options.overwrite)
     try:
-        status = play.run(args)
+        status = play(selection, _written_down(options, lesson))
     finally:
         _remove_empty(made)
     if page.exists():
         say(f"{page}: written")
     return status
+
+
+def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> Selection:
+    """A lesson on a file; on another one in its place it goes on."""
+    from ros_visualise.jobs.graphs import Selection
+    from ros_visualise.jobs.lesson_graphs import lesson_graph
+
+    def graph(undo: ExitStack) -> Graph:
+        return lesson_graph(lesson, path, folder, at_end, undo)
+
+    def another(other: str) -> Selection:
+        return _selection(lesson, other, folder, at_end)
+
+    return Selection(lesson.name, graph, path or "", another=another)
+
+
+def _written_down(options: ExplainOptions, lesson: Lesson) -> ExplainOptions:
+    """Options that play as much as a lesson's page needs, and show nothing."""
+    duration, frames = options.duration, options.frames
+    if frames is None and duration is None:
+        is_recorded = lesson.streams and options.input not in (None, *ROBOTS.names())
+        duration = None if is_recorded else lesson.export_s or None
+        frames = None if lesson.export_s else 1
+    rate = 1.0 if lesson.in_time else 0.0
+    return replace(options, view="none", rate=rate, duration=duration, frames=frames)
 
 
 def _prepare(page: Path, overwrite: bool) -> list[Path]:
@@ -65,9 +124,19 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 def _list(as_json: bool) -> None:
+    from ros_visualise.lessons import LESSONS
+
     lessons = list(LESSONS.all())
     if as_json:
-        answer([json.dumps({lesson.name: lesson.about for lesson in lessons})])
+        answer_json({lesson.name: lesson.about for lesson in lessons})
         return
     width = max(len(lesson.name) for lesson in lessons)
     answer([f"{lesson.name.ljust(width)}  {lesson.about}" for lesson in lessons])
+
+
+COMMAND = Command(
+    "lessons: how it works, step by step, on your own picture or recording",
+    add_arguments,
+    ExplainOptions,
+    run,
+)

@@ -2,25 +2,49 @@
 
 from __future__ import annotations
 
-import json
 import time
-from argparse import Namespace
+from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
-from ros_visualise import sources
-from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.commands.wording import counted, sized
-from ros_visualise.printing import answer, shown
+from ros_visualise.commands import Command
+from ros_visualise.jobs.options import MemoryOptions, add_memory_option
+from ros_visualise.printing import answer, answer_json, counted, shown, sized
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 
 
-def run(args: Namespace) -> int:
+@dataclass(frozen=True, kw_only=True)
+class InfoOptions(MemoryOptions):
+    """Options of ``info``."""
+
+    input: str
+    check: bool
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which file, and how much of it is read."""
+    parser.add_argument("input", metavar="FILE", help="a recording or a video")
+    parser.add_argument(
+        "--check", action="store_true", help="read the whole file, and report what is damaged"
+    )
+    parser.add_argument("--json", action="store_true", help="print it as one JSON object")
+    add_memory_option(parser)
+
+
+def run(options: InfoOptions) -> int:
     """Print what a file holds; 1 if something of it is lost."""
-    found = interruptible(lambda: sources.info(args.input, args.check))
-    answer([json.dumps(found)] if args.json else _lines(found))
+    from ros_visualise import sources
+    from ros_visualise.jobs.interruptible import interruptible
+
+    found = interruptible(lambda: sources.info(options.input, options.check))
+    if options.json:
+        answer_json(found)
+    else:
+        answer(_lines(found))
     return int(bool(found["lost"]["notes"]))
 
 
@@ -120,3 +144,6 @@ def _time(seconds: float) -> str:
     local = time.localtime(hundredths // 100)
     day = time.strftime("%b %d %Y %H:%M:%S", local)
     return f"{day}.{hundredths % 100:02d} {time.strftime('%Z', local)} ({hundredths / 100:.2f})"
+
+
+COMMAND = Command("tell what is in a recording or a video", add_arguments, InfoOptions, run)

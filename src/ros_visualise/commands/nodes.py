@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-import json
-from argparse import Namespace
+from argparse import ArgumentParser
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
-from ros_visualise import nodes as registry
-from ros_visualise.messages import type_name
-from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import Spec, specs
-from ros_visualise.printing import answer
+from ros_visualise.commands import Command
+from ros_visualise.printing import answer, answer_json
+
+if TYPE_CHECKING:
+    from ros_visualise.nodes import NodeType, SourceType
+    from ros_visualise.params import Spec
 
 
-def run(args: Namespace) -> int:
+@dataclass(frozen=True)
+class NodesOptions:
+    """Options of ``nodes``."""
+
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """How they are printed."""
+    parser.add_argument("--json", action="store_true", help="print it as one JSON object")
+
+
+def run(options: NodesOptions) -> int:
     """Print every node with its topics, actions and parameters."""
-    described = {found.name: _describe(found) for found in registry.find_all()}
-    answer([json.dumps(described)] if args.json else _lines(described))
+    from ros_visualise.nodes import find_all
+
+    described = {found.name: _describe(found) for found in find_all()}
+    if options.json:
+        answer_json(described)
+    else:
+        answer(_lines(described))
     return 0
 
 
@@ -33,6 +51,10 @@ def _lines(described: dict[str, Any]) -> Iterator[str]:
 
 
 def _describe(found: NodeType | SourceType) -> dict[str, Any]:
+    from ros_visualise.messages import type_name
+    from ros_visualise.nodes import SourceType
+    from ros_visualise.params import specs
+
     return {
         "doc": found.doc,
         "source": isinstance(found, SourceType),
@@ -64,3 +86,8 @@ def _allowed(about: dict[str, Any]) -> str:
 
 def _told(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+COMMAND = Command(
+    "list all nodes with their topics, actions and parameters", add_arguments, NodesOptions, run
+)

@@ -2,35 +2,48 @@
 
 from __future__ import annotations
 
-import json
-from argparse import Namespace
+from argparse import ArgumentParser
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from ros_visualise.commands import COMMANDS
-from ros_visualise.lessons import LESSONS
-from ros_visualise.nodes import NODES
-from ros_visualise.printing import answer, shown
+from ros_visualise.commands import COMMANDS, Command
+from ros_visualise.printing import answer, answer_json, shown
 from ros_visualise.registry import GROUP, Plugin, Registry, unknown_groups
-from ros_visualise.simulation.robots import ROBOTS
-from ros_visualise.simulation.worlds import WORLDS
-from ros_visualise.sources.formats import FORMATS
-from ros_visualise.ui.scene.drawings import DRAWINGS
-
-_REGISTRIES: tuple[Registry[Any], ...] = (
-    *(NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, WORLDS, COMMANDS),
-)
 
 
-def run(args: Namespace) -> int:
+@dataclass(frozen=True)
+class PluginsOptions:
+    """Options of ``plugins``."""
+
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """How they are printed."""
+    parser.add_argument("--json", action="store_true", help="print it as one JSON array")
+
+
+def run(options: PluginsOptions) -> int:
     """List the plug-ins; 1 if one of them cannot be used."""
-    found = [_described(registry, one) for registry in _REGISTRIES for one in registry.plugins()]
-    known = [registry.kind for registry in _REGISTRIES]
+    from ros_visualise.lessons import LESSONS
+    from ros_visualise.nodes import NODES
+    from ros_visualise.simulation.robots import ROBOTS
+    from ros_visualise.simulation.worlds import WORLDS
+    from ros_visualise.sources.formats import FORMATS
+    from ros_visualise.ui.scene.drawings import DRAWINGS
+
+    registries: tuple[Registry[Any], ...]
+    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, WORLDS, COMMANDS)
+    found = [_described(registry, one) for registry in registries for one in registry.plugins()]
+    known = [registry.kind for registry in registries]
     for group, package in unknown_groups(known):
         why = f"unknown group {group}; choose from {', '.join(GROUP + kind for kind in known)}"
         found.append({"kind": "?", "name": "*", "package": package, "failure": why})
-    answer([json.dumps(found)] if args.json else _lines(found))
+    if options.json:
+        answer_json(found)
+    else:
+        answer(_lines(found))
     return int(any(one["failure"] for one in found))
 
 
@@ -45,3 +58,11 @@ def _lines(found: list[dict[str, str]]) -> Iterator[str]:
         whose = f"{one['package']} {one.get('version', '')}".strip()
         state = f": {one['failure']}" if one["failure"] else ""
         yield shown(f"{one['kind']:<10} {one['name']:<20} {whose}{state}")
+
+
+COMMAND = Command(
+    "list what other packages add, and what of it cannot be used",
+    add_arguments,
+    PluginsOptions,
+    run,
+)

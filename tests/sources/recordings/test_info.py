@@ -2,7 +2,6 @@
 
 import json
 import re
-from argparse import Namespace
 
 import av
 import made_bags
@@ -18,7 +17,7 @@ from ros_visualise.sources.recordings.summary import mean_rate
 @pytest.fixture
 def tell(capsys):
     def tell(path, as_json=False, status=0):
-        assert info.run(Namespace(input=str(path), json=as_json, check=False)) == status
+        assert cli.main(["info", str(path), *["--json"] * as_json]) == status
         return capsys.readouterr().out
 
     return tell

@@ -1,11 +1,18 @@
 """A command: the longest pause in each topic of a recording."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser
 from contextlib import closing
-
-import numpy as np
+from dataclasses import dataclass
 
 from ros_visualise.commands import Command
+
+
+@dataclass(frozen=True)
+class GapsOptions:
+    """A field for each argument."""
+
+    input: str
+    above: float
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -14,19 +21,21 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--above", type=float, default=0.0, metavar="S", help="only longer ones")
 
 
-def run(args: Namespace) -> int:
+def run(options: GapsOptions) -> int:
     """Print the longest pause of each topic; 1 if one is longer than ``--above``, if given."""
+    import numpy as np
+
     from ros_visualise.sources import open_source
 
     found = {}
-    with closing(open_source(args.input)) as recording:
+    with closing(open_source(options.input)) as recording:
         for topic, stamps_ns in recording.stamps_ns().items():
             gaps = np.diff(np.sort(stamps_ns))
             found[topic] = gaps.max() / 1e9 if len(gaps) else 0.0
     for topic, gap_s in found.items():
-        if gap_s >= args.above:
+        if gap_s >= options.above:
             print(f"{topic}: longest pause {gap_s:.3f} s")
-    return int(args.above > 0 and max(found.values(), default=0) >= args.above)
+    return int(options.above > 0 and max(found.values(), default=0) >= options.above)
 
 
-COMMAND = Command("the longest pause in each topic", add_arguments, run)
+COMMAND = Command("the longest pause in each topic", add_arguments, GapsOptions, run)

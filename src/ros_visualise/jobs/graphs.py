@@ -1,58 +1,107 @@
-"""Which graph a playing command runs, and with which parameters."""
+"""The graph that a playing command runs: of what was selected, with the nodes and parameters."""
 
 from __future__ import annotations
 
 import os
-from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from ros_visualise.commands.insertion import parse_insertion
-from ros_visualise.commands.lesson_graphs import lesson_graph
 from ros_visualise.data import Detections, Image
 from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.jobs.options import NodeOptions, SettingOptions
 from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
 from ros_visualise.params import specs
 from ros_visualise.pipelines import (
     IMAGE_NODES,
-    demo_pipeline,
     film_pipeline,
     image_pipeline,
     recording_pipeline,
-    simulation_pipeline,
 )
 from ros_visualise.presets import preset
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording
-from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.video_pixels import parse_size
 
 _NONE = "none"
 _PATH = "path"
 
 
-def graph_of(args: Namespace) -> Graph:
-    """The graph of a command with all that its options add and set.
+@dataclass(frozen=True)
+class Selection:
+    """What a person selected to play.
+
+    Attributes:
+        name: a few words for the title of the page.
+        graph: makes its graph: the source, and the nodes that every run of it has. What it opens
+            goes on the stack, which closes it where no run comes of it.
+        path: its file, folder or device; empty: none.
+        size: that images are scaled to, also those of what is opened in its place.
+        is_recording: its topics are chosen by options.
+        another: selects another file in its place; None: as the commands ``bag`` or ``video`` do.
+    """
+
+    name: str
+    graph: Callable[[ExitStack], Graph]
+    path: str = ""
+    size: str = ""
+    is_recording: bool = False
+    another: Callable[[str], Selection] | None = None
+
+
+def recording(
+    path: str, topics: Sequence[str] = (), image: str | None = None, odom: str | None = None
+) -> Selection:
+    """A recording.
+
+    Args:
+        path: file or folder.
+        topics: those that are played; none: all.
+        image: topic that goes through the nodes, or ``none``; None: the first.
+        odom: topic that the path is drawn from, or ``none``; None: the first.
+    """
+
+    def graph(undo: ExitStack) -> Graph:
+        opened = undo.enter_context(closing(open_recording(path)))
+        return recording_pipeline(opened, topics, _topic(image), _topic(odom))
+
+    return Selection(Path(path).resolve().name, graph, path, is_recording=True)
+
+
+def film(path: str, size: str) -> Selection:
+    """A film, or a folder of pictures; its images are scaled to that size, if one is given."""
+
+    def graph(_: ExitStack) -> Graph:
+        if os.path.isdir(path):
+            return image_pipeline("pictures", path=path)
+        return film_pipeline(path, **sized_to(size))
+
+    return Selection(Path(path).resolve().name, graph, path, size)
+
+
+def sized_to(size: str) -> dict[str, str]:
+    """The parameter of a source of images for a size, if one is given."""
+    return {"size": size} if size else {}
+
+
+def graph_of(selection: Selection, options: NodeOptions) -> Graph:
+    """The graph of a selection with all that options add and set.
 
     Raises:
         OpenError: the source, a node's file or the file of parameters cannot be opened.
         UsageError: an option asks for what is not there.
     """
     with ExitStack() as undo:
-        if args.command in _RECORDED:
-            recording = undo.enter_context(closing(open_recording(args.input)))
-            graph = _recording(recording, args)
-        else:
-            graph = _GRAPHS[args.command](args)
-        if args.landmarks or args.navigate is not None:
-            graph = _with_tags(graph, args.navigate)
-        graph = _with_options(graph, args)
-        undo.pop_all()  # the recording is the graph's now
+        graph = selection.graph(undo)
+        if options.landmarks or options.navigate is not None:
+            graph = _with_tags(graph, options.navigate)
+        graph = _with_options(graph, options, selection.is_recording)
+        undo.pop_all()  # what is open is the graph's now
         return graph
 
 
@@ -76,9 +125,9 @@ def _with_tags(graph: Graph, navigate: str | None) -> Graph:
     return graph
 
 
-def _with_options(graph: Graph, args: Namespace) -> Graph:
+def _with_options(graph: Graph, options: NodeOptions, is_recording: bool) -> Graph:
     last = _where_nodes_go(graph)
-    for text in args.node:
+    for text in options.node:
         wanted = parse_insertion(text)
         added = choose_node(wanted.node)
         after = wanted.after or last
@@ -86,32 +135,62 @@ def _with_options(graph: Graph, args: Namespace) -> Graph:
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
             last = added.name
-    if args.preset:
-        graph = graph.configured(preset(args.preset, graph))
-    graph = with_settings(graph, args)
+    if options.preset:
+        graph = graph.configured(preset(options.preset, graph))
+    graph = with_settings(graph, options, is_recording)
     _refuse_unfed_pair(graph)
     _refuse_missing_calibration(graph)
     return graph
 
 
-def with_settings(graph: Graph, args: Namespace) -> Graph:
+class Insertion(NamedTuple):
+    """A node, what it comes after, and topics for its inputs; None where it does not say."""
+
+    node: str
+    after: str | None
+    topics: dict[str, str]
+
+
+def parse_insertion(text: str) -> Insertion:
+    """``NODE[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
+
+    NODE is as `ros_visualise.nodes.choose_node` takes it.
+
+    Raises:
+        UsageError: it is not of that form.
+    """
+    path, colon, rest = text.rpartition(":")
+    name, *chosen = rest.split(",")
+    name, _, after = name.partition("@")
+    topics = dict(one.partition("=")[::2] for one in chosen)
+    if not all(topics.values()) or len(topics) < len(chosen):
+        raise UsageError(f"{text}: give a node as NODE, NODE@AFTER or NODE@AFTER,INPUT=/topic")
+    return Insertion(path + colon + name, after or None, topics)
+
+
+def with_settings(graph: Graph, options: SettingOptions, is_recording: bool = False) -> Graph:
     """The graph with the parameters of ``--params`` and ``--set``.
+
+    Args:
+        graph: what they are of.
+        options: those two.
+        is_recording: there is an option ``--odom``, which a path follows.
 
     Raises:
         OpenError: the file of parameters cannot be opened.
         UsageError: no such node or parameter, or a value out of its range.
     """
-    if args.params:
+    if options.params:
         try:
-            graph = _configured(graph, load(args.params), args)
+            graph = _configured(graph, load(options.params), is_recording)
         except ParameterError as error:
-            raise UsageError(f"{args.params}: {error}") from None
-    for text in args.set:
+            raise UsageError(f"{options.params}: {error}") from None
+    for text in options.set:
         key, equals, value = text.partition("=")
         node, dot, param = key.partition(".")
         if not (equals and dot):
             raise UsageError(f"--set {text}: give NODE.PARAM=VALUE{_with_node(graph, key)}")
-        graph = _configured(graph, {node: {param: value}}, args)
+        graph = _configured(graph, {node: {param: value}}, is_recording)
     return graph
 
 
@@ -138,53 +217,9 @@ def stepped_topic(graph: Graph) -> str:
     return next(port for port in outputs if kinds[port] is Image and outputs[port] in taken)
 
 
-def _demo(args: Namespace) -> Graph:
-    return demo_pipeline(
-        args.scene, parse_size(args.size), args.landmarks is not False, args.navigate is not None
-    )
-
-
-def _sim(args: Namespace) -> Graph:
-    mission = args.mission or _NONE
-    if mission == _NONE and args.view == "none" and args.duration is None and args.frames is None:
-        raise UsageError(
-            "the robot has nothing to do and would stand still for ever: add --mission "
-            "lawn_mower or --duration 60"
-        )
-    scenario = {"world": args.world, "mission": mission, "seed": args.seed}
-    landmarks, navigate = args.landmarks is not False, args.navigate is not None
-    return simulation_pipeline(args.robot, parse_size(args.size), landmarks, navigate, **scenario)
-
-
-def _video(args: Namespace) -> Graph:
-    if os.path.isdir(args.input):
-        return image_pipeline("pictures", path=args.input)
-    return film_pipeline(args.input, **_size(args))
-
-
-def _camera(args: Namespace) -> Graph:
-    if args.rate is not None or args.loop or args.start is not None:
-        raise UsageError("a camera is live: it takes no --rate, --loop or --start")
-    return image_pipeline("camera", uri=args.input, **_size(args))
-
-
-def _recording(recording: Recording, args: Namespace) -> Graph:
-    return recording_pipeline(recording, args.topics, _topic(args.image), _topic(args.odom))
-
-
-_RECORDED = ("bag", "kitti")
-_GRAPHS: dict[str, Callable[[Namespace], Graph]] = {
-    "demo": _demo,
-    "sim": _sim,
-    "video": _video,
-    "camera": _camera,
-    "explain": lesson_graph,
-}
-
-
-def _configured(graph: Graph, settings: dict[str, dict[str, Any]], args: Namespace) -> Graph:
+def _configured(graph: Graph, settings: dict[str, dict[str, Any]], is_recording: bool) -> Graph:
     is_there = any(node.name == _PATH for node in graph.nodes)
-    if _PATH in settings and not is_there and args.command in _RECORDED:
+    if _PATH in settings and not is_there and is_recording:
         raise UsageError(
             "no node 'path' here: name what it is to follow by --odom TOPIC, or two frames by"
             " --odom /tf:PARENT.CHILD"
@@ -209,10 +244,6 @@ def _refuse_missing_calibration(graph: Graph) -> None:
     url = getattr(graph.source.params, "camera_info_url", "") if graph.source else ""
     if url:
         read_calibration(url)
-
-
-def _size(args: Namespace) -> dict[str, str]:
-    return {"size": args.size} if args.size else {}
 
 
 def _topic(name: str | None) -> str | None:

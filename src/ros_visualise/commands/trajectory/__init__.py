@@ -1,27 +1,46 @@
-"""What can be asked of the command ``trajectory``."""
+"""``trajectory``: trajectories, drawn, written as text, and compared with the truth."""
 
 from __future__ import annotations
 
 import re
-from argparse import ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.options.shared import add_memory_option, not_negative
+from ros_visualise.commands import Command
+from ros_visualise.jobs.argument_types import not_negative
+from ros_visualise.jobs.options import MemoryOptions, add_memory_option
 
 
-def add_trajectory(commands: Any) -> None:
-    """The command ``trajectory``."""
-    trajectory = commands.add_parser(
-        "trajectory", help="draw poses, compare them with the truth (ATE, RPE), write them for evo"
-    )
-    trajectory.set_defaults(module="trajectory")
-    trajectory.add_argument(
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryOptions(MemoryOptions):
+    """Options of ``trajectory``."""
+
+    input: str
+    output: Path | None
+    topic: Sequence[str]
+    beside: Sequence[str]
+    truth: str | None
+    align: str
+    max_difference: float
+    delta: tuple[float, str]
+    format: str
+    plot: Path | None
+    plane: str
+    overwrite: bool
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which trajectories, what they are compared with, and what is written."""
+    parser.add_argument(
         "input",
         metavar="SRC",
         help="a recording of any kind, or a text file in the format of TUM or KITTI",
     )
-    trajectory.add_argument(
+    parser.add_argument(
         "output",
         metavar="OUT",
         nargs="?",
@@ -29,14 +48,14 @@ def add_trajectory(commands: Any) -> None:
         help="text file to write the trajectory to (as --align moved it); without OUT it is "
         "drawn in the terminal",
     )
-    trajectory.add_argument(
+    parser.add_argument(
         "--topic",
         action="append",
         default=[],
         help="topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD;"
         " repeatable",
     )
-    trajectory.add_argument(
+    parser.add_argument(
         "--with",
         dest="beside",
         action="append",
@@ -44,9 +63,9 @@ def add_trajectory(commands: Any) -> None:
         metavar="FILE[@TOPIC,...]",
         help="another text file or recording; repeatable",
     )
-    _add_comparing(trajectory.add_argument_group("comparing"))
-    _add_output(trajectory.add_argument_group("output"))
-    add_memory_option(trajectory)
+    _add_comparing(parser.add_argument_group("comparing"))
+    _add_output(parser.add_argument_group("output"))
+    add_memory_option(parser)
 
 
 def _add_comparing(group: Any) -> None:
@@ -107,3 +126,18 @@ def _delta(text: str) -> tuple[float, str]:
     if found is None or amount <= 0 or (found[2] == "f" and not amount.is_integer()):
         raise ArgumentTypeError(f"{text!r}: give poses as 1f, or 10m, 5deg, 1s")
     return amount, found[2]
+
+
+def run(options: TrajectoryOptions) -> int:
+    """Read trajectories, compare them, write and draw them, and print what they are."""
+    from ros_visualise.commands.trajectory.work import assess
+
+    return assess(options)
+
+
+COMMAND = Command(
+    "draw poses, compare them with the truth (ATE, RPE), write them for evo",
+    add_arguments,
+    TrajectoryOptions,
+    run,
+)

@@ -1,50 +1,65 @@
-"""What can be asked of the command ``landmarks``."""
+"""``landmarks``: what is found in pictures, videos and recordings, and where it is."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from ros_visualise.options.shared import (
-    MISSION,
+from ros_visualise.commands import Command
+from ros_visualise.jobs.argument_types import tag_size
+from ros_visualise.jobs.options import (
+    MemoryOptions,
+    PartOptions,
+    SettingOptions,
+    WorldOptions,
     add_memory_option,
     add_part,
     add_settings,
     add_world_options,
-    tag_size,
 )
 from ros_visualise.simulation.robots import OURS
 
 
-def add_landmarks(commands: Any) -> None:
-    """The command ``landmarks``."""
-    landmarks = commands.add_parser(
-        "landmarks", help="find tags and objects in pictures, videos and recordings, and map them"
-    )
-    landmarks.set_defaults(module="landmarks")
-    landmarks.add_argument(
+@dataclass(frozen=True, kw_only=True)
+class LandmarksOptions(WorldOptions, PartOptions, SettingOptions, MemoryOptions):
+    """Options of ``landmarks``."""
+
+    input: str
+    families: str
+    tags: str
+    size: float | None
+    model: str
+    calibration: str
+    topic: str
+    map: Path | None
+    survey: str
+    overwrite: bool
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which source, what is to be found in it, and what is written."""
+    parser.add_argument(
         "input",
         metavar="SRC",
         help="a picture, a folder of pictures, a video, a recording (with images, or with tags that"
         f" were found before), or a simulated robot: {OURS}",
     )
-    _add_what_is_asked(landmarks)
-    _add_source(landmarks)
-    landmarks.add_argument(
+    _add_what_is_asked(parser)
+    _add_source(parser)
+    parser.add_argument(
         "--map", type=Path, metavar="OUT", help="write the landmarks to this .yaml file"
     )
-    landmarks.add_argument(
+    parser.add_argument(
         "--survey",
         default="",
         metavar="FILE.yaml",
         help="measured places of tags, or distances between them, to be used for --map",
     )
-    landmarks.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
-    landmarks.add_argument(
-        "--json", action="store_true", help="print the result as one JSON object"
-    )
-    add_memory_option(landmarks)
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
+    parser.add_argument("--json", action="store_true", help="print the result as one JSON object")
+    add_memory_option(parser)
 
 
 def _add_what_is_asked(parser: ArgumentParser) -> None:
@@ -90,10 +105,22 @@ def _add_source(parser: ArgumentParser) -> None:
     source.add_argument(
         "--topic", default="", help="of a recording: the images, or the tags that were found before"
     )
-    add_world_options(source)
-    source.add_argument(
-        "--mission", metavar="SHAPE|FILE", help=f"{MISSION} (default: the robot's own)"
-    )
+    add_world_options(source, without_mission="the robot's own")
     source.set_defaults(world=None, seed=None)  # what nobody gave is not refused
     add_part(source)
     add_settings(parser.add_argument_group("nodes"))
+
+
+def run(options: LandmarksOptions) -> int:
+    """Find landmarks until the source ends; 1 if something was lost."""
+    from ros_visualise.commands.landmarks.work import find_landmarks
+
+    return find_landmarks(options)
+
+
+COMMAND = Command(
+    "find tags and objects in pictures, videos and recordings, and map them",
+    add_arguments,
+    LandmarksOptions,
+    run,
+)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ros_visualise.commands.mapped_objects import objects_again
-from ros_visualise.commands.mapping_report import report_lines, report_values
+from ros_visualise.commands.landmarks.mapped_objects import objects_again
+from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
 from ros_visualise.data import (
     Detection,
     Detections,
@@ -74,11 +73,11 @@ class Mapper:
 
     Args:
         graph: its detectors, and the frames that its source gives.
-        args: ``map`` and ``survey`` of the command.
+        survey: file with measured places of tags, or distances; empty: none.
     """
 
-    def __init__(self, graph: Graph, args: Namespace) -> None:
-        self._survey = read_survey(args.survey) if args.survey else Survey()
+    def __init__(self, graph: Graph, survey: str) -> None:
+        self._survey = read_survey(survey) if survey else Survey()
         self._gathered = Gathered()
         self._sizes = _sizes(graph)
         self._localizer = next(

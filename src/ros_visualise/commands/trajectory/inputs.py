@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.opening import open_recording
@@ -39,13 +39,13 @@ class Inputs:
         return [*self.trajectories, *([self.truth] if self.truth else [])]
 
 
-def files_read(args: Namespace) -> list[Path]:
+def files_read(options: TrajectoryOptions) -> list[Path]:
     """All that is going to be read."""
-    named = [*args.beside, *([args.truth] if args.truth else [])]
-    return [Path(args.input), *(parse_target(name)[0] for name in named)]
+    named = [*options.beside, *([options.truth] if options.truth else [])]
+    return [Path(options.input), *(parse_target(name)[0] for name in named)]
 
 
-def read_inputs(args: Namespace) -> Inputs:
+def read_inputs(options: TrajectoryOptions) -> Inputs:
     """Read all that the command line names.
 
     Raises:
@@ -53,12 +53,11 @@ def read_inputs(args: Namespace) -> Inputs:
         RosVisualiseError: one holds no poses.
     """
     inputs = Inputs()
-    with _opened(Path(args.input), inputs) as source:
-        inputs.truth = _truth(source, args.truth, inputs)
+    with _opened(Path(options.input), inputs) as source:
+        inputs.truth = _truth(source, options.truth, inputs)
         but = inputs.truth.topic if inputs.truth else None
-        topics = args.topic or [None]
-        inputs.trajectories += [_read(source, topic, but) for topic in topics]
-    for name in args.beside:
+        inputs.trajectories += [_read(source, one, but) for one in options.topic or (None,)]
+    for name in options.beside:
         inputs.trajectories += _read_named(name, inputs)
     return inputs
 

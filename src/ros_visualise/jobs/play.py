@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import sys
 import time
-from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ros_visualise.commands.following import following
-from ros_visualise.commands.graphs import graph_of, stepped_topic
-from ros_visualise.commands.interruptible import in_time, interruptible, opened_within
-from ros_visualise.commands.wording import counted
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.jobs.following import following
+from ros_visualise.jobs.graphs import Selection, graph_of, stepped_topic
+from ros_visualise.jobs.interruptible import in_time, interruptible, opened_within
+from ros_visualise.jobs.options import OutputOptions, PlayingOptions
 from ros_visualise.paths import set_folder
-from ros_visualise.printing import answer, say
+from ros_visualise.printing import answer_json, counted, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
@@ -40,37 +38,38 @@ _PATIENCE_S = 4.0  # for the first browser
 _SCREENS = ("DISPLAY", "WAYLAND_DISPLAY")
 
 
-def run(args: Namespace) -> int:
+def play(selection: Selection, options: PlayingOptions) -> int:
     """Play a source until it ends or a person ends it; 1 if something was lost."""
-    split = _split(args)
-    targets = [one for target in args.record for one in _files(parse_target(target)[0], split)]
-    check_targets(targets, getattr(args, "input", None))
-    set_folder(args.record_dir, args.overwrite)
+    split = _split(options)
+    targets = [one for target in options.record for one in _files(parse_target(target)[0], split)]
+    check_targets(targets, selection.path or None)
+    set_folder(options.record_dir, options.overwrite)
     logging.getLogger("ros_visualise").setLevel(logging.INFO)
-    shelf = _shelf(args)
-    options = ViewOptions(
-        args.host,
-        args.port,
-        args.allow_origin,
-        args.record_dir,
-        title=title_of(args),
-        browser=has_desktop(os.environ) if args.open is None else args.open,
-        arrangement=read_arrangement(args.layout) if args.layout else {},
+    shelf = _shelf(selection.path, options.record_dir)
+    view_options = ViewOptions(
+        options.host,
+        options.port,
+        options.allow_origin,
+        options.record_dir,
+        title=f"{selection.name} - ros_visualise",
+        browser=has_desktop(os.environ) if options.open is None else options.open,
+        arrangement=read_arrangement(options.layout) if options.layout else {},
         shelf=shelf,
-        token=args.token,
+        token=options.token,
     )
-    graph = interruptible(lambda: graph_of(args))
-    view = open_view(args.view, options)
+    graph = interruptible(lambda: graph_of(selection, options))
+    view = open_view(options.view, view_options)
     try:
-        return _run(args, graph, view, shelf)
+        runtime = interruptible(lambda: _open(options, graph, view))
+        return _run(_Played(selection, options, runtime), view, shelf)
     finally:
         view.close()
 
 
-def _split(args: Namespace) -> Split | None:
-    if args.split is not None and not args.record:
-        raise UsageError(f"--split {args.split}: needs --record OUT")
-    return None if args.split is None else parse_split(args.split)
+def _split(options: OutputOptions) -> Split | None:
+    if options.split is not None and not options.record:
+        raise UsageError(f"--split {options.split}: needs --record OUT")
+    return None if options.split is None else parse_split(options.split)
 
 
 def _files(path: Path, split: Split | None) -> list[Path]:
@@ -80,34 +79,34 @@ def _files(path: Path, split: Split | None) -> list[Path]:
     return list({0: part_path(path, 0), **existing_parts(path)}.values())
 
 
-def _shelf(args: Namespace) -> Shelf:
+def _shelf(path: str, folder: Path) -> Shelf:
     """What can be opened instead: what is beside the file, or else in the current folder."""
-    given = Path(getattr(args, "input", None) or "")
+    given = Path(path)
     is_file = os.path.exists(given) and given.name != ""
-    return Shelf(given.parent if is_file else Path(), args.record_dir, given if is_file else None)
+    return Shelf(given.parent if is_file else Path(), folder, given if is_file else None)
 
 
-def _run(args: Namespace, graph: Graph, view: View, shelf: Shelf) -> int:
-    played = _Played(args, interruptible(lambda: _open(args, graph, view)))
+def _run(played: _Played, view: View, shelf: Shelf) -> int:
     with noticed() as wish:
         with in_time(wish, lambda: played.runtime.steps):
             stopped = _play(played, view, wish, shelf)
         report = played.report()
-        if args.json:
-            answer([json.dumps(to_json(report), default=str)])
+        if played.options.json:
+            answer_json(to_json(report), default=str)
     return STOPPED if stopped else int(played.lost)
 
 
-def _open(args: Namespace, graph: Graph, view: View) -> LocalRuntime:
+def _open(options: PlayingOptions, graph: Graph, view: View) -> LocalRuntime:
+    is_seamless = graph.source is not None and graph.source.type.seamless
     playback = Playback(
-        rate=1.0 if args.rate is None else args.rate,
-        loop=args.loop or (view.stays and graph.source is not None and graph.source.type.seamless),
-        start_s=args.start or 0.0,
-        duration_s=args.duration,
-        frames=args.frames,
-        hold=view.stays and args.duration is None and args.frames is None,
+        rate=1.0 if options.rate is None else options.rate,
+        loop=options.loop or (view.stays and is_seamless),
+        start_s=options.start or 0.0,
+        duration_s=options.duration,
+        frames=options.frames,
+        hold=view.stays and options.duration is None and options.frames is None,
     )
-    if getattr(args, "paused", False):
+    if options.paused:
         playback.pause()
     playback.step_topic = stepped_topic(graph)
     return LocalRuntime(graph, playback)
@@ -120,8 +119,10 @@ class _Played:
         lost: something was.
     """
 
-    def __init__(self, args: Namespace, runtime: LocalRuntime) -> None:
-        self.args, self.runtime = args, runtime
+    def __init__(
+        self, selection: Selection, options: PlayingOptions, runtime: LocalRuntime
+    ) -> None:
+        self.selection, self.options, self.runtime = selection, options, runtime
         self.lost = False
         self.recordings: list[RecorderThread] = []
         self._recorded: dict[str, RecordingReport] = {}
@@ -144,28 +145,29 @@ class _Played:
         """Open another file in its place; one that cannot be opened is said."""
         opening = partial(self._open_next, path, view)
         try:
-            opened = opened_within(path, _OPEN_S, wish, opening, lambda late: late[1].stop())
+            opened = opened_within(path, _OPEN_S, wish, opening, lambda late: late[-1].stop())
         except RosVisualiseError as error:
             log.error("%s", error)
             return False
         if opened is None:
             return False
-        args, runtime = opened
         self.runtime.stop()
         self.report()
-        self.args, self.runtime, self.recordings = args, runtime, []
+        self.selection, self.options, self.runtime = opened
+        self.recordings = []
         return True
 
-    def _open_next(self, path: Path, view: View) -> tuple[Namespace, LocalRuntime]:
-        args, graph = following(self.args, path, self.runtime)
-        return args, _open(args, graph, view)
+    def _open_next(self, path: Path, view: View) -> tuple[Selection, PlayingOptions, LocalRuntime]:
+        selection, options, graph = following(self.selection, self.options, path, self.runtime)
+        return selection, options, _open(options, graph, view)
 
 
 def _play(played: _Played, view: View, wish: Wish, shelf: Shelf) -> bool:
     """Until the end, with all recordings closed; whether somebody asked for it before."""
     try:
-        args, runtime = played.args, played.runtime
-        played.recordings = _start_recordings(runtime, args.record, args.overwrite, _split(args))
+        options, runtime = played.options, played.runtime
+        split = _split(options)
+        played.recordings = _start_recordings(runtime, options.record, options.overwrite, split)
         view.open(runtime)  # before anything that holds can have passed
         if not runtime.graph.live:
             _await_somebody(view, wish)
@@ -198,19 +200,8 @@ def has_desktop(environment: Mapping[str, str]) -> bool:
     return bool(has_screen and sys.stderr.isatty() and not environment.get("SSH_CONNECTION"))
 
 
-def title_of(args: Namespace) -> str:
-    """What is shown, in a few words."""
-    if args.command in ("demo", "sim"):
-        return f"{args.robot if args.command == 'sim' else args.scene or 'demo'} - ros_visualise"
-    if args.command == "camera":  # whose address may hold a password
-        return "camera - ros_visualise"
-    if args.command == "explain":
-        return f"{args.topic} - ros_visualise"
-    return f"{Path(args.input).resolve().name} - ros_visualise"
-
-
 def _start_recordings(
-    runtime: LocalRuntime, targets: list[str], overwrite: bool, split: Split | None
+    runtime: LocalRuntime, targets: Sequence[str], overwrite: bool, split: Split | None
 ) -> list[RecorderThread]:
     """All of them, or none."""
     recordings: list[RecorderThread] = []

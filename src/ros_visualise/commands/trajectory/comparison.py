@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.data import Floats, Path
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry import transforms
@@ -49,30 +49,30 @@ class Comparison:
     turns: bool
 
 
-def compare(found: Trajectory, truth: Trajectory, args: Namespace) -> Comparison:
+def compare(found: Trajectory, truth: Trajectory, options: TrajectoryOptions) -> Comparison:
     """Compare with the truth, as the command line says.
 
     Raises:
         UsageError: no poses belong together, or they cannot be aligned like that.
     """
     turns = found.turns and truth.turns
-    if args.align == "origin" and not turns:
+    if options.align == "origin" and not turns:
         without = found if truth.turns else truth
         raise UsageError(f"--align origin: {without.topic} has no attitudes; take se3")
-    of_truth, of_found = _pairs(found, truth, round(args.max_difference * _NS))
+    of_truth, of_found = _pairs(found, truth, round(options.max_difference * _NS))
     T_truth, T = _poses(truth.path)[of_truth], _poses(found.path)
     try:
-        alignment = align(T_truth, T[of_found], args.align)
+        alignment = align(T_truth, T[of_found], options.align)
     except ValueError as error:
         hint = "take --align origin" if turns else "take --align none"
-        raise UsageError(f"{found.topic}: --align {args.align}: {error}; {hint}") from None
+        raise UsageError(f"{found.topic}: --align {options.align}: {error}; {hint}") from None
     T = alignment.apply(T)
     stamps_ns = found.path.stamps_ns[of_found]
-    begins = chain(stamps_ns, T[of_found], Delta(*args.delta))
+    begins = chain(stamps_ns, T[of_found], Delta(*options.delta))
     has_pairs = turns and len(begins) > 1
     apart_ns = abs(stamps_ns - truth.path.stamps_ns[of_truth]).max() if found.stamped else 0
     return Comparison(
-        _laid(found, T) if args.align != "none" else found,
+        _laid(found, T) if options.align != "none" else found,
         alignment,
         (stamps_ns if found.stamped and truth.stamped else of_found).astype(np.float64),
         float(apart_ns) / _NS,

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from dataclasses import asdict
 from typing import Any
 
-from ros_visualise.commands.trajectory_comparison import Comparison
-from ros_visualise.commands.wording import counted
+from ros_visualise.commands.trajectory import TrajectoryOptions
+from ros_visualise.commands.trajectory.comparison import Comparison
 from ros_visualise.geometry.trajectory_errors import DELTA_UNITS, PoseErrors, statistics
 from ros_visualise.geometry.transforms import from_parts
 from ros_visualise.geometry.travel import Travel
+from ros_visualise.printing import counted
 from ros_visualise.sources.trajectories import Trajectory
 
 _COLUMNS = ("rmse", "mean", "median", "std", "min", "max")
 
 
-def to_json(found: Trajectory, compared: Comparison | None, args: Namespace) -> dict[str, Any]:
+def to_json(
+    found: Trajectory, compared: Comparison | None, options: TrajectoryOptions
+) -> dict[str, Any]:
     """All of it, as the README tells."""
     report = {
-        "path": str(args.input),
+        "path": str(options.input),
         "topic": found.topic,
         "frame": found.path.header.frame_id,
         "start": int(found.path.stamps_ns[0]) / 1e9 if found.stamped else None,
@@ -30,7 +32,7 @@ def to_json(found: Trajectory, compared: Comparison | None, args: Namespace) -> 
         "without_attitude": found.without_attitude,
     }
     if compared is not None:
-        report["errors"] = _errors(compared, args)
+        report["errors"] = _errors(compared, options)
     return report
 
 
@@ -72,60 +74,60 @@ def summary(found: Trajectory) -> list[str]:
     return lines
 
 
-def table(compared: Comparison, truth: Trajectory, args: Namespace) -> list[str]:
+def table(compared: Comparison, truth: Trajectory, options: TrajectoryOptions) -> list[str]:
     """The errors, as the package evo defines them."""
     rows = [["", *_COLUMNS]]
-    for name, errors in _measures(compared, args).items():
+    for name, errors in _measures(compared, options).items():
         numbers = statistics(errors)
         rows.append([name, *(f"{numbers[column]:.6f}" for column in _COLUMNS)])
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth, args)}"]
+    lines = [f"{compared.trajectory.topic} against {truth.topic}: {_how(compared, truth, options)}"]
     lines += [
         "  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in rows
     ]
     if not compared.turns:
         lines.append("(one of them has no attitudes: no rotation, and no RPE)")
     elif compared.rpe is None:
-        lines.append(f"(no two poses are {_apart(args)} apart: no RPE)")
+        lines.append(f"(no two poses are {_apart(options)} apart: no RPE)")
     return lines
 
 
-def _how(compared: Comparison, truth: Trajectory, args: Namespace) -> str:
+def _how(compared: Comparison, truth: Trajectory, options: TrajectoryOptions) -> str:
     pairs = counted(len(compared.moments), "pose")
     frames = compared.trajectory.path.header.frame_id, truth.path.header.frame_id
-    if args.align == "none":
+    if options.align == "none":
         differ = all(frames) and frames[0] != frames[1]
         how = f"not aligned{f', though the frames are {frames[0]} and {frames[1]}' * differ}"
     else:
-        scale = f", scale {compared.alignment.scale:.6f}" if args.align == "sim3" else ""
-        how = f"aligned by {args.align}{scale}"
+        scale = f", scale {compared.alignment.scale:.6f}" if options.align == "sim3" else ""
+        how = f"aligned by {options.align}{scale}"
     apart = f" at most {compared.apart_s:.4f} s apart" if truth.stamped else ""
     return f"{pairs}{apart}, {how}"
 
 
-def _apart(args: Namespace) -> str:
-    amount, unit = args.delta
+def _apart(options: TrajectoryOptions) -> str:
+    amount, unit = options.delta
     name = DELTA_UNITS[unit]
     return f"{amount:g} {name[:-1] if amount == 1 and unit == 'f' else name}"
 
 
-def _measures(compared: Comparison, args: Namespace) -> dict[str, Any]:
+def _measures(compared: Comparison, options: TrajectoryOptions) -> dict[str, Any]:
     found = {"ATE (m)": compared.ate.translation_m}
     if compared.turns:
         found["ATE (deg)"] = compared.ate.rotation_deg
     if compared.rpe is not None:
-        found[f"RPE (m) over {_apart(args)}"] = compared.rpe.translation_m
-        found[f"RPE (deg) over {_apart(args)}"] = compared.rpe.rotation_deg
+        found[f"RPE (m) over {_apart(options)}"] = compared.rpe.translation_m
+        found[f"RPE (deg) over {_apart(options)}"] = compared.rpe.rotation_deg
     return found
 
 
-def _errors(compared: Comparison, args: Namespace) -> dict[str, Any]:
+def _errors(compared: Comparison, options: TrajectoryOptions) -> dict[str, Any]:
     alignment = compared.alignment
-    amount, unit = args.delta
+    amount, unit = options.delta
     return {
         "poses": len(compared.moments),
         "apart_s": compared.apart_s,
-        "align": args.align,
+        "align": options.align,
         "scale": alignment.scale,
         "T_truth_frame": from_parts(alignment.rotation, alignment.translation_xyz).tolist(),
         "delta": f"{amount:g}{unit}",

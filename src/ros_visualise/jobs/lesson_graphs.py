@@ -1,15 +1,13 @@
-"""Which graph the command `explain` runs."""
+"""The graph of a lesson on what a person has."""
 
 from __future__ import annotations
 
-from argparse import Namespace
 from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
-from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.nodes import find_source
@@ -22,20 +20,24 @@ from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import image_topic
 
 
-def lesson_graph(args: Namespace) -> Graph:
-    """A lesson on what a person has, or on a picture that is at hand.
+def lesson_graph(
+    lesson: Lesson, path: str | None, folder: Path, at_end: bool, undo: ExitStack
+) -> Graph:
+    """A lesson on what a person has, or on its own sample.
+
+    Args:
+        lesson: what is explained.
+        path: a file, or the name of a robot; None: the sample.
+        folder: where the lesson is written down.
+        at_end: write it when the source ends.
+        undo: closes what is opened.
 
     Raises:
         OpenError: the file cannot be opened.
-        UsageError: there is no such lesson, or no images in the file.
+        UsageError: no images in the file.
     """
-    lesson = LESSONS.find(args.topic)
-    folder = args.export or args.record_dir / f"explain_{lesson.name}"
-    with ExitStack() as undo:
-        source, topic = _source(args.input, lesson, undo)
-        graph = lesson_pipeline(lesson, source, topic, folder, at_end=args.export is not None)
-        undo.pop_all()  # a recording is the graph's now
-        return graph
+    source, topic = _source(path, lesson, undo)
+    return lesson_pipeline(lesson, source, topic, folder, at_end)
 
 
 def _source(path: str | None, lesson: Lesson, undo: ExitStack) -> tuple[SourceNode, str]:

@@ -1,22 +1,21 @@
-"""``trajectory``: the ways that things went, drawn, written as text, and held against the truth."""
+"""Reading trajectories, comparing them, writing and drawing them."""
 
 from __future__ import annotations
 
-import json
 import shutil
-from argparse import Namespace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ros_visualise.commands.interruptible import interruptible
-from ros_visualise.commands.trajectory_comparison import Comparison, compare
-from ros_visualise.commands.trajectory_inputs import Inputs, files_read, read_inputs
-from ros_visualise.commands.trajectory_report import figures, summary, table, to_json
+from ros_visualise.commands.trajectory import TrajectoryOptions
+from ros_visualise.commands.trajectory.comparison import Comparison, compare
+from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_inputs
+from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
 from ros_visualise.errors import UsageError
 from ros_visualise.geometry.planes import Plane, planes_of
-from ros_visualise.printing import answer, say, shown
+from ros_visualise.jobs.interruptible import interruptible
+from ros_visualise.printing import answer, answer_json, say, shown
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets, parse_target
@@ -30,49 +29,51 @@ _COLUMNS = (40, 100)  # its least and most width
 Compared = list[tuple[Trajectory, Comparison | None]]
 
 
-def run(args: Namespace) -> int:
-    """Read the ways, compare them, write and draw what is asked for, and say what they are."""
-    _check(args)
-    inputs, compared = interruptible(lambda: _read_and_compare(args))
+def assess(options: TrajectoryOptions) -> int:
+    """Read trajectories, compare them, write and draw them, and print what they are."""
+    _check(options)
+    inputs, compared = interruptible(lambda: _read_and_compare(options))
     drawn = _drawn(inputs, compared)
-    planes = planes_of([one.path.positions_xyz for one in drawn], args.plane)
-    save(_files(inputs, compared, drawn, planes, args), args.overwrite)
-    if args.json:
-        answer([json.dumps(_report(inputs, compared, args))])
+    planes = planes_of([one.path.positions_xyz for one in drawn], options.plane)
+    save(_files(inputs, compared, drawn, planes, options), options.overwrite)
+    if options.json:
+        answer_json(_report(inputs, compared, options))
     else:
-        answer(_lines(inputs, compared, drawn, planes, args))
+        answer(_lines(inputs, compared, drawn, planes, options))
     for note in inputs.notes:
         say(f"ros-visualise: {note}")
     return 1 if inputs.notes or any(one.left_out.get("damaged") for one in inputs.all) else 0
 
 
-def _check(args: Namespace) -> None:
+def _check(options: TrajectoryOptions) -> None:
     """Refuse what cannot be done, before anything is read."""
-    if args.align != "none" and args.truth is None:
-        raise UsageError(f"--align {args.align}: needs the true trajectory: add --truth TOPIC|FILE")
-    beside = (parse_target(name)[1] for name in args.beside)
-    count = max(1, len(args.topic)) + sum(max(1, len(topics)) for topics in beside)
-    if args.output is not None and count > 1:
+    if options.align != "none" and options.truth is None:
         raise UsageError(
-            f"{args.output}: can hold only one trajectory; ask for one, or leave OUT away"
+            f"--align {options.align}: needs the true trajectory: add --truth TOPIC|FILE"
         )
-    targets = [one for one in (args.output, args.plot) if one is not None]
-    for read in files_read(args):
+    beside = (parse_target(name)[1] for name in options.beside)
+    count = max(1, len(options.topic)) + sum(max(1, len(topics)) for topics in beside)
+    if options.output is not None and count > 1:
+        raise UsageError(
+            f"{options.output}: can hold only one trajectory; ask for one, or leave OUT away"
+        )
+    targets = [one for one in (options.output, options.plot) if one is not None]
+    for read in files_read(options):
         check_targets(targets, read)
-    if args.plot is not None and args.plot.suffix.lower() not in FIGURE_FORMATS:
+    if options.plot is not None and options.plot.suffix.lower() not in FIGURE_FORMATS:
         kinds = " or ".join(FIGURE_FORMATS)
         raise UsageError(
-            f"{args.plot}: a picture is drawn as SVG or PNG; give a name that ends in {kinds}"
+            f"{options.plot}: a picture is drawn as SVG or PNG; give a name that ends in {kinds}"
         )
     for target in targets:
-        TargetFile.check(target, args.overwrite)
+        TargetFile.check(target, options.overwrite)
 
 
-def _read_and_compare(args: Namespace) -> tuple[Inputs, Compared]:
-    inputs = read_inputs(args)
+def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
+    inputs = read_inputs(options)
     truth = inputs.truth
     return inputs, [
-        (found, compare(found, truth, args) if truth else None) for found in inputs.trajectories
+        (found, compare(found, truth, options) if truth else None) for found in inputs.trajectories
     ]
 
 
@@ -92,19 +93,19 @@ def _files(
     compared: Compared,
     drawn: list[Drawn],
     planes: tuple[Plane, ...],
-    args: Namespace,
+    options: TrajectoryOptions,
 ) -> dict[Path, bytes]:
     files = {}
     found, one = compared[0]
-    if args.output is not None:
-        if args.format == "tum" and not found.stamped:
+    if options.output is not None:
+        if options.format == "tum" and not found.stamped:
             raise UsageError(f"{found.topic}: has no times, which TUM needs; take --format kitti")
         path = one.trajectory.path if one else found.path
-        files[args.output] = "".join(FORMATS[args.format](path)).encode()
-    if args.plot is not None:
+        files[options.output] = "".join(FORMATS[options.format](path)).encode()
+    if options.plot is not None:
         stamped = all(one.stamped for one in inputs.all)
         figure = plot_trajectories(drawn, planes, _title(found, len(compared)), stamped)
-        files[args.plot] = FIGURE_FORMATS[args.plot.suffix.lower()](figure)
+        files[options.plot] = FIGURE_FORMATS[options.plot.suffix.lower()](figure)
     return files
 
 
@@ -115,11 +116,11 @@ def _title(found: Trajectory, count: int) -> str:
     return f"{shown(found.topic)}: {told['length_m']:.2f} m{lasts}{more}"
 
 
-def _report(inputs: Inputs, compared: Compared, args: Namespace) -> dict[str, Any]:
-    reports = [to_json(found, one, args) for found, one in compared]
+def _report(inputs: Inputs, compared: Compared, options: TrajectoryOptions) -> dict[str, Any]:
+    reports = [to_json(found, one, options) for found, one in compared]
     report: dict[str, Any] = reports[0] if len(reports) == 1 else {"trajectories": reports}
     if inputs.truth is not None:
-        report["truth"] = to_json(inputs.truth, None, args)
+        report["truth"] = to_json(inputs.truth, None, options)
     return report
 
 
@@ -128,15 +129,15 @@ def _lines(
     compared: Compared,
     drawn: list[Drawn],
     planes: tuple[Plane, ...],
-    args: Namespace,
+    options: TrajectoryOptions,
 ) -> list[str]:
     lines = []
-    if args.output is None:
+    if options.output is None:
         columns = np.clip(shutil.get_terminal_size().columns, *_COLUMNS)
         lines += draw_in_text(drawn, planes, int(columns), _ROWS)
     for found in inputs.all:
         lines += summary(found)
     for _, one in compared:
         if one is not None and inputs.truth is not None:
-            lines += ["", *table(one, inputs.truth, args)]
+            lines += ["", *table(one, inputs.truth, options)]
     return lines

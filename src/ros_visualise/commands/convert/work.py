@@ -1,10 +1,8 @@
-"""``convert``: a recording in another format, or a part of it."""
+"""Copying a recording with a progress bar, and what is reported of it."""
 
 from __future__ import annotations
 
-import json
 import threading
-from argparse import Namespace
 from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
@@ -13,9 +11,8 @@ from typing import Any
 from tqdm import tqdm
 
 from ros_visualise import supervision
-from ros_visualise.commands.conversion import Conversion, Part
-from ros_visualise.commands.interruptible import in_time, interruptible
-from ros_visualise.commands.wording import counted, sized
+from ros_visualise.commands.convert import ConvertOptions
+from ros_visualise.commands.convert.conversion import Conversion, Part
 from ros_visualise.errors import (
     DamagedMessage,
     OpenError,
@@ -23,8 +20,9 @@ from ros_visualise.errors import (
     RosVisualiseError,
     UsageError,
 )
+from ros_visualise.jobs.interruptible import in_time, interruptible
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.printing import answer, say
+from ros_visualise.printing import answer_json, counted, say, sized
 from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
@@ -36,54 +34,54 @@ _SPIN_S = 0.05
 _NS = 1_000_000_000
 
 
-def run(args: Namespace) -> int:
-    """Copy a recording into a new file, and say what was lost."""
-    target, topics = parse_target(args.output)
-    check_targets([target], args.input)
-    encoding = encoding_of(target, args.profile)
+def convert(options: ConvertOptions) -> int:
+    """Copy a recording into a new file, and report what was lost."""
+    target, topics = parse_target(options.output)
+    check_targets([target], options.input)
+    encoding = encoding_of(target, options.profile)
     if kind_of(target) == "mp4":
         raise UsageError(
             f"{target}: convert writes no videos; use ros-visualise bag SRC --record {target}"
         )
-    recording = interruptible(lambda: open_source(args.input))
+    recording = interruptible(lambda: open_source(options.input))
     with closing(recording):
-        part = _choose_part(recording, args)
+        part = _choose_part(recording, options)
         unwritable = _find_unwritable(recording, part, Encoder(encoding))
         types = {t: recording.topics[t].type for t in part.topics if t not in unwritable}
         if unwritable and not types:
             reasons = "; ".join(f"{topic}: {reason}" for topic, reason in unwritable.items())
-            raise OpenError(f"{args.input}: nothing of it can be written: {reasons}")
+            raise OpenError(f"{options.input}: nothing of it can be written: {reasons}")
         with noticed() as wish:
             recorder = open_recorder(
                 target,
                 types,
-                args.overwrite,
+                options.overwrite,
                 named=topics,
-                profile=args.profile,
-                compression=args.compression,
+                profile=options.profile,
+                compression=options.compression,
                 live=False,
             )
             part = Part(tuple(types), part.start_ns, part.stop_ns)
             conversion = Conversion(recording, part, recorder)
             with in_time(wish, lambda: conversion.steps):
                 interrupted, error = _watch(conversion, wish)
-            return _finish(args, conversion, unwritable, interrupted, error)
+            return _finish(options, conversion, unwritable, interrupted, error)
 
 
-def _choose_part(recording: Recording, args: Namespace) -> Part:
-    for name in args.topics:
+def _choose_part(recording: Recording, options: ConvertOptions) -> Part:
+    for name in options.topics:
         if name not in recording.topics:
             there = ", ".join(recording.topics)
             raise UsageError(f"{recording.path}: no topic {name}; there are {there}")
-    topics = tuple(t for t in recording.topics if not args.topics or t in args.topics)
-    if args.start is None and args.duration is None:
+    topics = tuple(t for t in recording.topics if not options.topics or t in options.topics)
+    if options.start is None and options.duration is None:
         return Part(topics)
-    start_ns = recording.start_ns + round((args.start or 0) * _NS)
+    start_ns = recording.start_ns + round((options.start or 0) * _NS)
     if start_ns > recording.end_ns:
         length_s = (recording.end_ns - recording.start_ns) / _NS
-        raise UsageError(f"--start {args.start:g}: {recording.path} ends after {length_s:.3f} s")
-    stop_ns = None if args.duration is None else start_ns + round(args.duration * _NS)
-    return Part(topics, start_ns if args.start else None, stop_ns)
+        raise UsageError(f"--start {options.start:g}: {recording.path} ends after {length_s:.3f} s")
+    stop_ns = None if options.duration is None else start_ns + round(options.duration * _NS)
+    return Part(topics, start_ns if options.start else None, stop_ns)
 
 
 def _find_unwritable(recording: Recording, part: Part, encoder: Encoder) -> dict[str, str]:
@@ -160,28 +158,28 @@ def _expected(conversion: Conversion) -> int:
 
 
 def _finish(
-    args: Namespace,
+    options: ConvertOptions,
     conversion: Conversion,
     unwritable: dict[str, str],
     interrupted: bool,
     error: Exception | None,
 ) -> int:
-    notes = _notes(args.input, conversion, unwritable)
+    notes = _notes(options.input, conversion, unwritable)
     if error is not None:
         notes.append(str(error))
-    target = parse_target(args.output)[0]
+    target = parse_target(options.output)[0]
     if conversion.recorder.path != target and not isinstance(error, RecordingError):
         notes.append(f"{target} is as it was; the new one is {conversion.recorder.path}")
     for note in notes:
         say(f"ros-visualise: {note}")
     if not (conversion.messages or notes or interrupted):
-        say(f"ros-visualise: {args.input}: {_describe_empty(args)}")
+        say(f"ros-visualise: {options.input}: {_describe_empty(options)}")
     if unplaced := conversion.recorder.unplaced:
         say(f"ros-visualise: {_describe_unplaced(target, unplaced)}")
     report = _report(conversion, unwritable, notes)
     _say_result(report)
-    if args.json:
-        answer([json.dumps(report)])
+    if options.json:
+        answer_json(report)
     return STOPPED if interrupted else int(bool(notes))
 
 
@@ -193,14 +191,14 @@ def _say_result(report: dict[str, Any]) -> None:
         )
 
 
-def _describe_empty(args: Namespace) -> str:
+def _describe_empty(options: ConvertOptions) -> str:
     """What to say of a part without messages; nothing of it is lost."""
     words = ["there are no messages"]
-    if args.topics:
-        words.append(f"on {', '.join(args.topics)}")
-    start_s = args.start or 0.0
-    if args.duration is not None:
-        words.append(f"from {start_s:g} s to {start_s + args.duration:g} s")
+    if options.topics:
+        words.append(f"on {', '.join(options.topics)}")
+    start_s = options.start or 0.0
+    if options.duration is not None:
+        words.append(f"from {start_s:g} s to {start_s + options.duration:g} s")
     elif start_s:
         words.append(f"from {start_s:g} s on")
     return " ".join(words)

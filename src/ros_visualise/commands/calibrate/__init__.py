@@ -1,49 +1,72 @@
-"""What can be asked of the command ``calibrate``."""
+"""``calibrate``: a camera, by pictures of a board; and the board itself, for printing."""
 
 from __future__ import annotations
 
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.options.shared import add_memory_option, positive
+from ros_visualise.commands import Command
+from ros_visualise.jobs.argument_types import positive
+from ros_visualise.jobs.options import MemoryOptions, add_memory_option
 
 
-def add_calibrate(commands: Any) -> None:
-    """The command ``calibrate``."""
-    calibrate = commands.add_parser(
-        "calibrate", help="calibrate a camera by pictures of a board, or print the board"
-    )
-    calibrate.set_defaults(module="calibrate")
-    calibrate.add_argument(
+@dataclass(frozen=True, kw_only=True)
+class CalibrateOptions(MemoryOptions):
+    """Options of ``calibrate``."""
+
+    input: Sequence[str]
+    pattern: str
+    size: str
+    square: float | None
+    share: float | None
+    dictionary: str | None
+    board: Path | None
+    page: str
+    model: str
+    topic: str | None
+    duration: float | None
+    output: Path | None
+    name: str
+    plot: Path | None
+    overwrite: bool
+    json: bool
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which pictures, which board, and what is written."""
+    parser.add_argument(
         "input",
         metavar="SRC",
         nargs="*",
         help="pictures, a folder of them, a video, a recording, or a camera: /dev/video0, 0, a URL",
     )
-    _add_board(calibrate.add_argument_group("board"))
-    calibrate.add_argument(
+    _add_board(parser.add_argument_group("board"))
+    parser.add_argument(
         "--model",
         choices=("pinhole", "rational", "fisheye"),
         default="pinhole",
         help="lens: pinhole (plumb_bob), rational (rational_polynomial) or fisheye (equidistant)"
         " (default: %(default)s)",
     )
-    calibrate.add_argument("--topic", help="images of a recording (default: the first)")
-    calibrate.add_argument(
+    parser.add_argument("--topic", help="images of a recording (default: the first)")
+    parser.add_argument(
         "--duration", type=positive, metavar="S", help="watch a camera for S seconds"
     )
-    calibrate.add_argument(
+    parser.add_argument(
         "--output", type=Path, metavar="FILE", help="write the calibration as YAML, for ROS"
     )
-    calibrate.add_argument(
+    parser.add_argument(
         "--name", default="camera", help="the camera's name in that file (default: %(default)s)"
     )
-    calibrate.add_argument(
+    parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw points and residuals: a .png or .svg"
     )
-    calibrate.add_argument("--overwrite", action="store_true", help="replace existing files")
-    calibrate.add_argument("--json", action="store_true", help="print a report as one JSON object")
-    add_memory_option(calibrate)
+    parser.add_argument("--overwrite", action="store_true", help="replace existing files")
+    parser.add_argument("--json", action="store_true", help="print a report as one JSON object")
+    add_memory_option(parser)
 
 
 def _add_board(group: Any) -> None:
@@ -87,3 +110,18 @@ def _add_board(group: Any) -> None:
         metavar="PAGE",
         help="A4, A3, Letter or WIDTHxHEIGHT in mm (default: %(default)s)",
     )
+
+
+def run(options: CalibrateOptions) -> int:
+    """Print the board if that is asked for, and calibrate if there are images."""
+    from ros_visualise.commands.calibrate.work import calibrate_camera
+
+    return calibrate_camera(options)
+
+
+COMMAND = Command(
+    "calibrate a camera by pictures of a board, or print the board",
+    add_arguments,
+    CalibrateOptions,
+    run,
+)

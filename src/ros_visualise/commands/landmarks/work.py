@@ -1,27 +1,25 @@
-"""``landmarks``: what is found in pictures, videos and recordings, and where it is."""
+"""Running a graph that finds landmarks, and printing and saving what it found."""
 
 from __future__ import annotations
 
-import json
 import os
-from argparse import Namespace
 from typing import Any
 
 import numpy as np
 
-from ros_visualise.commands.interruptible import in_a_second, in_time, interruptible
-from ros_visualise.commands.landmark_graphs import landmark_graph
-from ros_visualise.commands.mapping import Mapped, Mapper
-from ros_visualise.commands.sightings import Sightings, image_json, landmarks_json, listen
-from ros_visualise.commands.wording import counted
+from ros_visualise.commands.landmarks import LandmarksOptions
+from ros_visualise.commands.landmarks.graph import landmark_graph
+from ros_visualise.commands.landmarks.mapping import Mapped, Mapper
+from ros_visualise.commands.landmarks.sightings import Sightings, image_json, landmarks_json, listen
 from ros_visualise.data import Header
 from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
+from ros_visualise.jobs.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.nodes.landmark_localizer import check_map_name
-from ros_visualise.printing import answer, say, shown
+from ros_visualise.printing import answer, answer_json, counted, say, shown
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.signals import STOPPED, Wish, noticed
@@ -34,18 +32,18 @@ _SPIN_S = 0.05
 MAP_FRAME = "map"
 
 
-def run(args: Namespace) -> int:
-    """Look for landmarks until the source ends; 1 if something was lost."""
-    _check(args)
-    graph = interruptible(lambda: landmark_graph(args))
+def find_landmarks(options: LandmarksOptions) -> int:
+    """Find landmarks until the source ends; 1 if something was lost."""
+    _check(options)
+    graph = interruptible(lambda: landmark_graph(options))
     playback = Playback(
-        rate=0.0, start_s=args.start or 0.0, duration_s=args.duration, frames=args.frames
+        rate=0.0, start_s=options.start or 0.0, duration_s=options.duration, frames=options.frames
     )
     runtime = interruptible(lambda: LocalRuntime(graph, playback))
     found = listen(graph, DETECTORS, LOCALIZER)
     for topic, listener in found.topics.items():
         runtime.topic(topic).connect(listener)
-    mapper = Mapper(graph, args) if args.map is not None else None
+    mapper = Mapper(graph, options.survey) if options.map is not None else None
     for topic, taker in (mapper.listeners if mapper else {}).items():
         runtime.topic(topic).connect(taker)
     with noticed() as wish:
@@ -54,28 +52,28 @@ def run(args: Namespace) -> int:
         mapped = in_a_second(wish, lambda: mapper.finish(found.map)) if mapper else None
         stopped = stopped or wish.asked
         if mapper:
-            _save_map(runtime, mapped, found, args, stopped)
+            _save_map(runtime, mapped, found, options, stopped)
         report = runtime.report()
-        _tell(graph, found, mapped, report, args)
+        _tell(graph, found, mapped, report, options)
         for node in report.nodes.values():
             for note in node.unread:
-                say(f"ros-visualise: {args.input}: {note}")
+                say(f"ros-visualise: {options.input}: {note}")
     return STOPPED if stopped else int(runtime.failed or report.is_incomplete)
 
 
-def _check(args: Namespace) -> None:
+def _check(options: LandmarksOptions) -> None:
     """Refuse at once what could not be written at the end.
 
     Raises:
         UsageError: the map cannot be written there, or there is a survey and no map.
     """
-    if args.map is not None:
-        check_map_name(args.map)
-        check_targets([args.map], args.input)
-        TargetFile.check(args.map, args.overwrite)
-    elif args.survey:
+    if options.map is not None:
+        check_map_name(options.map)
+        check_targets([options.map], options.input)
+        TargetFile.check(options.map, options.overwrite)
+    elif options.survey:
         raise UsageError(
-            f"--survey {args.survey}: is for a map: add --map OUT.yaml, or leave it out"
+            f"--survey {options.survey}: is for a map: add --map OUT.yaml, or leave it out"
         )
 
 
@@ -92,31 +90,40 @@ def _run(runtime: LocalRuntime, wish: Wish) -> bool:
 
 
 def _save_map(
-    runtime: LocalRuntime, mapped: Mapped | None, found: Sightings, args: Namespace, stopped: bool
+    runtime: LocalRuntime,
+    mapped: Mapped | None,
+    found: Sightings,
+    options: LandmarksOptions,
+    stopped: bool,
 ) -> None:
     """Write the map; of a run that was stopped, as far as there is one."""
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
         found.map = Shown().detections(mapped.landmarks, header)
         text = map_file.to_text(header.frame_id, mapped.landmarks, mapped.map.common)
-        write_file(args.map, text.encode(), args.overwrite)
+        assert options.map is not None
+        write_file(options.map, text.encode(), options.overwrite)
         return
     is_empty = found.map is None or not found.map.detections
     if is_empty and stopped:
-        say(f"ros-visualise: {args.map}: not written, as no landmark has a place in the map yet")
+        say(f"ros-visualise: {options.map}: not written, as no landmark has a place in the map yet")
         return
     if is_empty:
         raise RosVisualiseError(
-            f"{args.map}: not written, as no landmark has a place in the map; give the tags' size"
-            " by --size or --tags, and the camera's calibration"
+            f"{options.map}: not written, as no landmark has a place in the map; give the tags'"
+            " size by --size or --tags, and the camera's calibration"
         )
     runtime.act(LOCALIZER, "save_map")
     if stopped:
-        say(f"ros-visualise: {args.map}: has the landmarks as they were found, not smoothed")
+        say(f"ros-visualise: {options.map}: has the landmarks as they were found, not smoothed")
 
 
 def _tell(
-    graph: Graph, found: Sightings, mapped: Mapped | None, report: RunReport, args: Namespace
+    graph: Graph,
+    found: Sightings,
+    mapped: Mapped | None,
+    report: RunReport,
+    options: LandmarksOptions,
 ) -> None:
     paths = _paths(graph)
     images = [image_json(image, paths.get(image.stamp_ns)) for image in found.images]
@@ -124,10 +131,10 @@ def _tell(
     seen = dict(localizer.own["seen"]) if localizer else {}
     seen |= {one.name: one.seen for one in mapped.landmarks} if mapped else {}
     landmarks = landmarks_json(found, seen)
-    if args.json:
+    if options.json:
         values: dict[str, Any] = {"images": images, "landmarks": landmarks}
         values |= {"smoothing": mapped.values()} if mapped else {}
-        answer([json.dumps(values, allow_nan=False)])
+        answer_json(values, allow_nan=False)
         return
     if paths and not mapped:
         rows = _of_pictures(images)

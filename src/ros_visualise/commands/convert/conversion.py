@@ -7,7 +7,7 @@ from collections.abc import Collection, Generator
 from contextlib import closing
 from dataclasses import dataclass, field
 
-from ros_visualise.commands.read_ahead import ReadAhead
+from ros_visualise.commands.convert.read_ahead import ReadAhead
 from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.latched import says
 from ros_visualise.sinks import Recorder

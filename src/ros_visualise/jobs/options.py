@@ -1,91 +1,86 @@
-"""What the playing commands share on the command line, and the values that options take."""
+"""Options that commands share: groups of them, each a dataclass with what adds it to a parser.
+
+A command's options are a frozen dataclass too, with a field for each argument; it inherits from
+the groups that the command has. Light to import.
+"""
 
 from __future__ import annotations
 
-import math
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction
-from collections.abc import Callable
+from argparse import ArgumentParser, BooleanOptionalAction
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import UsageError
-from ros_visualise.limits import DEFAULT_MEMORY, MAX_TAG_M, parse_memory
+from ros_visualise.jobs.argument_types import (
+    count,
+    folder,
+    memory,
+    not_negative,
+    port,
+    positive,
+    rate,
+    seed,
+)
+from ros_visualise.limits import DEFAULT_MEMORY
 from ros_visualise.rate import MAX_RATE
 from ros_visualise.simulation.worlds import OURS
 
-_MAX_S = 1e9  # thirty years; with more, stamps are beyond what ROS holds
 
+@dataclass(frozen=True, kw_only=True)
+class MemoryOptions:
+    """How much memory an input may take."""
 
-def _checked(
-    kind: type[int] | type[float], accept: Callable[[float], bool], words: str
-) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = math.nan
-        if not accept(number):
-            raise ArgumentTypeError(f"{text!r} is not {words}")
-        return number
-
-    return parse
-
-
-not_negative = _checked(float, lambda n: 0 <= n <= _MAX_S, f"a number from 0 to {_MAX_S:g}")
-positive = _checked(float, lambda n: 0 < n <= _MAX_S, f"a number above 0, to {_MAX_S:g}")
-tag_size = _checked(float, lambda n: 0 < n <= MAX_TAG_M, f"a number above 0, to {MAX_TAG_M:g}")
-_seed = _checked(int, lambda n: 0 <= n < 2**31, "a whole number from 0 to 2147483647")
-_rate = _checked(float, lambda n: 0 <= n <= MAX_RATE, f"a number from 0 to {MAX_RATE}")
-_count = _checked(int, lambda n: n >= 1, "a whole number of at least 1")
-_port = _checked(int, lambda n: 1 <= n <= 65535, "a port from 1 to 65535")
-
-
-def _memory(text: str) -> int:
-    try:
-        return parse_memory(text)
-    except UsageError as error:
-        raise ArgumentTypeError(str(error)) from None
-
-
-def _folder(text: str) -> Path:
-    if not text:
-        raise ArgumentTypeError("give the name of a folder; . is the current one")
-    return Path(text)
+    max_memory: int
 
 
 def add_memory_option(parser: ArgumentParser) -> None:
     """How much memory an input may take, for each command that reads one."""
     parser.add_argument(
         "--max-memory",
-        type=_memory,
+        type=memory,
         default=DEFAULT_MEMORY,
         metavar="SIZE",
         help=f"memory that one input may take, such as 4G (default: {DEFAULT_MEMORY >> 30}G)",
     )
 
 
-MISSION = "what the robot is to do: square, figure_of_eight, lawn_mower, default or a YAML file"
+@dataclass(frozen=True, kw_only=True)
+class WorldOptions:
+    """Where a simulated robot is, and what it does."""
+
+    world: str | None
+    seed: int | None
+    mission: str | None
 
 
-def add_world_options(parser: Any) -> None:
-    """Where a simulated robot is."""
+def add_world_options(parser: Any, without_mission: str) -> None:
+    """Where a simulated robot is, and what it does; by default that, in words."""
     parser.add_argument(
-        "--world",
-        default="field",
-        help=f"{OURS}, or one of another package (default: %(default)s)",
+        "--world", default="field", help=f"{OURS}, or one of another package (default: field)"
     )
     parser.add_argument(
-        "--seed", type=_seed, default=0, help="seed of all random errors (default: 0)"
+        "--seed", type=seed, default=0, help="seed of all random errors (default: 0)"
+    )
+    parser.add_argument(
+        "--mission",
+        metavar="SHAPE|FILE",
+        help="what the robot is to do: square, figure_of_eight, lawn_mower, default or a YAML file"
+        f" (default: {without_mission})",
     )
 
 
-def add_playing_options(parser: ArgumentParser) -> None:
-    """All that can be asked of a command that plays a source through nodes."""
-    _add_viewing(parser)
-    _add_pace(parser)
-    _add_nodes(parser)
-    _add_output(parser)
-    add_memory_option(parser)
+@dataclass(frozen=True, kw_only=True)
+class ViewingOptions:
+    """How it is shown."""
+
+    view: str
+    host: str
+    port: int
+    token: bool
+    open: bool | None
+    layout: Path | None
+    allow_origin: Sequence[str]
 
 
 def _add_viewing(parser: ArgumentParser) -> None:
@@ -102,7 +97,7 @@ def _add_viewing(parser: ArgumentParser) -> None:
         help="address that the page listens on (default: %(default)s)",
     )
     group.add_argument(
-        "--port", type=_port, default=8080, help="port of the page (default: %(default)s)"
+        "--port", type=port, default=8080, help="port of the page (default: %(default)s)"
     )
     group.add_argument(
         "--no-token",
@@ -130,15 +125,13 @@ def _add_viewing(parser: ArgumentParser) -> None:
     )
 
 
-def _add_pace(parser: ArgumentParser) -> None:
-    group = parser.add_argument_group("playing")
-    group.add_argument(
-        "--rate",
-        type=_rate,
-        help=f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
-    )
-    group.add_argument("--loop", action="store_true", help="start again at the end")
-    add_part(group)
+@dataclass(frozen=True, kw_only=True)
+class PartOptions:
+    """Which part of the source."""
+
+    start: float | None
+    duration: float | None
+    frames: int | None
 
 
 def add_part(group: Any) -> None:
@@ -147,7 +140,36 @@ def add_part(group: Any) -> None:
         "--start", type=not_negative, metavar="S", help="leave out the first S seconds"
     )
     group.add_argument("--duration", type=positive, metavar="S", help="stop after S seconds")
-    group.add_argument("--frames", type=_count, metavar="N", help="stop after N images")
+    group.add_argument("--frames", type=count, metavar="N", help="stop after N images")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaceOptions(PartOptions):
+    """How fast, and which part of the source."""
+
+    rate: float | None
+    loop: bool
+    paused: bool = False
+    """Whether it begins so; no argument."""
+
+
+def _add_pace(parser: ArgumentParser) -> None:
+    group = parser.add_argument_group("playing")
+    group.add_argument(
+        "--rate",
+        type=rate,
+        help=f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
+    )
+    group.add_argument("--loop", action="store_true", help="start again at the end")
+    add_part(group)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SettingOptions:
+    """Parameters of nodes."""
+
+    set: Sequence[str]
+    params: Path | None
 
 
 def add_settings(group: Any) -> None:
@@ -165,6 +187,16 @@ def add_settings(group: Any) -> None:
         metavar="FILE.yaml",
         help="set parameters from a file; 'save parameters' on the page writes one",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeOptions(SettingOptions):
+    """Which nodes there are beside those of the source, and their parameters."""
+
+    landmarks: bool | None
+    preset: str
+    navigate: str | None
+    node: Sequence[str]
 
 
 def _add_nodes(parser: ArgumentParser) -> None:
@@ -208,6 +240,17 @@ def _presets(**_: object) -> tuple[str, ...]:
     return NAMES
 
 
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """What is written."""
+
+    record: Sequence[str]
+    split: str | None
+    record_dir: Path
+    overwrite: bool
+    json: bool
+
+
 def _add_output(parser: ArgumentParser) -> None:
     group = parser.add_argument_group("output")
     group.add_argument(
@@ -225,7 +268,7 @@ def _add_output(parser: ArgumentParser) -> None:
     )
     group.add_argument(
         "--record-dir",
-        type=_folder,
+        type=folder,
         default=Path(),
         metavar="DIR",
         help="folder of the files that the page reads and writes (default: the current one)",
@@ -239,3 +282,22 @@ def _add_output(parser: ArgumentParser) -> None:
     group.add_argument(
         "--json", action="store_true", help="print a report of the run as JSON at the end"
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayingOptions(ViewingOptions, PaceOptions, NodeOptions, OutputOptions, MemoryOptions):
+    """Options of a command that plays a source through nodes."""
+
+
+def add_playing_options(parser: ArgumentParser) -> None:
+    """All that can be asked of a command that plays a source through nodes."""
+    _add_viewing(parser)
+    _add_pace(parser)
+    _add_nodes(parser)
+    _add_output(parser)
+    add_memory_option(parser)
+
+
+def add_size_option(parser: ArgumentParser) -> None:
+    """To which size the images of a source are scaled."""
+    parser.add_argument("--size", metavar="WxH", default="", help="scale the images to this size")

@@ -1,0 +1,51 @@
+"""``demo``: a simulated robot, or a drawn landscape."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser
+from dataclasses import dataclass
+
+from ros_visualise.commands import Command
+from ros_visualise.jobs.options import PlayingOptions, add_playing_options, add_size_option
+from ros_visualise.simulation.robots import ROBOTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions(PlayingOptions):
+    """Options of ``demo``."""
+
+    scene: str | None
+    size: str
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Which scene, and how it is played."""
+    add_playing_options(parser)
+    parser.add_argument(
+        "scene",
+        nargs="?",
+        choices=(*ROBOTS.builtin, "landscape"),
+        help="a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
+    )
+    add_size_option(parser)
+
+
+def run(options: DemoOptions) -> int:
+    """Play the scene until it is ended."""
+    from ros_visualise.jobs.graphs import Selection
+    from ros_visualise.jobs.play import play
+    from ros_visualise.pipelines import demo_pipeline
+    from ros_visualise.sources.video_pixels import parse_size
+
+    landmarks, navigate = options.landmarks is not False, options.navigate is not None
+    selection = Selection(
+        options.scene or "demo",
+        lambda _: demo_pipeline(options.scene, parse_size(options.size), landmarks, navigate),
+        size=options.size,
+    )
+    return play(selection, options)
+
+
+COMMAND = Command(
+    "play a simulated quadrotor: the quickest way to see it all", add_arguments, DemoOptions, run
+)
