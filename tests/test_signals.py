@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
 
 from ros_visualise.data import Header, Image
+from ros_visualise.executables import command_of
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 
@@ -109,7 +110,7 @@ def test_an_executable_that_is_ended_while_it_begins_has_not_died(tmp_path, numb
     """With another exit status than 0 ``ros2 launch`` says that it has died."""
     (tmp_path / "ament_index_python.py").write_text("print('begun', flush=True); input()")
     process = subprocess.Popen(
-        [sys.executable, Path(__file__).parents[1] / "nodes" / "filters"],
+        command_of("filters"),
         env={**os.environ, "PYTHONPATH": f"{tmp_path}:{SOURCES}", "ROS_VERSION": "2"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -4,8 +4,9 @@ import shutil
 import sys
 from pathlib import Path
 
+from ros_visualise.executables import command_of
+
 HERE = Path(__file__).parent
-NODES = HERE.parents[1] / "nodes"
 LOW, HIGH = 200, 300
 
 Command = list[str | Path]
@@ -64,7 +65,7 @@ def image_publisher(path: Path, rate: float) -> Command:
 def ours(name: str, *remappings: str, **params: object) -> Command:
     """One of our executables; ``__`` in a parameter's name parts it from its node's."""
     given = [f"_{key.replace('__', '/')}:={value}" for key, value in params.items()]
-    return [sys.executable, NODES / name, *remappings, *given]
+    return [*command_of(name), *remappings, *given]
 
 
 def missing() -> list[str]:

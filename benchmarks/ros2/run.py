@@ -18,10 +18,10 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from ros_visualise.executables import command_of
 from ros_visualise.runtime.ros2.cyclone import configure
 
 HERE = Path(__file__).parent
-NODES = HERE.parents[1] / "nodes"
 ENDS = HERE / "ends.py"
 LOCAL = HERE.parent / "ros1" / "local.py"
 SIZES = {"480p": "640x480", "1080p": "1920x1080", "4K": "3840x2160"}
@@ -152,7 +152,7 @@ def _sender(kind: str, size: str, rate: float) -> Command:
 
 def _node(name: str, **given: object) -> Command:
     told = [part for key, value in given.items() for part in ("-p", f"{key}:={value}")]
-    return [sys.executable, NODES / name, "--ros-args", *told]
+    return [*command_of(name), "--ros-args", *told]
 
 
 def _video(folder: Path, rate: float) -> Path:

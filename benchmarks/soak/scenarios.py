@@ -8,8 +8,9 @@ from typing import ClassVar
 
 from processes import Process, end_all, free_port
 
+from ros_visualise.executables import command_of
+
 _HERE = Path(__file__).parent
-_NODES = _HERE.parents[1] / "nodes"
 _OURS = (sys.executable, "-m", "ros_visualise")
 _PARTS = 3  # of a recording that are kept
 
@@ -148,8 +149,7 @@ class Ros1(Scenario):
         return self._node(name, "image:=processed_image")
 
     def _node(self, name: str, *arguments: str) -> Process:
-        command = (sys.executable, str(_NODES / name), *arguments)
-        return self.run(name, *command, environment=self._environment)
+        return self.run(name, *command_of(name), *arguments, environment=self._environment)
 
 
 SCENARIOS: dict[str, type[Scenario]] = {

@@ -14,6 +14,7 @@ and costs nobody else anything.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import logging
 import pkgutil
 import sys
@@ -120,16 +121,9 @@ class Registry(Generic[T]):
     @cached_property
     def builtin(self) -> list[str]:
         """Names of the things of this package."""
-        more = self.more.builtin if self.more else []
-        there = [*self._modules, *more]
-        return [*self.first, *(name for name in sorted(there) if name not in self.first)]
-
-    @cached_property
-    def _modules(self) -> list[str]:
-        if not self.folder:
-            return []
-        path = importlib.import_module(self.folder).__path__
-        return [one.name for one in pkgutil.iter_modules(path) if not one.name.startswith("_")]
+        own = module_names(self.folder) if self.folder else []
+        there = sorted([*own, *(self.more.builtin if self.more else [])])
+        return [*self.first, *(name for name in there if name not in self.first)]
 
     @cached_property
     def _entry_points(self) -> dict[str, EntryPoint]:
@@ -151,6 +145,13 @@ class Registry(Generic[T]):
             whose = f"of {entry.dist.name}" if entry.dist else f"at {entry.value}"
             kind, why = self.kind.removesuffix("s"), _reason(error)
             raise PluginError(f"{kind} {name!r} {whose} cannot be loaded: {why}") from error
+
+
+def module_names(package: str) -> list[str]:
+    """Names of the public modules of a package, without importing them or the package."""
+    spec = importlib.util.find_spec(package)
+    folders = (spec and spec.submodule_search_locations) or []
+    return sorted(m.name for m in pkgutil.iter_modules(folders) if not m.name.startswith("_"))
 
 
 def unknown_groups(kinds: Collection[str]) -> list[tuple[str, str]]:

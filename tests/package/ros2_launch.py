@@ -87,7 +87,7 @@ class Scope:
 class Launched(LaunchedGraph):
     """What a launch file starts with these arguments."""
 
-    def __init__(self, name: str, **args: Any) -> None:
+    def __init__(self, name: str, /, **args: Any) -> None:
         self.arguments: dict[str, tuple[str, bool]] = {}
         given = {key: str(value) for key, value in (NEEDED | args).items()}
         path = LAUNCH / f"{name}.launch.xml"

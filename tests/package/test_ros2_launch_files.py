@@ -9,16 +9,18 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-from launched import LAUNCH, NEEDED, OPTIONS, PACKAGE, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
+from launched import LAUNCH, NEEDED, OPTIONS, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
 from ros2_launch import Launched, Refused, begun_without
 
-from ros_visualise.nodes import SourceType, find
+from ros_visualise.executables import names
+from ros_visualise.nodes import NODES, SourceType, find
 from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.playing import playing_params
 
 FILES = sorted(path.name.removesuffix(".launch.xml") for path in LAUNCH.glob("*.launch.xml"))
 MAIN = [name for name in FILES if name.startswith("main_")]
+SINGLE = [name for name in NODES.builtin if name in FILES]
 
 
 @pytest.mark.parametrize("pipeline", ["false", "true"])
@@ -77,6 +79,28 @@ def check_declared(node, given):
     update(kind(), given)
 
 
+@pytest.mark.parametrize("given", [{"input": "/there"}, {"odom": "/there"}])
+def test_inputs_that_are_arguments_arrive(given):
+    [argument] = given
+    for name in SINGLE:
+        if argument in (launched := Launched(name, **given)).arguments:
+            assert "/there" in launched.graph()[name].values(), name
+
+
+@pytest.mark.parametrize("node", [*NODES.builtin, "vignette"])
+def test_a_node_without_a_launch_file_runs_by_its_name(node):
+    launched = Launched("node", node=node, takes="image_raw", input="/there")
+    assert (launched.ours[node].type, launched.ours[node].args) == ("node", node)
+    assert launched.resolve(node, "/image_raw") == "/there"
+
+
+@pytest.mark.parametrize(("name", "called"), [({}, "own"), ({"name": "mine"}, "mine")])
+def test_a_node_of_ones_own_has_a_name_on_the_graph(name, called):
+    launched = Launched("node", node="/it's mine/own.py:Own", input="/there", **name)
+    assert list(launched.ours) == [called]
+    assert launched.resolve(called, "/image") == "/there"
+
+
 @pytest.mark.parametrize(
     ("name", "package", "args"),
     [
@@ -107,7 +131,7 @@ def test_every_argument_is_documented(name):
 def test_every_named_file_exists(name):
     launched = Launched(name, rqt="true")
     for node in launched.ours.values():
-        assert (PACKAGE / "nodes" / node.type).is_file()
+        assert node.type in names()
     for tool in ("rviz", "rqt"):
         if name in MAIN:
             assert Path(launched.nodes[tool].args.split()[1]).is_file()

@@ -12,6 +12,8 @@ from types import ModuleType
 import pytest
 from launched import PACKAGE
 
+from ros_visualise.executables import command_of
+
 ROS2 = PACKAGE / "src" / "ros_visualise" / "runtime" / "ros2"
 EITHER = "qos_events.py"
 """The file that finds what has moved."""
@@ -65,7 +67,7 @@ def test_events_are_found_where_each_release_has_them(there, monkeypatch):
 def test_a_ros_2_that_is_too_old_or_missing_is_refused_in_one_line(distro, said):
     without = {"PYTHONPATH": str(PACKAGE / "src"), "ROS_VERSION": "2", "ROS_DISTRO": distro}
     ended = subprocess.run(
-        [sys.executable, PACKAGE / "nodes" / "filters"],
+        command_of("filters"),
         env=os.environ | without,
         text=True,
         capture_output=True,

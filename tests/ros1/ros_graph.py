@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import socket
 import subprocess
-import sys
 import xmlrpc.client
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ from typing import Any
 from waiting import PATIENCE_S as PATIENCE_S
 from waiting import wait_for as wait_for
 
-NODES = Path(__file__).parents[2] / "nodes"
+from ros_visualise.executables import command_of
 
 
 def free_port() -> int:
@@ -90,7 +89,7 @@ class Nodes:
 
         ``node`` is its name on the graph where that is not the executable's.
         """
-        process = self._master.run(sys.executable, str(NODES / name), *args)
+        process = self._master.run(*command_of(name), *args)
         given = [arg.removeprefix("__name:=") for arg in args if arg.startswith("__name:=")]
         node = f"/{(given or [node or name])[0]}"
         self._started[node] = process

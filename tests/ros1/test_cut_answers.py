@@ -1,17 +1,17 @@
 """A master whose answers are cut off while a node begins costs one line."""
 
 import subprocess
-import sys
 
 from cutting_master import cutting
-from ros_graph import NODES
+
+from ros_visualise.executables import command_of
 
 BEGINS = "filters: the ROS master does not answer: "
 
 
 def start(ros_master, uri, name, *args):
     return subprocess.Popen(
-        [sys.executable, str(NODES / name), f"__name:=cut_{name}", *args],
+        [*command_of(name), f"__name:=cut_{name}", *args],
         env={**ros_master.environment, "ROS_MASTER_URI": uri},
         text=True,
         stdout=subprocess.PIPE,

@@ -6,7 +6,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 import time
 import urllib.error
 import urllib.request
@@ -23,9 +22,11 @@ from dynamic_reconfigure.client import Client
 from made_videos import numbered, write_video
 from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
-from ros_graph import NODES, Heard, Master, end, free_port, wait_for
+from ros_graph import Heard, Master, end, free_port, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+
+from ros_visualise.executables import command_of
 
 FRAMES = 12
 ROOT = Path(__file__).parents[2]
@@ -272,7 +273,7 @@ def test_wrong_use_is_one_line_and_status_2(start, name, args, says):
 def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
     environment = {**ros_master.environment, "ROS_MASTER_URI": f"http://127.0.0.1:{free_port()}"}
     node = subprocess.Popen(
-        [sys.executable, NODES / "filters"],
+        command_of("filters"),
         env=environment,
         text=True,
         stdout=subprocess.PIPE,
@@ -294,7 +295,7 @@ def test_a_node_waits_for_its_master_and_can_be_ended_meanwhile(ros_master):
 @pytest.mark.parametrize("uri", ["nonsense", "", "http://localhost:port"])
 def test_an_address_of_the_master_that_is_not_valid_is_wrong_usage(ros_master, uri):
     environment = {**ros_master.environment, "ROS_MASTER_URI": uri}
-    command = [sys.executable, NODES / "filters"]
+    command = command_of("filters")
     done = subprocess.run(command, env=environment, text=True, capture_output=True, timeout=60)
     assert done.returncode == 2
     assert "set ROS_MASTER_URI=http://HOST:11311" in done.stderr.splitlines()[-1]

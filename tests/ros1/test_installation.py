@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from ros_graph import NODES
+from catkin_workspace import PACKAGE
+
+from ros_visualise.executables import command_of, names
 
 ADVICE = (
     f"this OpenCV was not built for NumPy {np.__version__}: {sys.executable} -m pip install"
@@ -40,15 +42,15 @@ def test_command_ends_with_it(mismatch, arguments):
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"ros-visualise: {ADVICE}\n")
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in NODES.iterdir()))
+@pytest.mark.parametrize("name", names())
 def test_executable_ends_with_it(mismatch, name):
-    done = run(mismatch, sys.executable, str(NODES / name))
+    done = run(mismatch, *command_of(name))
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"{name}: {ADVICE}\n")
 
 
 def test_catkin_says_it(mismatch, tmp_path):
     interpreter = f"-DPYTHON_EXECUTABLE={sys.executable}"
-    done = run(mismatch, "cmake", "-S", str(NODES.parent), "-B", str(tmp_path), interpreter)
+    done = run(mismatch, "cmake", "-S", str(PACKAGE), "-B", str(tmp_path), interpreter)
     assert done.returncode == 0
     assert "CMake Warning at CMakeLists.txt:" in done.stderr
     assert f"ros-visualise: {ADVICE}\n" in done.stderr
@@ -56,9 +58,9 @@ def test_catkin_says_it(mismatch, tmp_path):
 
 def test_missing_packages_are_named():
     """To Debian's own Python, where nobody has called pip."""
-    source = str(NODES.parent / "src")
+    source = str(PACKAGE / "src")
     environment = {**os.environ, "PYTHONPATH": source, "PYTHONNOUSERSITE": "1"}
-    done = run(environment, "/usr/bin/python3", str(NODES / "filters"))
+    done = run(environment, "/usr/bin/python3", *command_of("filters")[1:])
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert done.stderr.startswith("filters: not installed: ")
     assert done.stderr.endswith(

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 import rospy
-from ros_graph import NODES, Heard, Master, wait_for
+from ros_graph import Heard, Master, wait_for
 from sensor_msgs.msg import Image
 
 from ros_visualise.data import Detections, VisionInfo
+from ros_visualise.executables import command_of
 from ros_visualise.runtime.ros1.types import message_class
 
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
@@ -50,7 +51,7 @@ def test_a_thing_is_found_with_the_stamp_and_frame_of_its_image(
 
 def test_a_network_that_is_none_is_one_line(ros_master: Master, tmp_path: Path) -> None:
     none = tmp_path / "none.onnx"
-    node = ros_master.run(sys.executable, str(NODES / "landmark_detector"), f"_model:={none}")
+    node = ros_master.run(*command_of("landmark_detector"), f"_model:={none}")
     said, _ = node.communicate(timeout=60)
     assert node.returncode == 2
     assert f"{none}: no such file; give the ONNX file of a network" in said

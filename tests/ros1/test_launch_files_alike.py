@@ -50,6 +50,7 @@ GIVEN: dict[str, list[dict[str, Any]]] = {
         {"source": "landscape", "size": "64x48"},
     ],
     "simulator": [{"robot": "quadrotor", "tf_prefix": "uav1", "clock": "false"}],
+    "node": [{"node": "vignette", "takes": "image_raw", "input": "/there"}, {"name": "mine"}],
     "landmark_detector": [{"model": "/own.onnx", "names": "/names.txt"}],
 }
 ROBOTS = {"simulator": "robot: husky, quadrotor or none (one that runs already)"}

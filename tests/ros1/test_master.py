@@ -2,12 +2,13 @@
 
 import signal
 import subprocess
-import sys
 import xmlrpc.client
 from pathlib import Path
 
 import pytest
-from ros_graph import NODES, free_port, wait_for
+from ros_graph import free_port, wait_for
+
+from ros_visualise.executables import command_of
 
 VIDEO = Path("video") / "vtest.avi"
 STARTED = {"streamer": "/image_raw", "edge_detector": "/edges"}
@@ -35,7 +36,7 @@ class Graph:
         self.master.wait()
 
     def start(self, name, *args):
-        command = [sys.executable, str(NODES / name), *args]
+        command = [*command_of(name), *args]
         with (self.folder / name).open("w") as output:
             self.nodes[name] = subprocess.Popen(
                 command, env=self.environment, stdout=output, stderr=subprocess.STDOUT

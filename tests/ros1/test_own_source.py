@@ -1,12 +1,13 @@
 """A source of one's own on a ROS graph, with its action as a service."""
 
-from ros_graph import NODES, wait_for
+from catkin_workspace import PACKAGE
+from ros_graph import wait_for
 from sensor_msgs.msg import Image
 
 
 def test_a_source_of_ones_own_and_its_action(ros_master, start, hear):
     heard = hear("/image_raw", Image)
-    example = f"{NODES.parent / 'examples' / '05_own_source.py'}:Ball"
+    example = f"{PACKAGE / 'examples' / '05_own_source.py'}:Ball"
     start("node", example, node="ball")
     heard.wait(3)
     answer = ros_master.call("rosservice", "call", "/ball/kick")

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from catkin_workspace import PACKAGE, Workspace
-from ros_graph import end, wait_for
+from ros_graph import Master, end, wait_for
+from test_plugins import SAMPLE, Packages
 
-EXECUTABLES = sorted(path.name for path in (PACKAGE / "nodes").iterdir())
+from ros_visualise.executables import command_of, names
+
+EXECUTABLES = names()
 SPACES = ("devel", "install")
+VIGNETTE = ("node.launch", "node:=vignette", "input:=image_raw")
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +39,28 @@ def test_executables_name_the_interpreter_of_the_workspace(built, space):
     assert [path.name for path in found] == EXECUTABLES
     for path in found:
         assert path.read_text().splitlines()[0] == f"#!{sys.executable}"
+
+
+def test_a_script_does_what_the_tests_start(built):
+    for name in EXECUTABLES:
+        script = built.folder / "install" / "lib" / "ros_visualise" / name
+        [*_, code] = command_of(name)
+        assert script.read_text().rstrip() == f"#!{sys.executable}\n{code}".rstrip()
+
+
+def test_a_node_that_is_added_has_an_executable_after_the_next_build(built, tmp_path):
+    source, build = tmp_path / "source", tmp_path / "build"
+    shutil.copytree(PACKAGE / "src", source / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("CMakeLists.txt", "package.xml"):
+        shutil.copy(PACKAGE / name, source)
+    interpreter = f"-DPYTHON_EXECUTABLE={sys.executable}"
+    environment = built.environment | {"PYTHONPATH": "", "PYTHONDONTWRITEBYTECODE": "1"}
+    call(environment, "cmake", "-S", str(source), "-B", str(build), interpreter)
+    executable = build / "devel" / "lib" / "ros_visualise" / "added"
+    assert (executable.with_name("path").exists(), executable.exists()) == (True, False)
+    (source / "src" / "ros_visualise" / "nodes" / "added.py").touch()
+    call(environment, "cmake", "--build", str(build))
+    assert os.access(executable, os.X_OK)
 
 
 @pytest.mark.parametrize(("space", "home"), [("devel", "src"), ("install", "install/share")])
@@ -67,6 +94,42 @@ def test_node_runs(built, ros_master, space):
         wait_for(lambda: service in ros_master.call("rosservice", "list"), service)
     finally:
         end(process)
+
+
+@pytest.fixture(scope="module")
+def plugin(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the sample of a package that adds a node, installed."""
+    packages = Packages(tmp_path_factory.mktemp("site"))
+    packages.install(SAMPLE)
+    return packages.folder
+
+
+@pytest.mark.parametrize(
+    ("space", "command"),
+    [
+        ("install", ("rosrun", "ros_visualise", "node", "vignette", "image:=image_raw")),
+        *((space, ("roslaunch", "ros_visualise", *VIGNETTE)) for space in SPACES),
+    ],  # rosrun would find the program node of the tests' environment, too, in the devel space
+)
+def test_a_node_of_another_package_runs_by_its_name(built, plugin, ros_master, space, command):
+    environment = built.set_up(space)
+    environment["PYTHONPATH"] = f"{plugin}:{environment['PYTHONPATH']}"
+    process = subprocess.Popen(
+        command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
+    try:
+        wait_for(
+            lambda: topics_of(ros_master, "/vignette") >= {"/image_raw", "/vignette"}, "/vignette"
+        )
+    finally:
+        print(end(process))
+    wait_for(lambda: not topics_of(ros_master, "/vignette"), "the end of /vignette")
+
+
+def topics_of(master: Master, node: str) -> set[str]:
+    """What a node takes and publishes."""
+    _, _, (published, subscribed, _) = master.proxy().getSystemState("/tests")
+    return {topic for topic, nodes in [*published, *subscribed] if node in nodes}
 
 
 @pytest.mark.parametrize("space", SPACES)

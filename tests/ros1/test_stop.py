@@ -4,15 +4,15 @@ import os
 import re
 import signal
 import subprocess
-import sys
 import time
 import xmlrpc.client
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from ros_graph import NODES as EXECUTABLES
 from ros_graph import Master, end, free_port, wait_for
+
+from ros_visualise.executables import command_of
 
 ROSLAUNCH_WAITS_S = 15  # and then ends a node by other means
 NODES = {"/streamer", "/fps_control", "/filters", "/edge_detector"}
@@ -99,7 +99,7 @@ def test_ctrl_c_ends_every_node(launched):
 
 
 def test_roslaunch_ends_its_nodes_when_its_master_is_gone(launched):
-    [master] = [pid for pid in children(launched.process.pid) if "rosmaster" in command_of(pid)]
+    [master] = [pid for pid in children(launched.process.pid) if "rosmaster" in command_line(pid)]
     os.kill(master, signal.SIGKILL)
     wait_for(lambda: not launched.alive(), "the nodes to end")
     said = launched.process.communicate(timeout=60)[0]
@@ -119,7 +119,7 @@ def test_rosnode_kill_ends_every_node(launched):
 
 @pytest.mark.parametrize("after_s", [0, 0.2, 0.4, 0.6, 0.9, 1.4])
 def test_ctrl_c_ends_a_node_that_only_begins(ros_master, after_s):
-    command = [sys.executable, str(EXECUTABLES / "edge_detector"), "__name:=begun"]
+    command = [*command_of("edge_detector"), "__name:=begun"]
     node = ros_master.run(*command)
     wait_for(lambda: catches_sigterm(node.pid), "its first line")
     time.sleep(after_s)
@@ -134,5 +134,5 @@ def catches_sigterm(pid: int) -> bool:
     return bool(int(caught, 16) >> signal.SIGTERM - 1 & 1)
 
 
-def command_of(pid: int) -> str:
+def command_line(pid: int) -> str:
     return Path(f"/proc/{pid}/cmdline").read_text()

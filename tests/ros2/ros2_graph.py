@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
-NODES = Path(__file__).parents[2] / "nodes"
+from ros_visualise.executables import command_of
+
 _END_S = 20
 
 
@@ -23,7 +22,7 @@ class Nodes2:
         told = [f"{key.replace('__', '.')}:={_written(value)}" for key, value in given.items()]
         options = [part for one in told for part in ("-p", one)]
         process = subprocess.Popen(
-            [sys.executable, str(NODES / name), *args, "--ros-args", *options],
+            [*command_of(name), *args, "--ros-args", *options],
             env={**os.environ, "PYTHONUNBUFFERED": "1"},
             text=True,
             stdout=subprocess.PIPE,

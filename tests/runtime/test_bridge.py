@@ -328,6 +328,21 @@ def test_a_node_that_cannot_begin_says_so_in_one_line(
     assert said.exc_info is None
 
 
+@pytest.mark.parametrize("name", ["filters", "landscape", "player", "viewer"])
+def test_node_runs_what_its_argument_names(
+    hub: Hub, name: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """As the executable of that name does."""
+    wrong = {"view": "tv", "path": "/nowhere.bag"}
+    for arguments in ([name], ["node", name]):
+        middleware = HubMiddleware(hub, wrong, args=arguments[1:])
+        with pytest.raises(SystemExit) as ended:
+            run(arguments[0], middleware)
+        assert (ended.value.code, middleware.name) == (2, f"/{name}")
+    [own, other] = caplog.messages
+    assert own == other
+
+
 def test_nothing_is_offered_by_who_has_ended(hub: Hub) -> None:
     with hub.running("path"):
         wait_for(lambda: "/path/clear" in hub.services, "its action")

@@ -1,4 +1,8 @@
-"""What the ROS executables do; those in ``nodes/`` only call `run`."""
+"""The ROS executables, one for each node and source of this package and a few more.
+
+``CMakeLists.txt`` asks for their names, by ``python -m ros_visualise.executables``, and writes a
+script for each. That needs nothing but Python: what pip brings may not be installed yet.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,25 @@ from importlib import import_module
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.installation import check_installation
 from ros_visualise.printing import say
+from ros_visualise.registry import module_names
+from ros_visualise.simulation.robots import ROBOTS
+
+_CODE = """from ros_visualise.entry import run_executable
+
+run_executable("{}")
+"""
+"""What the scripts say, after the line that names their interpreter."""
+
+
+def names() -> list[str]:
+    """Names of all executables."""
+    nodes = [*module_names("ros_visualise.nodes"), *ROBOTS.builtin]
+    return sorted([*nodes, "node", "pipeline", "viewer"])
+
+
+def command_of(name: str) -> list[str]:
+    """Run an executable by this interpreter as its script does, from the first line on."""
+    return [sys.executable, "-c", _CODE.format(name)]
 
 
 def run(name: str) -> None:

@@ -19,7 +19,7 @@ from ros_visualise.executables.options import (
 )
 from ros_visualise.executables.player import run_player
 from ros_visualise.executables.running import offer_saving, run_graph
-from ros_visualise.nodes import NodeType, SourceType, choose, choose_node, find
+from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -35,17 +35,19 @@ Work = Callable[[Middleware], int]
 
 
 def run(name: str, middleware: Middleware) -> None:
-    """Run one of `_OTHERS`, a node of one's own, or the built-in node or source of this name.
+    """Run an executable by its name; ``node`` runs what its argument names.
 
     Raises:
-        UsageError: no node of one's own is given, or more than one.
+        UsageError: no node is given, or more than one.
         OpenError: it cannot be loaded.
     """
     if name == "node":
-        declared = _own(middleware.arguments())  # fails before it takes the name of one that runs
-        _run(declared.name, middleware, _alone(declared))
+        name = _given(middleware.arguments())
+    if name in _OTHERS:
+        _run(name, middleware, _OTHERS[name])
     else:
-        _run(name, middleware, _OTHERS[name] if name in _OTHERS else _alone(find(name)))
+        declared = choose(name)  # fails before it takes the name of one that runs
+        _run(declared.name, middleware, _alone(declared))
 
 
 def _run(name: str, middleware: Middleware, work: Work) -> None:
@@ -67,10 +69,10 @@ def _alone(declared: NodeType | SourceType) -> Work:
     return lambda middleware: run_graph(middleware, alone(declared), {declared.name: ""}, OPTIONS)
 
 
-def _own(given: Sequence[str]) -> NodeType | SourceType:
-    if len(given) != 1:
-        raise UsageError("give a node of your own as FILE.py:NAME")
-    return choose(given[0])
+def _given(arguments: Sequence[str]) -> str:
+    if len(arguments) != 1:
+        raise UsageError("give one node: its name, or FILE.py:NAME")
+    return arguments[0]
 
 
 def _run_pipeline(middleware: Middleware) -> int:

@@ -1,0 +1,5 @@
+"""Prints the names of the executables, a line each."""
+
+from ros_visualise.executables import names
+
+print(*names(), sep="\n")
