@@ -10,17 +10,18 @@ from xml.etree import ElementTree
 
 import pytest
 from launched import LAUNCH, NEEDED, OPTIONS, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
-from ros2_launch import Launched, Refused, begun_without
+from ros2_launch import Launched, Refused, begun_without, full
 
 from ros_visualise.executables import names
 from ros_visualise.nodes import NODES, SourceType, find
 from ros_visualise.params import update
-from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
+from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.playing import playing_params
 
 FILES = sorted(path.name.removesuffix(".launch.xml") for path in LAUNCH.glob("*.launch.xml"))
 MAIN = [name for name in FILES if name.startswith("main_")]
 SINGLE = [name for name in NODES.builtin if name in FILES]
+WHAT_IS_PLAYED = {"path", "uri"}
 
 
 @pytest.mark.parametrize("pipeline", ["false", "true"])
@@ -74,9 +75,24 @@ def test_parameters_are_declared(name, pipeline):
 
 
 def check_declared(node, given):
+    """Give a node's parameters as they are declared, and as these change them."""
     declared = find(node)
     kind = playing_params(declared) if isinstance(declared, SourceType) else declared.params
-    update(kind(), given)
+    return kind(), update(kind(), given)
+
+
+@pytest.mark.parametrize("name", [name for name in SINGLE if name != "player"])
+def test_the_launch_file_of_a_node_is_as_it_declares(name):
+    """Its arguments have the defaults of the parameters, and its topics are those of the node."""
+    launched = Launched(name)
+    params = launched.params(name)
+    given = {param: params[param] for param in params.keys() - OPTIONS - WHAT_IS_PLAYED}
+    declared, changed = check_declared(name, given)
+    assert changed == declared
+    [member] = alone(find(name)).members
+    node = launched.ours[name]
+    topics = {full(node.namespace, topic) for topic, _ in node.remaps}
+    assert topics <= {*member.inputs.values(), *member.outputs.values()}
 
 
 @pytest.mark.parametrize("given", [{"input": "/there"}, {"odom": "/there"}])

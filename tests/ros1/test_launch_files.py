@@ -25,12 +25,10 @@ from ros_visualise.executables import names
 from ros_visualise.nodes import SourceType, find, find_all
 from ros_visualise.params import specs, update
 from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
-from ros_visualise.presets import preset
 from ros_visualise.runtime.playing import playing_params
 
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))
 MAIN_IMAGES = ("main_video", "main_usb_cam", "main_rosbag")
-SEED = preset("seed", image_pipeline("streamer"))
 
 
 class Launched(LaunchedGraph):
@@ -236,7 +234,7 @@ def test_parameters_are_declared_and_change_no_default(file):
 
 
 def check_declared(node: str, given: Mapping[str, Any]) -> None:
-    """Each is declared; those that name nothing of the user's are as declared, or as the seed's.
+    """Each is declared; those that name nothing of the user's are as declared.
 
     Who else tells a frame is of a launch file's own.
     """
@@ -244,15 +242,11 @@ def check_declared(node: str, given: Mapping[str, Any]) -> None:
     is_source = isinstance(declared, SourceType)
     defaults = (playing_params(declared) if is_source else declared.params)()
     changed = update(defaults, given)
-    seed = SEED.get(node, {})
     named = {"path", "uri", "camera_info_url", "size", "mission", "tags", "class_prefix"}
     named.add("map_to_odom")
     for spec in specs(defaults):
         if spec.name not in named:
-            expected = seed.get(spec.name, getattr(defaults, spec.name))
-            assert getattr(changed, spec.name) in (expected, getattr(defaults, spec.name)), (
-                spec.name
-            )
+            assert getattr(changed, spec.name) == getattr(defaults, spec.name), spec.name
 
 
 @pytest.mark.parametrize("file", FILES)
