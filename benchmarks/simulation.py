@@ -59,7 +59,7 @@ def find_shares(simulation: Simulation, seconds: int) -> Counter[str]:
     mujoco.mj_step = timed("physics", step, spent)
     robot = simulation._robot
     robot.control = timed("control", robot.control, spent)
-    for stream in simulation._suite.streams:
+    for stream in simulation._streams:
         make = stream.make
         stream.make = timed(stream.output, lambda *at, make=make: list(make(*at)), spent)
     measure(simulation, seconds)

@@ -165,13 +165,11 @@ def test_robots_are_simulated_in_its_world_with_its_tags(sample):
 
 CART = """
 from dataclasses import replace
-from ros_visualise.declarations import source
 from ros_visualise.simulation.robots.husky import ROBOT as HUSKY
 from ros_visualise.simulation.robots.husky.settings import HuskyNodeParams
-from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, SimulatedRobot
+from ros_visualise.simulation.source import SimulatedRobot, simulated
 
-@source("cart", params=HuskyNodeParams, inputs=INPUTS, outputs=OUTPUTS, latched=HELD,
-        makes_time=True, velocity_axes=("linear.x",))
+@simulated("cart", HuskyNodeParams, ("linear.x",))
 class Cart(SimulatedRobot):
     'A rover by another name.'
     def __init__(self, params, playback):
@@ -198,6 +196,45 @@ def test_a_robot_of_another_package_is_simulated(packages):
     assert failures["cart"] == ""
     assert failures["husky"] == "husky is a name of ros_visualise itself"
     assert "has no attribute 'CART'" in failures["flat"]
+
+
+PITOT = """
+from dataclasses import dataclass
+from ros_visualise.data import FluidPressure, Header
+from ros_visualise.simulation.sensors import SensorType, setting
+
+@dataclass(frozen=True)
+class PitotParams:
+    pitot: bool = setting(True, "switch the pitot tube on", group="pitot")
+    pitot_rate: float = setting(20.0, "measurements per second", min=1, max=50, group="pitot")
+
+def fit(fitting):
+    def measure(stamp_ns, index):
+        speed = fitting.robot.body.velocity()[0][0]
+        yield "pitot", FluidPressure(0.6 * speed**2, 0.0, Header(stamp_ns, "base_link"))
+    return measure
+
+SENSOR = SensorType(PitotParams, {"pitot": FluidPressure}, "pitot_rate", fit, "pitot")
+"""
+
+
+def test_every_robot_has_a_sensor_of_another_package(packages):
+    packages.add("pitots", "[ros_visualise.sensors]\npitot = pitot\n", pitot=PITOT)
+
+    def measured(robot, *more):
+        done = packages.run(
+            *("sim", robot, "--world", "plane", "--mission", "default", "--duration", "2"),
+            *("--set", f"{robot}.camera=false", *more),
+            *("--rate", "0", "--view", "none", "--json"),
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)["topics"].get("/pitot", {"messages": 0})["messages"]
+
+    assert measured("husky") == pytest.approx(40, abs=1)
+    assert measured("quadrotor", "--set", "quadrotor.pitot_rate=10") == pytest.approx(20, abs=1)
+    assert measured("husky", "--set", "husky.pitot=false") == 0
+    (found,) = json.loads(packages.run("plugins", "--json").stdout)
+    assert (found["kind"], found["name"], found["failure"]) == ("sensors", "pitot", "")
 
 
 BROKEN = """[ros_visualise.nodes]
@@ -229,7 +266,8 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
         "field": "field is a name of ros_visualise itself",
         "*": "unknown group ros_visualise.nods; choose from ros_visualise.nodes,"
         " ros_visualise.formats, ros_visualise.drawings, ros_visualise.lessons,"
-        " ros_visualise.robots, ros_visualise.worlds, ros_visualise.commands",
+        " ros_visualise.robots, ros_visualise.sensors, ros_visualise.worlds,"
+        " ros_visualise.commands",
     }
     assert done.returncode == 1
     film = write_video(tmp_path / "film.mkv", [np.zeros((48, 64, 3), np.uint8)] * 3)

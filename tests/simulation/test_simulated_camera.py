@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -16,6 +17,8 @@ from ros_visualise.errors import OpenError
 from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
+from ros_visualise.simulation.sensors import camera
+from ros_visualise.simulation.sensors.camera import Camera
 from ros_visualise.simulation.simulator import Simulation
 
 
@@ -31,9 +34,14 @@ def husky() -> Simulation:
     )
 
 
+@cache
+def camera_of(simulation: Simulation) -> Camera:
+    return Camera(simulation.settings, 0, simulation._model)
+
+
 def look(simulation: Simulation, position_xyz: np.ndarray, R: np.ndarray) -> Image:
     simulation._data.cam_xpos[0] = position_xyz
-    return simulation._suite._camera.measure(0, 0, simulation._data, position_xyz, R)
+    return camera_of(simulation).measure(0, 0, simulation._data, position_xyz, R)
 
 
 def project(
@@ -127,7 +135,7 @@ def test_a_gimbal_keeps_the_camera_level():
         settings = replace(
             QuadrotorParams(), camera_gimbal=gimbal, camera_width=64, camera_height=48
         )
-        mount = Simulation("quadrotor", "plane", settings=settings)._suite._mount
+        mount = Simulation("quadrotor", "plane", settings=settings)._fitting.mount
         turn, _ = cv2.Rodrigues(np.array([0.3, 0.1, 0.0]))
         _, R = mount.optical_in_map(np.zeros(3), turn)
         straight_down = R[:, 2] @ (0, 0, -1)
@@ -157,7 +165,7 @@ def test_a_platform_that_mujoco_does_not_know_is_one_line():
     assert "MUJOCO_GL=nonsense does not work here: unset MUJOCO_GL" in done.stderr
 
 
-def test_images_that_nobody_wants_are_not_made():
+def test_images_that_nobody_wants_are_not_made(monkeypatch):
+    monkeypatch.setattr(camera, "Renderer", lambda *_: pytest.fail("an image was made"))
     simulation = Simulation("husky", "plane", wants=lambda output: output != "image")
     assert "image" not in collect(simulation, 0.3)
-    assert simulation._suite._camera._renderer is None

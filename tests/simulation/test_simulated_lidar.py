@@ -9,9 +9,9 @@ from simulated_runs import collect
 
 from ros_visualise.simulation.attitude import from_rotation_vector, rows
 from ros_visualise.simulation.engine import load_mujoco
+from ros_visualise.simulation.rays import StaticGeoms
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.sensors.lidar import Lidar
-from ros_visualise.simulation.sensors.rays import StaticGeoms
 from ros_visualise.simulation.simulator import Simulation
 
 SIGHTED = replace(HuskyParams(), camera=False)

@@ -29,12 +29,13 @@ def run(options: PluginsOptions) -> int:
     from ros_visualise.lessons import LESSONS
     from ros_visualise.nodes import NODES
     from ros_visualise.simulation.robots import ROBOTS
+    from ros_visualise.simulation.sensors import SENSORS
     from ros_visualise.simulation.worlds import WORLDS
     from ros_visualise.sources.formats import FORMATS
     from ros_visualise.ui.scene.drawings import DRAWINGS
 
     registries: tuple[Registry[Any], ...]
-    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, WORLDS, COMMANDS)
+    registries = (NODES, FORMATS, DRAWINGS, LESSONS, ROBOTS, SENSORS, WORLDS, COMMANDS)
     found = [_described(registry, one) for registry in registries for one in registry.plugins()]
     known = [registry.kind for registry in registries]
     for group, package in unknown_groups(known):

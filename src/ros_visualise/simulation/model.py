@@ -14,8 +14,7 @@ from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.landmarks import Landmark
 from ros_visualise.simulation.mjcf import WorldBuilder
 from ros_visualise.simulation.robots import ROBOTS
-from ros_visualise.simulation.sensors.camera import vertical_fov
-from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.sensors.camera import CameraParams, vertical_fov
 from ros_visualise.simulation.worlds import WORLDS
 
 BASE = "base_link"
@@ -70,7 +69,7 @@ def build_world(
     return BuiltWorld(name, scene.mjcf(), assets, landmarks, scene.starts, tuple(scene.path_xy))
 
 
-def compile_model(robot: str, world: BuiltWorld, params: RobotParams) -> Any:
+def compile_model(robot: str, world: BuiltWorld, params: CameraParams) -> Any:
     """The ``mjModel`` of a robot in a world."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"

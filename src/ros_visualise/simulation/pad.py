@@ -13,7 +13,7 @@ from ros_visualise.params import param
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.deck import PAD, stands_on_start
 from ros_visualise.simulation.model import Pose2
-from ros_visualise.simulation.settings import RobotParams, setting
+from ros_visualise.simulation.sensors import setting
 
 _CLEAR_S, _OFTEN_S = 2.0, 0.1  # until the robot has taken off
 _ACCELERATION = 0.5  # m/s^2, where its line begins and ends
@@ -77,7 +77,7 @@ def move(params: PadParams, time_s: float) -> Motion:
     return 0.0, 0.0, 0.0, 0.0
 
 
-def place_pad(settings: RobotParams, start: Pose2) -> tuple[Pose2 | None, bool]:
+def place_pad(settings: Any, start: Pose2) -> tuple[Pose2 | None, bool]:
     """Where the pad is at first, if there is one, and whether it has tags.
 
     Raises:

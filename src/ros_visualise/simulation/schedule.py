@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
-Make = Callable[[int, int], Iterable[tuple[str, Any]]]
+from ros_visualise.simulation.sensors import SENSORS, Fitting
+
+Measured = Iterator[tuple[str, Any]]
+Make = Callable[[int, int], Measured]
 """(stamp_ns, number of the measurement) -> (output, message) of one measurement."""
 
 
@@ -23,6 +26,17 @@ class Stream:
         self.index += 1
         self.due_ns = round(self.index * 1e9 / self._rate_hz)
         return index
+
+
+def streams_of(fitting: Fitting) -> list[Stream]:
+    """The sensors that the robot's settings turn on, in the order of equal stamps."""
+    settings = fitting.settings
+    sensors = [one for one in SENSORS.all() if isinstance(settings, one.params)]
+    return [
+        Stream(getattr(settings, one.rate), one.fit(fitting), next(iter(one.outputs)), one.always)
+        for one in sensors
+        if not one.switch or getattr(settings, one.switch)
+    ]
 
 
 class Output(NamedTuple):

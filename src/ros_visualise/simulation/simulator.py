@@ -26,8 +26,8 @@ from ros_visualise.simulation.pad import Pad, PadParams, place_pad
 from ros_visualise.simulation.robot import Robot
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.scenery import scenery
-from ros_visualise.simulation.schedule import Output, Schedule
-from ros_visualise.simulation.sensors.suite import SensorSuite
+from ros_visualise.simulation.schedule import Output, Schedule, streams_of
+from ros_visualise.simulation.sensors import Fitting
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
 
@@ -84,10 +84,11 @@ class Simulation:
         self._orders: deque[Callable[[], None]] = deque()
         self._told = ""  # of what it does
         mount = frames.CameraMount(self._model, self.settings, self.settings.gimbal)
-        self._suite = SensorSuite(
-            self._robot, self._model, self._data, self.settings, mount, seed, self.pad
+        self._fitting = Fitting(
+            self._robot, self._model, self._data, self.settings, seed, mount, self.pad
         )
-        self._schedule = Schedule(self._suite.streams, wants)
+        self._streams = streams_of(self._fitting)
+        self._schedule = Schedule(self._streams, wants)
         odom = frames.ODOM if self.settings.map_to_odom else frames.ODOM_START
         fixed: Transforms = frames.fixed_frames(self._model, mount, self.start_pose, odom)
         description = describe(self._model, fixed)
@@ -133,7 +134,7 @@ class Simulation:
     @property
     def outputs(self) -> tuple[str, ...]:
         """Names of all outputs with these settings."""
-        return (*LATCHED, "status", *self._suite.outputs)
+        return (*LATCHED, "status", "tf", *(stream.output for stream in self._streams))
 
     def run(self) -> Generator[Output, None, None]:
         """The messages as (stamp_ns, name, message), without end; call it from one thread.
@@ -159,7 +160,7 @@ class Simulation:
                     yield from schedule.take(stamp_ns)
                     yield from self._tell_change(stamp_ns)
         finally:
-            self._suite.close()
+            self.close()
 
     def _tell_change(self, stamp_ns: int) -> Iterator[Output]:
         if self.doing != self._told:
@@ -230,7 +231,8 @@ class Simulation:
 
     def close(self) -> None:
         """Free the renderer; call it from the thread that ran `run`."""
-        self._suite.close()
+        for close in self._fitting.closing:
+            close()
 
     def _obey(self, order: Callable[[], None]) -> None:
         if self.upright:

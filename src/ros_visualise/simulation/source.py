@@ -3,49 +3,43 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from ros_visualise.data import (
     Header,
     Image,
-    Imu,
     MarkerArray,
-    NavSatFix,
-    Odometry,
-    PointCloud,
     PoseStamped,
     Text,
     Transforms,
     Twist,
 )
-from ros_visualise.declarations import action
+from ros_visualise.declarations import action, source
 from ros_visualise.errors import RosVisualiseError
 from ros_visualise.simulation.prefix import prefixed
 from ros_visualise.simulation.schedule import Output
+from ros_visualise.simulation.sensors import equipped, outputs_of
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import LATCHED, Simulation
 from ros_visualise.sources.playback import Playback
+
+T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
 TARGET = "landing_target_odom"
 INPUTS = {"cmd_vel": Twist, "goal": PoseStamped}
 OUTPUTS = {
-    "image": Image,
-    "imu": Imu,
-    "fix": NavSatFix,
-    "odom": Odometry,
-    "truth": Odometry,
-    "points": PointCloud,
     "tf": Transforms,
     "tf_static": Transforms,
     "robot_description": Text,
     "scenery": MarkerArray,
     "status": Text,
 }
-"""What every robot has."""
+"""What every robot has beside its sensors."""
 HELD = (*LATCHED, "status")
 """Those whose last message holds until the next."""
 
@@ -55,6 +49,32 @@ _FRAME = "image"  # what a person steps through
 
 Batch = tuple[Output, ...]
 """Messages that pass together."""
+
+
+def simulated(
+    name: str,
+    params: type,
+    velocity_axes: tuple[str, ...],
+    inputs: Mapping[str, type] = MappingProxyType({}),
+) -> Callable[[T], T]:
+    """Declare the decorated class as the source that simulates a robot.
+
+    Args:
+        params: its world and mission, and the robot's settings; those of sensors that every robot
+            has are added. Its outputs are what its sensors measure.
+        velocity_axes: as of a `SourceType`.
+        inputs: beside a velocity and a goal.
+    """
+    whole: type = equipped(params)
+    return source(
+        name,
+        params=whole,
+        inputs={**INPUTS, **inputs},
+        outputs={**outputs_of(whole), **OUTPUTS},
+        latched=HELD,
+        makes_time=True,
+        velocity_axes=velocity_axes,
+    )
 
 
 class SimulatedRobot:

@@ -27,7 +27,7 @@ class RobotType:
     """A robot, before it is in a world.
 
     Attributes:
-        source: its node, under ``@source``.
+        source: its node, see `ros_visualise.simulation.source.simulated`.
         params: its settings.
         model: MJCF file with a body ``base_link`` that has a free joint, with its sites
             ``camera_link``, ``gps_link``, ``imu_link`` and ``lidar_link``, a camera, and first an

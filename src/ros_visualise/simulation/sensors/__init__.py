@@ -1,4 +1,106 @@
-"""Sensors: they turn the true state into measurements. Only the lidar and camera know MuJoCo.
+"""Simulated sensors: a file each, with its parameters, its outputs, and how it measures.
 
-Each has its own random numbers, so that adding a sensor changes no other's data.
+They turn the true state into measurements. Each has its own random numbers, so that adding a sensor
+changes no other's data. Another package brings a sensor by an entry point of the group
+``ros_visualise.sensors``; see `ros_visualise.registry`.
 """
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from ros_visualise.errors import UsageError
+from ros_visualise.params import param
+from ros_visualise.registry import Registry
+
+if TYPE_CHECKING:
+    from ros_visualise.simulation.frames import CameraMount
+    from ros_visualise.simulation.pad import Pad
+    from ros_visualise.simulation.robot import Robot
+    from ros_visualise.simulation.schedule import Make
+
+P = TypeVar("P")
+
+
+def setting(default: Any, help: str, **limits: Any) -> Any:
+    """A parameter, as `param`; a change starts the simulation anew."""
+    return param(default, help, restart=True, **limits)
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """A robot in its world, which sensors are fitted to.
+
+    ``model`` and ``data`` are MuJoCo's; ``settings`` are the robot's, with those of its sensors;
+    ``mount`` is the camera's; what has to be closed with the simulation is added to ``closing``.
+    """
+
+    robot: Robot
+    model: Any
+    data: Any
+    settings: Any
+    seed: int
+    mount: CameraMount
+    pad: Pad | None = None
+    closing: list[Callable[[], None]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class SensorType:
+    """A sensor, before it is fitted to a robot.
+
+    Attributes:
+        params: its parameters; robots have it whose settings derive from these.
+        outputs: their names -> types of message; by the first it is asked for.
+        rate: parameter with its measurements per second.
+        fit: gives what measures, see `Make`.
+        switch: parameter that turns it on; empty: it is always on.
+        always: measures also while nobody listens, as it has a state.
+        standard: every robot gets it.
+    """
+
+    params: type
+    outputs: Mapping[str, type]
+    rate: str
+    fit: Callable[[Fitting], Make]
+    switch: str = ""
+    always: bool = False
+    standard: bool = True
+
+
+def _read(held: Any, name: str) -> SensorType:
+    found = getattr(held, "SENSOR", held)
+    if not isinstance(found, SensorType):
+        raise UsageError("holds no SensorType; give one, or a module with SENSOR")
+    return found
+
+
+SENSORS = Registry(
+    "sensors",
+    __name__,
+    _read,
+    first=(
+        *("odometry", "truth", "pad", "imu", "gps"),
+        *("magnetometer", "barometer", "lidar", "camera"),
+    ),
+)
+"""All sensors, in the order of their measurements of one time."""
+
+
+def equipped(params: type[P]) -> type[P]:
+    """The settings of a robot, with those of every sensor that all robots have."""
+    more = [one.params for one in SENSORS.all() if one.standard]
+    more = [one for one in more if not issubclass(params, one)]
+    if not more:
+        return params
+    content = {"__doc__": params.__doc__, "__module__": params.__module__}
+    made = type(params.__name__, (*reversed(more), params), content)
+    return dataclass(frozen=True)(made)
+
+
+def outputs_of(params: type) -> dict[str, type]:
+    """Outputs of all sensors of a robot with these settings -> their types."""
+    sensors = [one for one in SENSORS.all() if issubclass(params, one.params)]
+    return {name: kind for one in sensors for name, kind in one.outputs.items()}

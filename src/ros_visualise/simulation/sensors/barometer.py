@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import FluidPressure, Header
-from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.settings import setting
+from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _SEA_LEVEL_PA = 101325.0
 _SEA_LEVEL_K = 288.15
@@ -65,3 +66,19 @@ class Barometer:
         error = drift + self._white * self._random.standard_normal()
         pressure = pressure_at(self._origin_m + height_m) + error
         return FluidPressure(pressure, self._variance, Header(stamp_ns, self.frame_id))
+
+
+def fit(fitting: Fitting) -> Make:
+    """The sensor in the body."""
+    body, settings = fitting.robot.body, fitting.settings
+    barometer = Barometer(settings, settings.gps_altitude, fitting.seed)
+
+    def measure(stamp_ns: int, _: int) -> Measured:
+        yield "pressure", barometer.measure(stamp_ns, body.position[2])
+
+    return measure
+
+
+SENSOR = SensorType(
+    BarometerParams, {"pressure": FluidPressure}, "baro_rate", fit, always=True, standard=False
+)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import cv2
@@ -11,14 +12,34 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import CameraInfo, Floats, Header, Image, Pixels
+from ros_visualise.simulation.noise import random_of
 from ros_visualise.simulation.rendering import Renderer
-from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _NOISE_MARGIN = 64
 
+_camera = partial(setting, group="camera")
 
-def calibrate(params: RobotParams) -> CameraInfo:
+
+@dataclass(frozen=True)
+class CameraParams:
+    """Parameters of a camera."""
+
+    camera: bool = _camera(True, "switch the camera on")
+    camera_rate: float = _camera(10.0, "images per second", min=0.1, max=60)
+    camera_width: int = _camera(640, "width of the images, pixels", min=16, max=4096)
+    camera_height: int = _camera(480, "height of the images, pixels", min=16, max=4096)
+    camera_fov: float = _camera(80.0, "horizontal field of view, degrees", min=10, max=150)
+    camera_pitch: float = _camera(
+        0.0, "how far the camera looks down: 0 ahead, 90 straight down, degrees", min=-90, max=90
+    )
+    camera_noise: float = _camera(
+        2.0, "noise of each pixel (standard deviation), levels of 255", min=0, max=50
+    )
+
+
+def calibrate(params: CameraParams) -> CameraInfo:
     """The camera's calibration: no distortion, the optical axis through the image's middle."""
     width, height = params.camera_width, params.camera_height
     focal = width / 2 / math.tan(math.radians(params.camera_fov) / 2)
@@ -26,7 +47,7 @@ def calibrate(params: RobotParams) -> CameraInfo:
     return CameraInfo(height, width, K, P=np.hstack([K, np.zeros((3, 1))]))
 
 
-def vertical_fov(params: RobotParams) -> float:
+def vertical_fov(params: CameraParams) -> float:
     """Degrees."""
     half = math.tan(math.radians(params.camera_fov) / 2)
     return 2 * math.degrees(math.atan(half * params.camera_height / params.camera_width))
@@ -41,7 +62,7 @@ class Camera:
 
     frame_id = "camera_optical"
 
-    def __init__(self, params: RobotParams, seed: int, model: Any) -> None:
+    def __init__(self, params: CameraParams, seed: int, model: Any) -> None:
         self._params, self._seed, self._model = params, seed, model
         self._info = calibrate(params)
         self._renderer: Renderer | None = None
@@ -78,3 +99,19 @@ class Camera:
         x, y = random_of(self._seed, "camera", index + 1).integers(0, _NOISE_MARGIN, 2).tolist()
         grain = np.ascontiguousarray(self._grain[y : y + height, x : x + width])
         return np.asarray(cv2.add(pixels, grain, dtype=cv2.CV_8U))
+
+
+def fit(fitting: Fitting) -> Make:
+    """The camera on its mount."""
+    body, mount = fitting.robot.body, fitting.mount
+    camera = Camera(fitting.settings, fitting.seed, fitting.model)
+    fitting.closing.append(camera.close)
+
+    def measure(stamp_ns: int, index: int) -> Measured:
+        place, R = mount.optical_in_map(np.array(body.position), body.axes)
+        yield "image", camera.measure(stamp_ns, index, fitting.data, place, R)
+
+    return measure
+
+
+SENSOR = SensorType(CameraParams, {"image": Image}, "camera_rate", fit, "camera")

@@ -3,14 +3,50 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Imu
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, from_rotation_vector, multiply, xyzw
-from ros_visualise.simulation.sensors.noise import GaussMarkov, Interval, random_of
-from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.noise import GaussMarkov, Interval, random_of
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
+
+_imu = partial(setting, group="imu")
+
+
+@dataclass(frozen=True)
+class ImuParams:
+    """Parameters of an inertial measurement unit."""
+
+    imu_rate: float = _imu(100.0, "measurements per second", min=1, max=200)
+    gyro_density: float = _imu(
+        3e-4, "noise density of the gyroscope, rad/s/sqrt(Hz)", min=0, max=0.1
+    )
+    gyro_bias: float = _imu(
+        5e-3, "bias of the gyroscope (standard deviation), rad/s", min=0, max=0.5
+    )
+    gyro_walk: float = _imu(
+        2e-5, "random walk of the gyroscope's bias, rad/s^2/sqrt(Hz)", min=0, max=0.01
+    )
+    accel_density: float = _imu(
+        2e-3, "noise density of the accelerometer, m/s^2/sqrt(Hz)", min=0, max=1
+    )
+    accel_bias: float = _imu(
+        0.05, "bias of the accelerometer (standard deviation), m/s^2", min=0, max=5
+    )
+    accel_walk: float = _imu(
+        2e-4, "random walk of the accelerometer's bias, m/s^3/sqrt(Hz)", min=0, max=0.1
+    )
+    imu_attitude: float = _imu(
+        0.01, "slow error of the attitude about each axis (standard deviation), rad", min=0, max=0.5
+    )
+    imu_attitude_time: float = _imu(
+        30.0, "time constant of the attitude's slow error, seconds", min=0.1, max=1e4
+    )
 
 
 class ImuSensor:
@@ -21,7 +57,7 @@ class ImuSensor:
 
     frame_id = "imu_link"
 
-    def __init__(self, params: RobotParams, seed: int) -> None:
+    def __init__(self, params: ImuParams, seed: int) -> None:
         self._random = random_of(seed, "imu")
         density = np.repeat([params.gyro_density, params.accel_density], 3)
         self._white = density * math.sqrt(params.imu_rate)
@@ -59,3 +95,16 @@ class ImuSensor:
             linear,
             Header(stamp_ns, self.frame_id),
         )
+
+
+def fit(fitting: Fitting) -> Make:
+    """The sensor in the body."""
+    body, imu = fitting.robot.body, ImuSensor(fitting.settings, fitting.seed)
+
+    def measure(stamp_ns: int, _: int) -> Measured:
+        yield "imu", imu.measure(stamp_ns, body.attitude, body.motion())
+
+    return measure
+
+
+SENSOR = SensorType(ImuParams, {"imu": Imu}, "imu_rate", fit, always=True)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Header, PointCloud
-from ros_visualise.simulation.sensors.culling import RayCulling
-from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.sensors.rays import PLANE, Ranges, StaticGeoms
-from ros_visualise.simulation.settings import RobotParams
+from ros_visualise.simulation.culling import RayCulling
+from ros_visualise.simulation.noise import random_of
+from ros_visualise.simulation.rays import PLANE, Ranges, StaticGeoms
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 Indices = npt.NDArray[np.intp]
 
@@ -27,6 +30,23 @@ _GROUND = -1
 _NOISE_BITS = 16  # at least 2**16 numbers of noise
 _NOISE_STEP = 40503  # from scan to scan: odd, so that a ray uses every number in turn
 
+_lidar = partial(setting, group="lidar")
+
+
+@dataclass(frozen=True)
+class LidarParams:
+    """Parameters of a lidar."""
+
+    lidar: bool = _lidar(True, "switch the lidar on")
+    lidar_rate: float = _lidar(10.0, "scans per second", min=0.1, max=50)
+    lidar_rings: int = _lidar(16, "rows of rays, one above another", min=1, max=128)
+    lidar_columns: int = _lidar(900, "rays in a row, all around", min=1, max=4096)
+    lidar_low: float = _lidar(-15.0, "elevation of the lowest row, degrees", min=-89, max=89)
+    lidar_high: float = _lidar(15.0, "elevation of the highest row, degrees", min=-89, max=89)
+    lidar_near: float = _lidar(0.5, "shortest range that is measured, m", min=0, max=10)
+    lidar_far: float = _lidar(100.0, "longest range that is measured, m", min=1, max=1000)
+    lidar_noise: float = _lidar(0.02, "noise of each range (standard deviation), m", min=0, max=1)
+
 
 class Lidar:
     """A lidar of 360 degrees, all of whose rays measure at once, with white noise on the ranges.
@@ -40,7 +60,7 @@ class Lidar:
 
     frame_id = "lidar_link"
 
-    def __init__(self, params: RobotParams, seed: int, model: Any, data: Any) -> None:
+    def __init__(self, params: LidarParams, seed: int, model: Any, data: Any) -> None:
         self._params = params
         rings, columns = params.lidar_rings, params.lidar_columns
         elevation = np.radians(np.linspace(params.lidar_low, params.lidar_high, rings))
@@ -110,3 +130,17 @@ def _brightness(model: Any, geoms: Indices) -> npt.NDArray[np.float32]:
     """0 to 100 of each geom by its colour; 50 where it has a texture."""
     colours = np.array(model.geom_rgba[geoms, :3], np.float32).mean(axis=1)
     return np.asarray(100 * np.where(model.geom_matid[geoms] >= 0, 0.5, colours), np.float32)
+
+
+def fit(fitting: Fitting) -> Make:
+    """The lidar on the robot."""
+    body = fitting.robot.body
+    lidar = Lidar(fitting.settings, fitting.seed, fitting.model, fitting.data)
+
+    def measure(stamp_ns: int, index: int) -> Measured:
+        yield "points", lidar.measure(stamp_ns, index, *body.site("lidar_link"))
+
+    return measure
+
+
+SENSOR = SensorType(LidarParams, {"points": PointCloud}, "lidar_rate", fit, "lidar")

@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 
 from ros_visualise.data import Floats, Header, MagneticField
-from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.settings import setting
+from ros_visualise.simulation.noise import random_of
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _TESLA = 1e-6
-
 
 _magnetometer = partial(setting, group="magnetometer")
 
@@ -60,3 +60,18 @@ class Magnetometer:
         noise = self._white * self._random.standard_normal(3)
         measured = self._field_enu @ R_map_body + self._bias + noise
         return MagneticField(measured, self._covariance, Header(stamp_ns, self.frame_id))
+
+
+def fit(fitting: Fitting) -> Make:
+    """The sensor in the body."""
+    body, magnetometer = fitting.robot.body, Magnetometer(fitting.settings, fitting.seed)
+
+    def measure(stamp_ns: int, _: int) -> Measured:
+        yield "mag", magnetometer.measure(stamp_ns, body.axes)
+
+    return measure
+
+
+SENSOR = SensorType(
+    MagnetometerParams, {"mag": MagneticField}, "mag_rate", fit, always=True, standard=False
+)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from ros_visualise.data import Floats, Header, Odometry
+from ros_visualise.data import Floats, Header, Odometry, Transforms
 from ros_visualise.simulation.attitude import (
     Quat,
     Vector,
@@ -19,8 +19,10 @@ from ros_visualise.simulation.attitude import (
     xyzw,
     yaw_of,
 )
-from ros_visualise.simulation.sensors.noise import Interval, random_of
-from ros_visualise.simulation.settings import RobotParams, setting
+from ros_visualise.simulation.frames import body_frame
+from ros_visualise.simulation.noise import Interval, random_of
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _FRAME, _CHILD = "odom", "base_link"
 _SURE = 1e-6  # of what has no errors here: filters cannot use a variance of zero
@@ -28,12 +30,27 @@ _SLIP = 1e-3  # (m/s)^2, aside and up, which wheels do not feel
 _WHEELS_TWIST = np.diag((_SURE, _SLIP, _SLIP, _SURE, _SURE, _SURE))
 _SEEN_TWIST = _SURE * np.eye(6)
 
-
 _odometry_setting = partial(setting, group="odometry")
 
 
 @dataclass(frozen=True)
-class WheelOdometryParams(RobotParams):
+class OdometryParams:
+    """Parameters of odometry of any kind."""
+
+    odom_rate: float = _odometry_setting(50.0, "messages per second", min=1, max=200)
+    odom_scale: float = _odometry_setting(
+        0.01,
+        "error of all distances (standard deviation), as a fraction: 0.01 is 1%",
+        min=0,
+        max=0.5,
+    )
+    odom_noise: float = _odometry_setting(
+        0.01, "error of the position that grows with the distance, m/sqrt(m)", min=0, max=1
+    )
+
+
+@dataclass(frozen=True)
+class WheelOdometryParams(OdometryParams):
     """Parameters of a robot with wheels that measure."""
 
     odom_turn_scale: float = _odometry_setting(
@@ -221,3 +238,21 @@ def _odometry(
     return Odometry(
         np.array(position), xyzw(attitude), linear, angular, pose, twist, _CHILD, header
     )
+
+
+def fit(fitting: Fitting) -> Make:
+    """What the robot itself measures, and where that puts its base and its camera."""
+    robot, mount = fitting.robot, fitting.mount
+
+    def measure(stamp_ns: int, _: int) -> Measured:
+        odometry = robot.measure_odometry(stamp_ns)
+        moving = [body_frame(odometry)]
+        if mount.gimbal:
+            moving.append(mount.camera_in_body(stamp_ns, robot.body.attitude))
+        yield "tf", Transforms(tuple(moving))
+        yield "odom", odometry
+
+    return measure
+
+
+SENSOR = SensorType(OdometryParams, {"odom": Odometry}, "odom_rate", fit, always=True)

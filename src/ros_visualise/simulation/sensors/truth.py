@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Odometry
 from ros_visualise.data.header import read_only
 from ros_visualise.simulation.attitude import Quat, Vector, xyzw
 from ros_visualise.simulation.model import BASE
+from ros_visualise.simulation.schedule import Make, Measured
+from ros_visualise.simulation.sensors import Fitting, SensorType, setting
 
 _EXACT = read_only(np.zeros((6, 6)))
+
+
+@dataclass(frozen=True)
+class TruthParams:
+    """Parameters of the ground truth."""
+
+    truth_rate: float = setting(
+        50.0, "messages per second of the true pose (ground truth)", min=0.1, max=200
+    )
 
 
 def tell_truth(
@@ -24,3 +37,17 @@ def tell_truth(
     header = Header(stamp_ns, "map")
     pose = np.array(position), xyzw(attitude)
     return Odometry(*pose, linear, angular, _EXACT, _EXACT, child, header)
+
+
+def fit(fitting: Fitting) -> Make:
+    """The pose of the robot's base."""
+    body = fitting.robot.body
+
+    def measure(stamp_ns: int, _: int) -> Measured:
+        pose = body.position, body.attitude
+        yield "truth", tell_truth(stamp_ns, *pose, *body.velocity())
+
+    return measure
+
+
+SENSOR = SensorType(TruthParams, {"truth": Odometry}, "truth_rate", fit)

@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.declarations import source
 from ros_visualise.simulation.missions import Mission, follow_path
 from ros_visualise.simulation.model import BuiltWorld
 from ros_visualise.simulation.robots import RobotType
 from ros_visualise.simulation.robots.husky.control import Husky
 from ros_visualise.simulation.robots.husky.settings import HuskyNodeParams, HuskyParams
-from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, SimulatedRobot
+from ros_visualise.simulation.source import SimulatedRobot, simulated
 from ros_visualise.sources.playback import Playback
 
 
-@source(
-    "husky",
-    params=HuskyNodeParams,
-    inputs=INPUTS,
-    outputs=OUTPUTS,
-    latched=HELD,
-    makes_time=True,
-    velocity_axes=("linear.x", "angular.z"),
-)
+@simulated("husky", HuskyNodeParams, ("linear.x", "angular.z"))
 class HuskySource(SimulatedRobot):
     """A simulated rover, a skid-steered Husky."""
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ros_visualise.simulation.sensors.odometry import WheelOdometryParams
-from ros_visualise.simulation.settings import ScenarioParams
+from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 
 
 @dataclass(frozen=True)
-class HuskyParams(WheelOdometryParams):
+class HuskyParams(WheelOdometryParams, RobotParams):
     """Its sensors."""
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.data import FluidPressure, MagneticField, Odometry
-from ros_visualise.declarations import action, source
+from ros_visualise.data import Odometry
+from ros_visualise.declarations import action
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BuiltWorld
 from ros_visualise.simulation.robots import RobotType
@@ -14,18 +14,15 @@ from ros_visualise.simulation.robots.quadrotor.settings import (
     QuadrotorNodeParams,
     QuadrotorParams,
 )
-from ros_visualise.simulation.source import HELD, INPUTS, OUTPUTS, TARGET, SimulatedRobot
+from ros_visualise.simulation.source import TARGET, SimulatedRobot, simulated
 from ros_visualise.sources.playback import Playback
 
 
-@source(
+@simulated(
     "quadrotor",
-    params=QuadrotorNodeParams,
-    inputs={**INPUTS, TARGET: Odometry},
-    outputs={**OUTPUTS, "mag": MagneticField, "pressure": FluidPressure, "pad": Odometry},
-    latched=HELD,
-    makes_time=True,
-    velocity_axes=("linear.x", "linear.y", "linear.z", "angular.z"),
+    QuadrotorNodeParams,
+    ("linear.x", "linear.y", "linear.z", "angular.z"),
+    {TARGET: Odometry},
 )
 class QuadrotorSource(SimulatedRobot):
     """A simulated quadrotor with a camera that looks down."""

@@ -7,10 +7,11 @@ from functools import partial
 
 from ros_visualise.simulation.pad import PadParams
 from ros_visualise.simulation.robots.quadrotor.wind import WindParams
+from ros_visualise.simulation.sensors import setting
 from ros_visualise.simulation.sensors.barometer import BarometerParams
 from ros_visualise.simulation.sensors.magnetometer import MagnetometerParams
 from ros_visualise.simulation.sensors.odometry import VisualOdometryParams
-from ros_visualise.simulation.settings import RobotParams, ScenarioParams, setting
+from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 
 _camera = partial(setting, group="camera")
 

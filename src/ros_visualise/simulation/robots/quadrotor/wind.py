@@ -17,8 +17,8 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.model import BASE
-from ros_visualise.simulation.sensors.noise import random_of
-from ros_visualise.simulation.settings import setting
+from ros_visualise.simulation.noise import random_of
+from ros_visualise.simulation.sensors import setting
 
 _wind = partial(setting, group="wind")
 
