@@ -128,6 +128,21 @@ def test_a_video_is_published_once_to_its_end(start, hear, video):
     assert not any(infos.messages[0].K)  # not calibrated
 
 
+def test_who_has_subscribed_before_misses_nothing_of_a_film_played_as_fast_as_possible(
+    start, hear, video
+):
+    images, jpegs = hear("image_raw", Image), hear("image_raw/compressed", CompressedImage)
+    for _ in range(3):  # each is over in a moment
+        heard = len(images.messages), len(jpegs.messages)
+        streamer = start("streamer", f"_path:={video}", "_rate:=0", wait=False)
+        streamer.communicate(timeout=60)
+        assert streamer.returncode == 0
+        wait_for(lambda: not images.subscriber.get_num_connections(), "the last image")
+        wait_for(lambda: not jpegs.subscriber.get_num_connections(), "the last JPEG")
+        came = len(images.messages) - heard[0], len(jpegs.messages) - heard[1]
+        assert came == (FRAMES, FRAMES)
+
+
 def test_a_video_that_has_ended_does_not_start_paused_the_next_time(start, hear, video):
     images, diagnostics = hear("image_raw", Image), hear("/diagnostics", DiagnosticArray)
     begun = start("streamer", f"_path:={video}", "_stay:=true")

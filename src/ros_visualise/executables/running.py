@@ -42,6 +42,7 @@ Conduct = Callable[[Middleware, Process], AbstractContextManager[None]]
 
 _SPIN_S = 0.1
 _LOOK_S = 0.05
+_GATHER_S = 5.0  # for subscribers that were there before a source that plays as fast as possible
 
 T = TypeVar("T")
 
@@ -158,6 +159,7 @@ def running(
         try:
             view.open(process.runtime)
             with conduct(middleware, process):
+                _await_subscribers(middleware, process)
                 process.start(active)
                 with closing(
                     offer_saving(middleware, lambda: process.parameters, shown.record_dir)
@@ -166,6 +168,16 @@ def running(
         finally:
             view.close()
             process.stop()
+
+
+def _await_subscribers(middleware: Middleware, process: Process) -> None:
+    """Give subscribers that are on the graph already a while to connect."""
+    end_s = time.monotonic() + _GATHER_S
+    while not middleware.is_over() and (missing := process.unconnected()):
+        if time.monotonic() > end_s:
+            log.warning("not all subscribers of %s connected; starting anyway", ", ".join(missing))
+            return
+        time.sleep(_LOOK_S)
 
 
 def opened(middleware: Middleware, open_it: Callable[[], T]) -> T:

@@ -53,6 +53,11 @@ class Output:
         return self._publisher.name
 
     @property
+    def publishers(self) -> tuple[Publisher, ...]:
+        """All its publishers, of the topics beside it too."""
+        return (self._publisher,)
+
+    @property
     def connections(self) -> int:
         """How many subscribers there are."""
         return self._publisher.connections
@@ -172,6 +177,11 @@ class ImageOutput(Output):
         self._is_camera = is_camera
         self._to_compress = Inbox(lossless=False)
         start(f"{resolved}/compressed", self._compress_all)
+
+    @property
+    def publishers(self) -> tuple[Publisher, ...]:
+        """Those of the images, of their calibration, and of compressed images."""
+        return (self._publisher, self._info, self._compressed)
 
     @property
     def wants_info(self) -> bool:

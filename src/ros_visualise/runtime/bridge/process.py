@@ -150,6 +150,17 @@ class Process:
             if isinstance(one, ImageInput):
                 one.want_info(any(output.wants_info for output in outputs))
 
+    def unconnected(self) -> list[str]:
+        """Topics of this process with more subscribers on the graph than have connected.
+
+        Only where a source plays as fast as possible: it could be over before they do.
+        """
+        if not self._is_in_haste():
+            return []
+        there = {topic: len(set(nodes)) for topic, nodes in self._middleware.look().subscribers}
+        publishers = [one for output in self._outputs.values() for one in output.publishers]
+        return [one.name for one in publishers if one.connections < there.get(one.name, 0)]
+
     def subscribers(self, name: str) -> int:
         """How many there are of a topic of this process, called as a node calls it.
 
