@@ -196,7 +196,7 @@ def test_nodes_lists_every_parameter_with_its_range():
         "edge_detector",
     } <= set(nodes)
     low = nodes["edge_detector"]["params"]["low"]
-    assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 200, 0, 800)
+    assert (low["type"], low["default"], low["min"], low["max"]) == ("int", 100, 0, 800)
     assert nodes["fps_control"]["outputs"] == {"image": "sensor_msgs/msg/Image"}
     assert nodes["path"]["actions"] == {"clear": find("path").actions["clear"]}
     text = run("nodes")

@@ -14,11 +14,11 @@ Settings = Mapping[str, Mapping[str, Any]]
 
 _PLAIN: Settings = {
     "filters": {"gray": True, "threshold_mode": "truncate", "threshold": 255},
-    "edge_detector": {"method": "canny", "low": 200, "high": 300, "auto": False, "sigma": 0.0},
+    "edge_detector": {"method": "canny", "low": 100, "high": 200, "auto": False, "sigma": 0.0},
 }
 _DIFFERENCES: Mapping[str, Settings] = {
     "default": {},
-    "seed": {"filters": {"threshold": 128}},
+    "seed": {"filters": {"threshold": 128}, "edge_detector": {"low": 200, "high": 300}},
     "soft": {"edge_detector": {"low": 30, "high": 90, "sigma": 1.4}},
     "strong": {"edge_detector": {"low": 120, "high": 300, "sigma": 1.0}},
     "automatic": {"edge_detector": {"auto": True, "sigma": 1.0}},

@@ -38,7 +38,7 @@ def in_encoding(gray, encoding):
 def test_what_it_publishes_is_the_edges(scene):
     image = Image(scene, "mono8", HEADER)
     found = run(image)["edges"]
-    assert np.array_equal(found.pixels, cv2.Canny(scene, 200, 300))
+    assert np.array_equal(found.pixels, cv2.Canny(scene, 100, 200))
     assert (found.encoding, found.header) == ("mono8", HEADER)
     assert not np.array_equal(found.pixels, scene)
     assert set(np.unique(found.pixels)) == {0, 255}
@@ -148,7 +148,7 @@ def test_the_declaration():
     assert list(declared.outputs) == ["edges", "edges_overlay"]
     assert declared.on_demand == {"edges_overlay"}
     known = {spec.name: spec for spec in specs(EdgeParams)}
-    assert [known[name].default for name in ("low", "high")] == [200, 300]
+    assert [known[name].default for name in ("low", "high")] == [100, 200]
     assert all(known[name].range == (0, 800) for name in ("low", "high", "min_gradient"))
     assert known["aperture"].choices == ("3", "5", "7")
     with pytest.raises(ParameterError, match="from 0 to 800"):

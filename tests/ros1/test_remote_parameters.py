@@ -250,7 +250,7 @@ def test_a_node_that_ends_is_said_once_and_comes_back(serve, edges, caplog, by):
     rospy.delete_param("/edge_detector")
 
     serve()
-    wait_until(lambda: edges.is_there and edges.current.low == 200)
+    wait_until(lambda: edges.is_there and edges.current.low == 100)
     edges.follow()
     wait_until(lambda: answers(edges))
     assert edges.current.high == 444

@@ -34,7 +34,7 @@ class EdgeParams:
         group="method",
     )
     low: int = param(
-        200,
+        100,
         "lower threshold of the hysteresis; swapped with high if larger; 16-bit images "
         "count as 8 bits",
         min=0,
@@ -42,7 +42,7 @@ class EdgeParams:
         used=unless("auto", True),
     )
     high: int = param(
-        300, "upper threshold of the hysteresis", min=0, max=800, used=unless("auto", True)
+        200, "upper threshold of the hysteresis", min=0, max=800, used=unless("auto", True)
     )
     auto: bool = param(
         False,
