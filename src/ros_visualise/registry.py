@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from ros_visualise.errors import UsageError
 from ros_visualise.near import near
+from ros_visualise.regular_files import read_file
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -188,6 +189,6 @@ def _are_any() -> bool:
             return True
         for path in folder.glob("*-info/entry_points.txt"):
             with suppress(OSError):
-                if f"[{GROUP}".encode() in path.read_bytes():
+                if f"[{GROUP}".encode() in read_file(path):
                     return True
     return False
