@@ -83,7 +83,7 @@ class LocalRuntime:
         tend_memory()
         self._running = len(self._works)
         for name, work in self._works.items():
-            supervision.start(name, partial(self._run, work))
+            supervision.start(name, partial(self._run, name, work))
 
     def wait(self, timeout_s: float) -> bool:
         """Wait for the end of the stream; True when everything has passed every node."""
@@ -238,12 +238,11 @@ class LocalRuntime:
     def _goes_on(self) -> bool:
         return self.playback is not None and not self.playback.closed
 
-    def _run(self, work: Callable[[], None]) -> None:
+    def _run(self, name: str, work: Callable[[], None]) -> None:
+        """Run a member; whoever hears of its end finds its failure counted."""
         try:
-            work()
-        except BaseException:
-            self._broken = True
-            raise
+            if not supervision.attempt(name, work, BaseException):
+                self._broken = True
         finally:
             with self._ended:
                 self._running -= 1
