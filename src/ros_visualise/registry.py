@@ -148,6 +148,23 @@ class Registry(Generic[T]):
             raise PluginError(f"{kind} {name!r} {whose} cannot be loaded: {why}") from error
 
 
+def holding(kind: type[T], attribute: str) -> Callable[[Any, str], T]:
+    """How things are read that are objects of one type, in modules under one name.
+
+    Args:
+        kind: type of the things.
+        attribute: what a module calls its thing.
+    """
+
+    def read(held: Any, name: str) -> T:
+        found = getattr(held, attribute, held)
+        if not isinstance(found, kind):
+            raise UsageError(f"holds no {kind.__name__}; give one, or a module with {attribute}")
+        return found
+
+    return read
+
+
 def module_names(package: str) -> list[str]:
     """Names of the public modules of a package, without importing them or the package."""
     spec = importlib.util.find_spec(package)

@@ -10,10 +10,9 @@ from __future__ import annotations
 from argparse import ArgumentParser
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-from ros_visualise.errors import UsageError
-from ros_visualise.registry import Registry
+from ros_visualise.registry import Registry, holding
 
 T = TypeVar("T")
 
@@ -36,17 +35,10 @@ class Command(Generic[T]):
     run: Callable[[T], int]
 
 
-def _read(held: Any, name: str) -> Command[Any]:
-    found = getattr(held, "COMMAND", held)
-    if not isinstance(found, Command):
-        raise UsageError("holds no Command; give one, or a module with COMMAND")
-    return found
-
-
 COMMANDS = Registry(
     "commands",
     __name__,
-    _read,
+    holding(Command, "COMMAND"),
     first=(
         *("demo", "sim", "video", "camera", "bag", "kitti", "explain"),
         *("info", "convert", "landmarks", "trajectory", "calibrate"),

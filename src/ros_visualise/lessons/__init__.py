@@ -7,24 +7,13 @@ filled with the numbers of the run. Another package brings one by an entry point
 
 from __future__ import annotations
 
-from typing import Any
-
-from ros_visualise.errors import UsageError
 from ros_visualise.lessons.lesson import Lesson
-from ros_visualise.registry import Registry
-
-
-def _read(held: Any, name: str) -> Lesson:
-    found = getattr(held, "LESSON", held)
-    if not isinstance(found, Lesson):
-        raise UsageError("holds no Lesson; give one, or a module with LESSON")
-    return found
-
+from ros_visualise.registry import Registry, holding
 
 LESSONS = Registry(
     "lessons",
     f"{__name__}.topics",
-    _read,
+    holding(Lesson, "LESSON"),
     first=(
         *("image", "bayer", "color", "noise", "gradient", "canny", "threshold"),
         *("camera", "sensors", "frames", "landmarks", "vision", "graph"),

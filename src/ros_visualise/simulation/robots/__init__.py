@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ros_visualise.errors import UsageError
-from ros_visualise.registry import Registry
+from ros_visualise.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.missions import Mission
@@ -43,14 +42,7 @@ class RobotType:
     default_mission: Callable[[BuiltWorld], Mission]
 
 
-def _read(held: Any, name: str) -> RobotType:
-    found = getattr(held, "ROBOT", held)
-    if not isinstance(found, RobotType):
-        raise UsageError("holds no RobotType; give one, or a module with ROBOT")
-    return found
-
-
-ROBOTS = Registry("robots", __name__, _read)
+ROBOTS = Registry("robots", __name__, holding(RobotType, "ROBOT"))
 
 OURS = " or ".join(ROBOTS.builtin)
 """The robots of this package, for a help text."""

@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ros_visualise.errors import UsageError
 from ros_visualise.params import param
-from ros_visualise.registry import Registry
+from ros_visualise.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.frames import CameraMount
@@ -70,17 +69,10 @@ class SensorType:
     standard: bool = True
 
 
-def _read(held: Any, name: str) -> SensorType:
-    found = getattr(held, "SENSOR", held)
-    if not isinstance(found, SensorType):
-        raise UsageError("holds no SensorType; give one, or a module with SENSOR")
-    return found
-
-
 SENSORS = Registry(
     "sensors",
     __name__,
-    _read,
+    holding(SensorType, "SENSOR"),
     first=(
         *("odometry", "truth", "pad", "imu", "gps"),
         *("magnetometer", "barometer", "lidar", "camera"),

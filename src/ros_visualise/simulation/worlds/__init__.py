@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from ros_visualise.errors import UsageError
-from ros_visualise.registry import Registry
+from ros_visualise.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.mjcf import WorldBuilder
@@ -51,14 +50,7 @@ class World:
         return self.clear_areas.get(shape, _OPEN)
 
 
-def _read(held: Any, name: str) -> World:
-    found = getattr(held, "WORLD", held)
-    if not isinstance(found, World):
-        raise UsageError("holds no World; give one, or a module with WORLD")
-    return found
-
-
-WORLDS = Registry("worlds", __name__, _read, first=("plane", "playpen", "field"))
+WORLDS = Registry("worlds", __name__, holding(World, "WORLD"), first=("plane", "playpen", "field"))
 
 OURS = f"{', '.join(WORLDS.builtin[:-1])} or {WORLDS.builtin[-1]}"
 """The worlds of this package, for a help text."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from ros_visualise.errors import UsageError
-from ros_visualise.registry import Registry
+from ros_visualise.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.sources.recordings import Recording
@@ -52,14 +51,9 @@ class Format:
     is_series: Callable[[Sequence[Path]], bool] = _never
 
 
-def _read(held: Any, name: str) -> Format:
-    found = getattr(held, "FORMAT", held)
-    if not isinstance(found, Format):
-        raise UsageError(f"holds no {Format.__name__}; give one, or a module with FORMAT")
-    return found
-
-
-FORMATS = Registry("formats", __name__, _read, first=("rosbag1", "mcap", "rosbag2", "kitti"))
+FORMATS = Registry(
+    "formats", __name__, holding(Format, "FORMAT"), first=("rosbag1", "mcap", "rosbag2", "kitti")
+)
 
 
 def format_of(head: bytes) -> Format | None:
