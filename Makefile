@@ -28,7 +28,7 @@ test: .venv-test/.ready
 # Without those of ROS, whose packages are a distribution's, and of the newest packages.
 test-oldest: .venv-oldest/.ready
 	.venv-oldest/bin/pytest -n 2 --dist loadfile --ignore=tests/ros1 --ignore=tests/ros2 \
-		--ignore=tests/test_readme.py $(TESTS)
+		--ignore=tests/test_newcomer.py $(TESTS)
 
 fuzz: .venv-test/.ready
 	PYTHONPATH=tests:tests/sources/recordings .venv-test/bin/python -m fuzz $(ARGS)

@@ -8,6 +8,7 @@ import sys
 from xml.etree import ElementTree
 
 import pytest
+from documents import DOCUMENTS, commands
 from launched import LAUNCH, PACKAGE
 
 RUNTIMES = PACKAGE / "src" / "ros_visualise" / "runtime"
@@ -86,11 +87,10 @@ def test_what_launch_files_start_is_asked_for(version, suffix):
     assert started - IN_OTHERS - {"ros_visualise"} <= needed(version, "exec_depend")
 
 
-def test_its_repository_is_where_the_readme_clones_from():
+def test_its_repository_is_what_the_documentation_clones():
     urls = ElementTree.parse(PACKAGE / "package.xml").getroot().findall("url")
     by_type = {url.get("type"): url.text for url in urls}
-    cloned = set(
-        re.findall(r"git clone (\S+) src/ros_visualise", (PACKAGE / "README.md").read_text())
-    )
+    calls = [words for path in DOCUMENTS for words in commands(path, "git")]
+    cloned = {words[1] for words in calls if words[0] == "clone" and "vision_msgs" not in words[-1]}
     assert {by_type["repository"]} == cloned
     assert str(by_type["bugtracker"]).startswith(str(by_type["repository"]))

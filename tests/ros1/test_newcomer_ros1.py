@@ -1,4 +1,4 @@
-"""The README's set-up with ROS 1 works as it is written, with the newest packages of pip.
+"""The documented set-up with ROS 1 works as written, with pip's newest packages.
 
 It needs the network.
 """
@@ -9,7 +9,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from readme import Newcomer, block, quoted, stop
+from documents import block, quoted
+from newcomer import Newcomer, stop
 from ros_graph import wait_for
 
 *SETUP, LAUNCH = block("catkin_make -DPYTHON").splitlines()
@@ -18,7 +19,7 @@ OF_THE_VENV = ("/usr/bin/python3 -m venv", "venv/bin/pip install", "catkin_make"
 
 @pytest.fixture
 def user(ros_master, recordings: Path, tmp_path: Path) -> Newcomer:
-    """Who has a video in his workspace, and a roscore."""
+    """A user with a video in the workspace, and a roscore."""
     names = ("ROS_MASTER_URI", "ROS_IP", "PYTHONUNBUFFERED")
     user = Newcomer(tmp_path, **{name: ros_master.environment[name] for name in names})
     (tmp_path / "catkin_ws").mkdir()
@@ -29,7 +30,7 @@ def user(ros_master, recordings: Path, tmp_path: Path) -> Newcomer:
 
 def set_up(user: Newcomer, lines: list[str]) -> None:
     printed = user.run("\n".join(lines))
-    assert " 0 newly installed" in printed  # so tests/debian-packages.txt has the README's
+    assert " 0 newly installed" in printed  # so tests/debian-packages.txt has them all
     assert "CMake Warning" not in printed, printed
 
 

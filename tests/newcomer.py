@@ -1,4 +1,4 @@
-"""The README's commands, as somebody new to the machine types them."""
+"""Someone new to the machine, who types the documentation's commands."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from documents import PACKAGE
 
-PACKAGE = Path(__file__).parents[1]
-_README = (PACKAGE / "README.md").read_text()
 _ADDRESS = "https://github.com/OWNER/ros_visualise"
 _OF_THE_TESTS = re.compile("PIP_CONSTRAINT|PYTHON|VIRTUAL_ENV|CMAKE_|ROS|DISPLAY|WAYLAND_")
 _SUDO = """#!/bin/sh
@@ -22,24 +21,11 @@ exec apt-get --simulate "$@"
 """
 
 
-def block(command: str) -> str:
-    """The one block of shell commands that has this one in it."""
-    blocks = re.findall(r"^```sh\n(.*?)^```", _README, re.MULTILINE | re.DOTALL)
-    [found] = [text for text in blocks if command in text]
-    return str(found)
-
-
-def quoted(beginning: str) -> str:
-    """The one command within the text that begins so."""
-    [found] = re.findall(f"`({re.escape(beginning)}[^`]*)`", _README)
-    return str(found)
-
-
 class Newcomer:
-    """Somebody with an empty home and nothing of the environment that the tests run in.
+    """A user with an empty home and nothing of the tests' environment.
 
-    pip takes the newest packages that there are, from the network: without it a test is skipped,
-    and fails in CI. This repository, with what is not committed, lies under the README's address.
+    pip installs the newest packages from the network: without it a test is skipped, and fails in
+    CI. The documented address of the repository leads to this one, with uncommitted changes.
     """
 
     def __init__(self, home: Path, **environment: str) -> None:
@@ -61,7 +47,7 @@ class Newcomer:
         self._make_repository()
 
     def run(self, script: str, folder: str = "", status: int = 0) -> str:
-        """What commands print that end with this status; the first that fails ends them."""
+        """Output of commands that end with this status; the first that fails ends them."""
         process = self.start(script, folder)
         printed = process.communicate()[0]
         assert process.returncode == status, f"{script}\n{printed}"
@@ -81,11 +67,11 @@ class Newcomer:
         )
 
     def _need_packages(self) -> None:
-        asked = "-m pip --retries 0 download --quiet --no-deps --dest wheels hatchling"
+        download = "-m pip --retries 0 download --quiet --no-deps --dest wheels hatchling"
         try:
-            self.run(f"{sys.executable} {asked}")
+            self.run(f"{sys.executable} {download}")
         except AssertionError as error:
-            fault = f"the newest packages cannot be downloaded, which this needs: {error}"
+            fault = f"cannot download the newest packages: {error}"
             pytest.fail(fault) if os.environ.get("CI") else pytest.skip(fault)
 
     def _make_repository(self) -> None:
@@ -97,7 +83,7 @@ class Newcomer:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """End a job by Ctrl-C, if it still runs; what it printed."""
+    """Output of a job, which is ended by Ctrl-C if it still runs."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGINT)
     return process.communicate(timeout=60)[0]

@@ -1,4 +1,4 @@
-"""What the README says to type works, with the newest packages; needs the network."""
+"""The documented commands work, with the newest packages; needs the network."""
 
 from __future__ import annotations
 
@@ -7,19 +7,17 @@ import sys
 from pathlib import Path
 
 import pytest
-from readme import Newcomer, block
+from documents import block
+from newcomer import Newcomer
 
 
 @pytest.fixture(scope="module")
 def user(tmp_path_factory: pytest.TempPathFactory) -> Newcomer:
-    """Who has cloned the repository and installed it into an environment of his own."""
+    """A user who has cloned the repository and installed it into an environment of their own."""
     user = Newcomer(tmp_path_factory.mktemp("newcomer"))
-    [install] = [line for line in block("pip install '.[headless").splitlines() if "pip" in line]
-    user.run(
-        f"git clone --quiet https://github.com/OWNER/ros_visualise;"
-        f" {sys.executable} -m venv venv; source venv/bin/activate; cd ros_visualise; {install}"
-    )
-    user.environment["PATH"] = f"{user.home}/venv/bin:{user.environment['PATH']}"
+    install = block("source venv/bin/activate").replace("python3", sys.executable)
+    user.run(f"git clone https://github.com/OWNER/ros_visualise; cd ros_visualise; {install}")
+    user.environment["PATH"] = f"{user.home}/ros_visualise/venv/bin:{user.environment['PATH']}"
     return user
 
 
@@ -45,7 +43,7 @@ def test_robot_is_simulated(user: Newcomer):
 
 @pytest.mark.timeout(300)
 def test_missing_opencv_is_one_line(user: Newcomer):
-    """The last test here: it takes OpenCV away."""
+    """The last test here: it uninstalls OpenCV."""
     user.run("pip uninstall --yes --quiet opencv-python-headless")
     printed = user.run("ros-visualise nodes", status=2)
     assert printed.startswith("ros-visualise: no OpenCV: apt install python3-opencv, or ")
