@@ -17,7 +17,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.simulation.engine import load_mujoco
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.settings import RobotParams

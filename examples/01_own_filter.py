@@ -6,8 +6,7 @@ ros-visualise demo --node examples/01_own_filter.py:posterize --set posterize.le
 from dataclasses import dataclass, replace
 
 from ros_visualise.data import Image
-from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.nodes import node, param
 
 
 @dataclass(frozen=True)

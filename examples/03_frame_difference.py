@@ -9,8 +9,7 @@ from enum import Enum
 import cv2
 
 from ros_visualise.data import Image
-from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.nodes import node, param
 
 
 class Show(Enum):

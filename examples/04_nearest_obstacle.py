@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ros_visualise.core.synchronizer import Latest
 from ros_visualise.data import Header, Marker, MarkerArray, MarkerType, Odometry, PointCloud
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.joining import Latest
-from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.nodes import node, param
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class NearestParams:
     params=NearestParams,
     inputs={"points": PointCloud, "odom": Odometry},
     outputs={"markers": MarkerArray},
-    join=Latest("points"),  # every scan, with the newest odometry that came before it
+    sync=Latest("points"),  # every scan, with the newest odometry that came before it
     frames=True,
 )
 def nearest(

@@ -16,8 +16,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Header, Image
-from ros_visualise.nodes import action, find_node, source
-from ros_visualise.params import param
+from ros_visualise.nodes import action, find_node, param, source
 from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback

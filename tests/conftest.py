@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.supervision import PROCESS
+from ros_visualise.core.supervision import PROCESS
 
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
 

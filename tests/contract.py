@@ -20,8 +20,8 @@ from made_videos import numbered, write_video
 from mcap.reader import make_reader
 from waiting import wait_for
 
+from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.data import Image
-from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.nodes import find
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.parts import Split

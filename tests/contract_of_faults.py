@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 from waiting import wait_for
 
+from ros_visualise.core.errors import DamagedMessage, UsageError
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.report import NodeReport
-from ros_visualise.supervision import PROCESS
 
 BAD, FOREIGN = 13, 66
 SEVERAL = 50  # more than is on its way

@@ -44,7 +44,7 @@ from dataclasses import replace
 import numpy as np
 
 from ros_visualise.data import Image, PoseArray, PoseStamped
-from ros_visualise.joining import Exact
+from ros_visualise.core.synchronizer import Exact
 from ros_visualise.nodes import node
 
 
@@ -52,7 +52,7 @@ from ros_visualise.nodes import node
     "locator",
     inputs={"picture": Image, "found": PoseArray},
     outputs={"place": PoseStamped},
-    join=Exact(),
+    sync=Exact(),
     frames=True,
     calibrated=True,
 )

@@ -9,16 +9,16 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from ros_visualise.errors import DamagedMessage, ParameterError, Unreachable
+from ros_visualise.core.errors import DamagedMessage, ParameterError, Unreachable
+from ros_visualise.core.params import Parameters, Value, specs
+from ros_visualise.core.supervision import attempt
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.sinks.encoding import Encoder
-from ros_visualise.supervision import attempt
 
 if TYPE_CHECKING:
     from hub import Hub

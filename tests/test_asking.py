@@ -9,15 +9,14 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise import cli
-from ros_visualise.commands import COMMANDS
+from ros_visualise.commands import COMMANDS, main
 
 PROGRAM = Path(sys.executable).with_name("ros-visualise")
 
 
 def answer_to(capsys, *words):
     try:
-        status = cli.main([*map(str, words)])
+        status = main([*map(str, words)])
     except SystemExit as end:
         status = end.code
     said = capsys.readouterr()

@@ -20,7 +20,7 @@ from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.data import Header, Image, Imu, Transforms, TransformStamped
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType

@@ -14,8 +14,7 @@ from xml.etree import ElementTree
 import pytest
 from documents import DOCUMENTS, PACKAGE, block, commands, prose
 
-from ros_visualise.cli import _parser
-from ros_visualise.commands import COMMANDS
+from ros_visualise.commands import COMMANDS, _parser
 from ros_visualise.executables import names
 
 OTHERS = ("CONTRIBUTING.md", "benchmarks/README.md", "benchmarks/ros2/README.md")

@@ -11,23 +11,10 @@ import ros_visualise
 
 ROOT = Path(ros_visualise.__file__).parent
 LAYERS = [
-    {
-        *("errors", "data", "params", "geometry", "rate", "joining"),
-        *(
-            "limits",
-            "yaml_files",
-            "printing",
-            "signals",
-            "supervision",
-            "near",
-            "registry",
-            "completion",
-            "paths",
-            "regular_files",
-        ),
-    },
+    {"core"},
+    {"data", "geometry"},
     {"messages", "vision"},
-    {"declaration_checks", "declarations", "sources", "sinks"},
+    {"sources", "sinks"},
     {"landmarks"},
     {"simulation"},
     {"nodes"},
@@ -37,9 +24,7 @@ LAYERS = [
     {"runtime"},
     {"ui"},
     {"jobs"},
-    {"commands", "executables", "installation"},
-    {"cli"},
-    {"entry"},
+    {"commands", "executables"},
     {"__main__"},
 ]
 RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
@@ -137,9 +122,9 @@ def test_what_opens_everything_is_above_it():
 
 def test_help_imports_nothing_heavy():
     code = (
-        "import sys, ros_visualise.cli as cli\n"
-        "for words in ([], *([name] for name in cli.COMMANDS.builtin)):\n"
-        "    try: cli.main([*words, '--help'])\n"
+        "import sys, ros_visualise.commands as commands\n"
+        "for words in ([], *([name] for name in commands.COMMANDS.builtin)):\n"
+        "    try: commands.main([*words, '--help'])\n"
         "    except SystemExit: pass\n"
         "print([m for m in ('numpy', 'cv2', 'av', 'viser') if m in sys.modules], file=sys.stderr)"
     )

@@ -2,10 +2,10 @@ import sys
 
 import pytest
 
+from ros_visualise.core.errors import OpenError, ParameterError, UsageError
+from ros_visualise.core.synchronizer import Latest
 from ros_visualise.data import Image, Odometry, ParameterEvent
-from ros_visualise.errors import OpenError, ParameterError, UsageError
 from ros_visualise.jobs.graphs import parse_insertion
-from ros_visualise.joining import Latest
 from ros_visualise.nodes import choose_node, find, find_node, load, node
 from ros_visualise.pipelines import (
     alone,
@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from ros_visualise.data import Image
 from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.core.params import param
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def test_a_topic_that_is_taken_is_called_after_the_node():
 
 
 def test_what_travels_on_topics_are_messages():
-    with pytest.raises(UsageError, match=r"float is no message; choose from CameraInfo, .*Image"):
+    with pytest.raises(UsageError, match=r"float is not a message; choose from Camera.*Image"):
         node("measure", inputs={"image": Image}, outputs={"sharpness": float})
 
 
@@ -181,7 +181,7 @@ def test_what_is_said_of_outputs_is_of_those_that_there_are(port):
     "locator",
     inputs={"image": Image, "odom": Odometry},
     outputs={"settings": ParameterEvent},
-    join=Latest("image"),
+    sync=Latest("image"),
     frames=True,
 )
 def locator(image, odom, params, frames):

@@ -2,12 +2,11 @@
 
 import pytest
 
-from ros_visualise.cli import main
-from ros_visualise.errors import UsageError
+from ros_visualise.commands import main
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.graph import Graph
 from ros_visualise.jobs import play
 from ros_visualise.jobs.graphs import graph_of
-from ros_visualise.near import near
 from ros_visualise.nodes import NoParams
 from ros_visualise.nodes.edge_detector import edge_detector
 from ros_visualise.nodes.filters import filters
@@ -68,11 +67,11 @@ def test_what_has_no_images_has_no_presets():
 
 
 def test_what_was_meant_is_guessed():
-    assert near("filter", ["filters", "path"]) == "; did you mean filters?"
-    assert near("FILTERS", ["filters", "path"]) == "; did you mean filters?"
-    assert near("edge", ["filters", "edge_detector"]) == "; did you mean edge_detector?"
-    assert near("xyz", ["filters", "path"]) == "; choose from filters, path"
-    assert near("xyz", []) == "; there is none"
+    assert did_you_mean("filter", ["filters", "path"]) == "; did you mean filters?"
+    assert did_you_mean("FILTERS", ["filters", "path"]) == "; did you mean filters?"
+    assert did_you_mean("edge", ["filters", "edge_detector"]) == "; did you mean edge_detector?"
+    assert did_you_mean("xyz", ["filters", "path"]) == "; choose from filters, path"
+    assert did_you_mean("xyz", []) == "; none are available"
 
 
 @pytest.mark.parametrize("clip", CLIPS)

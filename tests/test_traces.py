@@ -16,7 +16,7 @@ import zstandard
 from made_videos import numbered, write_video
 from traced import can_trace, trace
 
-from ros_visualise import cli
+from ros_visualise.commands import _parser
 
 _OF_THE_TESTS = ("ORT_", "MESA_", "__GL_", "CI", "XDG_", "DISPLAY", "TF_BUILD", "PYTHONDONTWRITE")
 NOTHING: list[str] = []
@@ -80,8 +80,8 @@ def inputs(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[s
 
 
 def test_every_command_is_among_them():
-    [commands] = [one for one in cli._parser()._actions if one.dest == "command"]
-    assert {name.partition(",")[0] for name in COMMANDS} == set(commands.choices)
+    [parsers] = [one for one in _parser()._actions if one.dest == "command"]
+    assert {name.partition(",")[0] for name in COMMANDS} == set(parsers.choices)
 
 
 @pytest.mark.timeout(400)  # what is watched takes several times as long

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from metrics import Found, average_precision, gather, match, recall_at
 from running import run
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.network import Network
 

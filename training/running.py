@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import NoReturn
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError
 
 
 def run(main: Callable[[], int]) -> NoReturn:

@@ -22,7 +22,7 @@ from onnx import numpy_helper
 from second import Second
 from torch import Tensor, nn
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 _SCALE = 2.0  # of a layer's weights, by those of a fresh one: what follows makes up for it
 

@@ -16,7 +16,7 @@ from device import DEVICE
 from shots import MOST_THINGS
 from torch import Tensor
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 Canvas = npt.NDArray[np.uint8]
 ABSENT = -1

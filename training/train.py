@@ -36,7 +36,7 @@ from store import Store, some_pictures
 from torch import Tensor
 from train_second import BATCH, RATE, RATE_ON, SAY_S, some_parts, train_second
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 _FIRST_WORLDS = 3
 _BATCH = 24  # pictures, for which the rates are

@@ -17,7 +17,7 @@ from outlines import Array, Parts, body_parts
 from pads import Print, draw_pad
 from prints import draw_distractor, draw_tag_board
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.simulation.sky import FACES
 
 CLASSES = ("helipad", "tag", "post", "vehicle")

@@ -32,6 +32,7 @@ import cv2
 import numpy as np
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
 from ros_visualise.geometry.transforms import from_pose, inverse
 from ros_visualise.landmarks.localization.seen import cross, sighting_of
@@ -41,7 +42,6 @@ from ros_visualise.landmarks.mapping.problem import Problem, Sighting, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
 from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Noise, Prior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
-from ros_visualise.yaml_files import load_yaml
 
 WEIGHTS = (0.5, 0.1, 1.0), (0.5, 0.1, None), (0.03, 0.02, None)
 """Deviations of the survey, in metres and radians, and of corners; the first are TagSLAM's."""

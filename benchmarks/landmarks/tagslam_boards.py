@@ -10,13 +10,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Hypothesis
 from ros_visualise.landmarks.mapping.problem import Problem, Sighting
 from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
 from ros_visualise.landmarks.mapping.unknowns import LARGER, Prior
 from ros_visualise.landmarks.pose import squares_poses
 from ros_visualise.sources import open_source
-from ros_visualise.yaml_files import load_yaml
 
 SIZE_M, PITCH_M, COLUMNS, TAGS = 0.12, 0.15, 3, 6
 THINNED = 4  # of the frames, which follow one another closely, so many make one view

@@ -7,13 +7,12 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
-from ros_visualise import params
-from ros_visualise.declarations import TRANSFORMS
-from ros_visualise.errors import ParameterError, UsageError
+from ros_visualise.core import params
+from ros_visualise.core.declarations import TRANSFORMS
+from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.near import near
 from ros_visualise.nodes import NodeType, SourceType
 
 M = TypeVar("M", bound="Member")
@@ -164,7 +163,7 @@ class Graph:
             if member.name == name:
                 return member
         there = [member.name for member in self.members]
-        raise UsageError(f"no node {name!r} here{near(name, there)}")
+        raise UsageError(f"no node {name!r} here{did_you_mean(name, there)}")
 
     def changed(self, change: Change) -> Graph:
         """The same graph with another in place of each node and of the source."""
@@ -262,7 +261,7 @@ class Graph:
     ) -> dict[str, str]:
         """Input -> topic of a node that is to come after another, whose main output this is."""
         for port in topics.keys() - added.inputs.keys():
-            raise UsageError(f"{added.name}: no input {port!r}{near(port, added.inputs)}")
+            raise UsageError(f"{added.name}: no input {port!r}{did_you_mean(port, added.inputs)}")
         found = dict(topics)
         free = [p for p, kind in added.stepped.items() if kind is given.type and p not in topics]
         found |= {port: main for port in free[:1]}

@@ -7,8 +7,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Imu, Message, NavSatFix, Odometry, Transforms
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import SOURCE_TOPICS, Graph, Node, place
 from ros_visualise.nodes import find_node
 from ros_visualise.simulation.worlds import WORLDS

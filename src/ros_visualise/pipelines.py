@@ -9,6 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.core.errors import OpenError, UsageError, did_you_mean
+from ros_visualise.core.params import specs
 from ros_visualise.data import (
     Image,
     NavSatFix,
@@ -17,15 +19,12 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Transforms,
 )
-from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place, place_source
 from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
-from ros_visualise.near import near
 from ros_visualise.nodes import NODES, NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
 from ros_visualise.nodes.streamer import film
-from ros_visualise.params import specs
 from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
@@ -270,7 +269,9 @@ def _choose(
         return next(iter(fitting), None)
     if wanted and wanted not in fitting:
         names = " or ".join(kind.__name__ for kind in kinds)
-        raise UsageError(f"{option} {wanted}: no such topic of {names}{near(wanted, fitting)}")
+        raise UsageError(
+            f"{option} {wanted}: no such topic of {names}{did_you_mean(wanted, fitting)}"
+        )
     return wanted or None
 
 

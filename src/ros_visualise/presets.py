@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.graph import Graph
-from ros_visualise.near import near
 
 Settings = Mapping[str, Mapping[str, Any]]
 """Node -> parameter -> value."""
@@ -38,7 +37,7 @@ def preset(name: str, graph: Graph) -> Settings:
         UsageError: there is no such preset, or nothing that it sets.
     """
     if name not in _DIFFERENCES:
-        raise UsageError(f"no preset {name!r}{near(name, NAMES)}")
+        raise UsageError(f"no preset {name!r}{did_you_mean(name, NAMES)}")
     there = {member.name for member in graph.members} & _PLAIN.keys()
     if not there:
         raise UsageError(f"preset {name}: there are no images here that it would change")

@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 
 
 @pytest.fixture

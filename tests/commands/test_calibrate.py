@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from made_videos import write_video
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.sources.calibration import read_calibration
 
 

@@ -17,7 +17,7 @@ from rosbags.rosbag2.metadata import dump_qos_v8, dump_qos_v9
 from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.data import Header, Text
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType

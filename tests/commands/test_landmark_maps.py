@@ -8,11 +8,11 @@ import pytest
 from made_worlds import SIZE, turn
 from recorded_tags import CALIBRATION, Flight
 
-from ros_visualise import signals
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.commands.landmarks import mapping
+from ros_visualise.core import signals
+from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.geometry.transforms import from_parts
-from ros_visualise.yaml_files import load_yaml
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
+from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.landmarks.tags import draw_cells, family
 from ros_visualise.simulation.model import build_world
-from ros_visualise.yaml_files import load_yaml
 
 CALIBRATION = """\
 image_width: {0}

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from rosbags.highlevel import AnyReader
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.pipelines import image_pipeline

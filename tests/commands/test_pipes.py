@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from made_videos import numbered, write_video
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.ui.shelf import Shelf
 
 QUICK = ["--view", "none", "--rate", "0"]

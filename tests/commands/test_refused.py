@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from made_videos import numbered, write_video
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 
 Refused = Callable[..., str]
 LONG = "x" * 5000

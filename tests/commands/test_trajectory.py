@@ -11,7 +11,7 @@ import pytest
 from evo.tools import file_interface
 from rosbags.rosbag1 import Reader
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 
 
 @pytest.fixture

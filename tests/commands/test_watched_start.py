@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from ros_visualise.cli import main
-from ros_visualise.errors import UsageError
+from ros_visualise.commands import main
+from ros_visualise.core.errors import UsageError
 from ros_visualise.jobs import play
 from ros_visualise.jobs.play import has_desktop
 

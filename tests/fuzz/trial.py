@@ -13,7 +13,7 @@ from typing import Any
 
 from fuzz.counts import count
 from fuzz.page import send
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.sources.logs.gpmf import read_samples
 
 MOST_MIB = 2048

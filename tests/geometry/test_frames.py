@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Header, Transforms, TransformStamped
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry.frames import MOST_FRAMES, FrameTree, WrongTransforms
 from ros_visualise.geometry.rotations import from_rpy
 from ros_visualise.geometry.transforms import from_pose, interpolate, inverse

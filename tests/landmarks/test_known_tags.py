@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.tags.known import read_known_tags
 
 GOOD = """

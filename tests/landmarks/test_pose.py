@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import UncalibratedCamera
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import UncalibratedCamera
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.landmarks.pose import rig_poses, square_poses, squares_poses
 from ros_visualise.landmarks.pose.refinement import turn

@@ -7,7 +7,7 @@ import drawn_tags
 import numpy as np
 import pytest
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.landmarks.tags import TagFinder, draw_cells, family, parse_families
 from ros_visualise.landmarks.tags.fitting import fit_tags
 from ros_visualise.landmarks.tags.reading import clearness

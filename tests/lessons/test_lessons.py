@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.data import MarkerType
 from ros_visualise.lessons import LESSONS
 from ros_visualise.lessons.lesson import Shown

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_mcaps import numbered, write_mcap
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.data import (
     Header,
     Imu,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from through import ROS1
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 
 POINT = "geometry_msgs/msg/Point"

@@ -17,6 +17,7 @@ from through import (
     through_ros2,
 )
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
     Detection,
     Detection3D,
@@ -26,7 +27,6 @@ from ros_visualise.data import (
     Hypothesis,
     VisionInfo,
 )
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding
 from ros_visualise.messages.recorded import Recorded, TopicType

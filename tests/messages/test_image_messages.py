@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from through import HEADER, ROS1, ROS2, assert_survives, through_ros1, through_ros2
 
+from ros_visualise.core.errors import TooLarge
 from ros_visualise.data import (
     ENCODINGS,
     MEASUREMENTS,
@@ -16,7 +17,6 @@ from ros_visualise.data import (
     Header,
     Image,
 )
-from ros_visualise.errors import TooLarge
 from ros_visualise.messages import from_message, to_message
 
 EVERY = ENCODINGS | MEASUREMENTS

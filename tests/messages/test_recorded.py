@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from through import HEADER, ROS1, ROS2, assert_same
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
     CameraInfo,
     CompressedImage,
@@ -16,7 +17,6 @@ from ros_visualise.data import (
     Text,
     Twist,
 )
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message, type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType, content

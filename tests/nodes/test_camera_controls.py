@@ -8,10 +8,10 @@ from hub import Hub
 from v4l2_kernel import AUTO, BRIGHTNESS, EXPOSURE, MANUAL, Kernel
 from waiting import wait_for
 
-from ros_visualise.cli import main
-from ros_visualise.errors import ParameterError
+from ros_visualise.commands import main
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import specs
 from ros_visualise.graph import Graph
-from ros_visualise.params import specs
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources import camera

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.nodes import SourceType, find
 from ros_visualise.nodes.camera import CameraParams, CameraSource
 from ros_visualise.sources.playback import Playback

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import ParameterError, UnsupportedImage
+from ros_visualise.core.params import specs, update
 from ros_visualise.data import ENCODINGS, MEASUREMENTS, Deferred, Header, Image
-from ros_visualise.errors import ParameterError, UnsupportedImage
 from ros_visualise.nodes import edge_detector as module
 from ros_visualise.nodes import find
 from ros_visualise.nodes.edge_detector import EdgeParams, edge_detector
-from ros_visualise.params import specs, update
 
 cv2 = pytest.importorskip("cv2")
 

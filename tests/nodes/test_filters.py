@@ -3,11 +3,11 @@ from enum import Enum
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import UnsupportedImage
+from ros_visualise.core.params import specs, update
 from ros_visualise.data import ENCODINGS, MEASUREMENTS, CameraInfo, Header, Image
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import find
 from ros_visualise.nodes.filters import FiltersParams, filters
-from ros_visualise.params import specs, update
 
 OFF = update(FiltersParams(), {"gray": False, "threshold_mode": "off"})
 HEADER = Header(123, "camera")

@@ -1,7 +1,7 @@
 """Help texts, as a person reads them one at a time: in a list, on a slider, in a service."""
 
+from ros_visualise.core.params import specs
 from ros_visualise.nodes import find_all
-from ros_visualise.params import specs
 
 DANGLING = {"of", "its", "it", "as", "or", "and", "that", "these", "growing"}
 

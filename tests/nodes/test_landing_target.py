@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import NoTransform, ParameterError
+from ros_visualise.core.params import update
 from ros_visualise.data import (
     Detection,
     Detections,
@@ -15,11 +17,9 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import NoTransform, ParameterError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
 from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParams
-from ros_visualise.params import update
 
 PARAMS = LandingTargetParams(attitude_sigma=0.0)
 DOWN = from_matrix(np.diag([1.0, -1.0, -1.0]))

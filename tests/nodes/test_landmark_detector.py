@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import OpenError, ParameterError, UnsupportedImage
+from ros_visualise.core.params import update
 from ros_visualise.data import ENCODINGS, CameraInfo, Header, Image
-from ros_visualise.errors import OpenError, ParameterError, UnsupportedImage
 from ros_visualise.nodes import find
 from ros_visualise.nodes import landmark_detector as module
-from ros_visualise.params import update
 from ros_visualise.vision.projection import project
 
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")

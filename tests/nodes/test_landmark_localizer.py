@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import NoTransform, OpenError
 from ros_visualise.data import (
     CameraInfo,
     Detection,
@@ -17,7 +18,6 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.data.markers import MarkerAction, MarkerType
-from ros_visualise.errors import NoTransform, OpenError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix, from_rpy, to_matrix
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import NoTransform, OpenError, UsageError
 from ros_visualise.data import (
     CameraInfo,
     Detection,
@@ -18,7 +19,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import NoTransform, OpenError, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
 from ros_visualise.landmarks.localization import map_file

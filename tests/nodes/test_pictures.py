@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.nodes.pictures import PicturesNode, PicturesParams
 from ros_visualise.sources.playback import Playback
 

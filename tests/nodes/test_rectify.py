@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import CameraInfo, Header, Image
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes.rectify import RectifyParams, rectify
 
 K = np.array([[40.0, 0, 31], [0, 41.0, 23], [0, 0, 1]])

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from made_videos import numbered, write_video
 
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.params import specs
 from ros_visualise.nodes import find
 from ros_visualise.nodes.streamer import Streamer, StreamerParams
-from ros_visualise.params import specs
 from ros_visualise.sources.playback import Playback
 
 

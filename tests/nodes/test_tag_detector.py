@@ -9,11 +9,11 @@ import drawn_tags
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import OpenError, ParameterError, UnsupportedImage
+from ros_visualise.core.params import update
 from ros_visualise.data import CameraInfo, Header, Image
-from ros_visualise.errors import OpenError, ParameterError, UnsupportedImage
 from ros_visualise.landmarks.tags import draw_cells, family
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
-from ros_visualise.params import update
 
 SIZE = (320, 240)
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])

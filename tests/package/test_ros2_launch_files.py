@@ -12,9 +12,9 @@ import pytest
 from launched import LAUNCH, NEEDED, OPTIONS, PIPELINE_OPTIONS, PLAYER_OPTIONS, joined
 from ros2_launch import Launched, Refused, begun_without, full
 
+from ros_visualise.core.params import update
 from ros_visualise.executables import names
 from ros_visualise.nodes import NODES, SourceType, find
-from ros_visualise.params import update
 from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.playing import playing_params
 

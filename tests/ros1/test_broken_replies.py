@@ -15,7 +15,7 @@ from ros_graph import Master, Nodes, end
 from sensor_msgs.msg import Image
 from waiting import wait_for
 
-from ros_visualise.errors import Unreachable
+from ros_visualise.core.errors import Unreachable
 from ros_visualise.runtime.ros1 import listing, registration
 
 

@@ -5,8 +5,8 @@ from contextlib import closing
 from ros_graph import wait_for
 from rosgraph_msgs.msg import Clock
 
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.runtime.ros1.clock import ClockPublisher
-from ros_visualise.supervision import PROCESS
 
 BEYOND_NS = 2**32 * 10**9
 

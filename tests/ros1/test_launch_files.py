@@ -21,9 +21,9 @@ from launched import (
     joined,
 )
 
+from ros_visualise.core.params import specs, update
 from ros_visualise.executables import names
 from ros_visualise.nodes import SourceType, find, find_all
-from ros_visualise.params import specs, update
 from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
 from ros_visualise.runtime.playing import playing_params
 

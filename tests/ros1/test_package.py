@@ -157,7 +157,7 @@ def test_roslaunch_finds_launch_files_and_nodes(built, space):
     ("space", "home"), [("devel", "src/ros_visualise/src"), ("install", "install/lib")]
 )
 def test_package_is_imported_from_its_space(built, space, home):
-    code = "import ros_visualise.cli; print(ros_visualise.cli.__file__)"
+    code = "import ros_visualise.commands; print(ros_visualise.commands.__file__)"
     imported = call(built.set_up(space), sys.executable, "-c", code)
     assert Path(imported.strip()).is_relative_to(built.folder / home)
 

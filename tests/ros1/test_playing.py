@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.nodes import SourceType
-from ros_visualise.params import Parameters, param, specs
 from ros_visualise.runtime.playing import PlaybackFollower, PlayingParams, playing_params
 from ros_visualise.sources.playback import Playback
 

@@ -23,9 +23,9 @@ from dynamic_reconfigure.msg import (
 from dynamic_reconfigure.srv import Reconfigure
 from ros_graph import wait_for
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.nodes import find
-from ros_visualise.params import Parameters, param, specs
 from ros_visualise.runtime.ros1.description import describe
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer, starting_values
 

@@ -10,8 +10,8 @@ import pytest
 import rospy
 from ros_graph import Heard, Master, wait_for
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Header, Marker, Message, PoseStamped, Text
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.ros1.publishers import MessagePublisher, advertise

@@ -17,10 +17,10 @@ from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import CompressedImage as RosCompressed
 from sensor_msgs.msg import Image as RosImage
 
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, OccupancyGrid, Odometry, PointCloud, Transforms
-from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.nodes import find
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.remote.discovery import Peer, survey
 from ros_visualise.runtime.remote.places import Place, in_order
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
@@ -43,7 +43,7 @@ PEER = """
 import sys, rospy
 from sensor_msgs.msg import Image
 from ros_visualise.nodes import find
-from ros_visualise.params import Parameters
+from ros_visualise.core.params import Parameters
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 name, takes, gives = sys.argv[1:4]
 rospy.init_node(name)

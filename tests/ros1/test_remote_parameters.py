@@ -17,9 +17,9 @@ from dynamic_reconfigure.encoding import encode_config
 from dynamic_reconfigure.msg import ConfigDescription, Group, ParamDescription
 from ros_graph import PATIENCE_S, wait_for
 
-from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.nodes import find
-from ros_visualise.params import Parameters, param, specs
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros1.declaration import declare
 from ros_visualise.runtime.ros1.description import describe
@@ -39,7 +39,7 @@ wait_until = partial(wait_for, what="it to come about")
 SERVING = """
 import rospy
 from ros_visualise.nodes import find
-from ros_visualise.params import Parameters
+from ros_visualise.core.params import Parameters
 from ros_visualise.runtime.ros1.reconfigure import ReconfigureServer
 rospy.init_node("edge_detector")
 server = ReconfigureServer(Parameters(find("edge_detector").params()))

@@ -11,9 +11,9 @@ from made_videos import write_video
 from ros_graph import PATIENCE_S, wait_for
 from std_srvs.srv import Trigger
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
+from ros_visualise.core.yaml_files import load_yaml, parse_yaml
 from ros_visualise.sources.opening import open_recording
-from ros_visualise.yaml_files import load_yaml, parse_yaml
 
 SET = ("_blur:=median", "_threshold:=77", "_gray:=false", "_blur_sigma:=1.0e-07")
 

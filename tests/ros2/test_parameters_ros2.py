@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from rclpy.task import Future
 from waiting import wait_for
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.runtime.remote.parameters import RemoteParameters
 from ros_visualise.runtime.ros2 import parameters_client
 from ros_visualise.runtime.ros2.middleware import Ros2

@@ -9,8 +9,8 @@ import pytest
 from sensor_msgs.srv import SetCameraInfo
 from waiting import wait_for
 
+from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.runtime.ros2.middleware import Ros2
 from ros_visualise.runtime.ros2.services import result_of
 

@@ -22,9 +22,9 @@ from sensor_msgs.msg import Image as ImageMessage
 from std_msgs.msg import String
 from waiting import wait_for
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Header, Image, Text
-from ros_visualise.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import LATCHED, QoS
 from ros_visualise.messages.recorded import TopicType

@@ -21,8 +21,8 @@ from sensor_msgs.msg import Image, LaserScan, PointCloud2, PointField
 from tf2_msgs.msg import TFMessage
 from waiting import wait_for
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import specs
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import specs
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.ros2.middleware import Ros2
 

@@ -17,6 +17,9 @@ from hub import Hub, HubMiddleware
 from made_videos import numbered, write_video
 from waiting import wait_for
 
+from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.core.params import Parameters
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import (
     CameraInfo,
     CompressedImage,
@@ -32,19 +35,16 @@ from ros_visualise.data import (
 from ros_visualise.data import (
     Path as PathMessage,
 )
-from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes.filters import FiltersParams
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.bridge.inputs import ImageInput
 from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.sinks import open_recorder
-from ros_visualise.supervision import PROCESS
 from ros_visualise.ui.page.tables import end_lines, topic_table
 
 IMAGE = Image(np.arange(24, dtype=np.uint8).reshape(4, 6), "mono8", Header(5, "camera_optical"))

@@ -2,8 +2,8 @@
 
 import pytest
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import specs, update
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import specs, update
 from ros_visualise.runtime.remote.declaring import Told, declared, name_here, name_there
 
 TOLD = [

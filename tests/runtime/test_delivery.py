@@ -8,14 +8,14 @@ import pytest
 from test_joined_nodes import boxes_of, diamond, joined
 from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
 
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.supervision import PROCESS
+from ros_visualise.core.synchronizer import Approximate, Exact, Latest
 from ros_visualise.data import Image, PoseArray
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, place
-from ros_visualise.joining import Approx, Exact, Latest
 from ros_visualise.nodes import node, source
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
-from ros_visualise.supervision import PROCESS
 
 
 class Broken:
@@ -144,7 +144,7 @@ def test_a_node_whose_thread_dies_is_heard_and_ends_what_it_publishes():
     assert failures("dies") == {"Death": 1}
 
 
-@pytest.mark.parametrize("join", [Exact(), Approx(0.01), Latest("image"), Latest("boxes")])
+@pytest.mark.parametrize("join", [Exact(), Approximate(0.01), Latest("image"), Latest("boxes")])
 def test_a_join_hoards_nothing_for_an_input_that_has_died(join):
     held = weakref.WeakSet()
 

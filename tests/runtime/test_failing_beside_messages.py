@@ -3,12 +3,12 @@
 import pytest
 from test_local import FRAMES, CounterParams, Run, _Counter, add, graph_of, until
 
+from ros_visualise.core.declarations import action
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.data import Image
-from ros_visualise.declarations import action
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.nodes import node, source
 from ros_visualise.runtime.report import to_json
-from ros_visualise.supervision import PROCESS
 
 
 def failing(*where):

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from test_local import until
 
+from ros_visualise.core.errors import NoTransform
+from ros_visualise.core.params import Parameters, param
 from ros_visualise.data import Header, Image, PoseArray, Transforms, TransformStamped
-from ros_visualise.errors import NoTransform
 from ros_visualise.graph import Graph, SourceNode, place
 from ros_visualise.nodes import node, source
-from ros_visualise.params import Parameters, param
 from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Inbox, Packet

@@ -7,8 +7,8 @@ from enum import Enum
 
 import pytest
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import param
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import param
 from ros_visualise.runtime.bridge.given import given_values
 
 

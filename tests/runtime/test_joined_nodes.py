@@ -10,11 +10,11 @@ import pytest
 from mcap.reader import make_reader
 from test_local import FRAMES, PERIOD_NS, CounterParams, counter, live_counter, until
 
+from ros_visualise.core.params import param
+from ros_visualise.core.synchronizer import Approximate, Exact, Latest
 from ros_visualise.data import Header, Image, PoseArray
 from ros_visualise.graph import Graph, SourceNode, place
-from ros_visualise.joining import Approx, Exact, Latest
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 
@@ -52,7 +52,7 @@ def joined(join, got, seed=None, outputs=None):
         "joined",
         inputs={"image": Image, "boxes": PoseArray},
         outputs=outputs or {"boxes": PoseArray},
-        join=join,
+        sync=join,
     )
     def work(image, boxes, params):
         time.sleep(choose.random() / 300 if seed is not None else 0)
@@ -118,7 +118,7 @@ def test_what_is_found_after_many_more_images_blocks_nothing():
 
 def test_near_stamps_are_joined_where_that_is_enough():
     got = []
-    run(diamond(finder(late_ns=PERIOD_NS // 3), joined(Approx(0.02), got)))
+    run(diamond(finder(late_ns=PERIOD_NS // 3), joined(Approximate(0.02), got)))
     assert got == [(number, number) for number in range(FRAMES)]
 
 
@@ -132,7 +132,7 @@ def test_the_latest_goes_with_every_image_from_the_first_on():
     assert report.dropped == ({"unmatched image": 1} if numbers[0] else {})
 
 
-@pytest.mark.parametrize("join", [Exact(), Approx(0.05), Latest("image"), Latest("boxes")])
+@pytest.mark.parametrize("join", [Exact(), Approximate(0.05), Latest("image"), Latest("boxes")])
 def test_the_same_input_is_joined_and_recorded_alike_however_the_threads_run(join, tmp_path):
     gots, files = [], []
     for seed in range(3):
@@ -170,8 +170,8 @@ def test_inputs_that_are_never_joined_are_told_of_once_with_their_stamps(caplog)
     got = []
     run(diamond(finder(late_ns=5), joined(Exact(), got)))
     assert got == []
-    (said,) = [r.getMessage() for r in caplog.records if "joined nothing" in r.getMessage()]
-    assert said.startswith("joined: Exact() has joined nothing yet: ")
+    (said,) = [r.getMessage() for r in caplog.records if "no messages matched" in r.getMessage()]
+    assert said.startswith("joined: no messages matched by Exact() yet: ")
     assert "on /image_raw, stamps up to 0." in said
     assert "on /found, stamps up to 0." in said
 
@@ -182,7 +182,7 @@ def test_an_input_on_which_nothing_comes_is_named(caplog):
         return None
 
     run(diamond(nothing, joined(Exact(), [])))
-    (said,) = [r.getMessage() for r in caplog.records if "joined nothing" in r.getMessage()]
+    (said,) = [r.getMessage() for r in caplog.records if "no messages matched" in r.getMessage()]
     assert "20 on /image_raw, stamps up to 0.633333 s, no message on /found" in said
 
 
@@ -193,7 +193,7 @@ def test_after_a_seek_nothing_from_before_it_is_joined_and_the_node_is_reset_onc
         "joined",
         inputs={"image": Image, "boxes": PoseArray},
         outputs={"boxes": PoseArray},
-        join=Exact(),
+        sync=Exact(),
     )
     class Work:
         def __init__(self, params):
@@ -228,7 +228,7 @@ def test_live_the_newest_set_is_taken_and_the_others_are_counted():
         "joined",
         inputs={"image": Image, "boxes": PoseArray},
         outputs={"boxes": PoseArray},
-        join=Exact(),
+        sync=Exact(),
     )
     def slow(image, boxes, params):
         got.append(int(image.pixels[0, 0]))
@@ -259,7 +259,7 @@ def test_a_paused_node_shows_what_new_parameters_do_with_the_set_before():
         params=Shift,
         inputs={"image": Image, "boxes": PoseArray},
         outputs={"boxes": PoseArray},
-        join=Exact(),
+        sync=Exact(),
     )
     def shifted(image, boxes, params):
         got.append((int(image.pixels[0, 0]), params.by))

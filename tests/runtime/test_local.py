@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
+from ros_visualise.core.params import Parameters, param
 from ros_visualise.data import Deferred, Header, Image
-from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode
 from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.nodes.fps_control import FpsControl
-from ros_visualise.params import Parameters, param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.report import TopicReport

@@ -14,8 +14,8 @@ from hub import Hub, HubMiddleware
 from made_videos import numbered, write_video
 from waiting import wait_for
 
+from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import Header, Image, Twist
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import NoParams, source
 from ros_visualise.runtime.local import LocalRuntime

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.data import Header, Image, ParameterEvent
-from ros_visualise.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.graph import Graph, Node, SourceNode
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams

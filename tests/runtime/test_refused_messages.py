@@ -11,6 +11,7 @@ import pytest
 from hub import Hub, HubMiddleware
 from waiting import wait_for
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
     Header,
     Image,
@@ -21,7 +22,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.graph import Graph, SourceNode, place
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType

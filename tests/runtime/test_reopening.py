@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from test_local import PERIOD_NS, until
 
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import OpenError, ParameterError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import source
-from ros_visualise.params import param
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 

@@ -12,9 +12,9 @@ from made_videos import write_video
 from ruamel.yaml import YAML
 from waiting import wait_for
 
-from ros_visualise.cli import main
-from ros_visualise.errors import OpenError, RecordingError, UsageError
-from ros_visualise.params import Parameters, param
+from ros_visualise.commands import main
+from ros_visualise.core.errors import OpenError, RecordingError, UsageError
+from ros_visualise.core.params import Parameters, param
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime import saving
 from ros_visualise.runtime.local import LocalRuntime

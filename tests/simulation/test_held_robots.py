@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect, twist
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import PoseStamped
-from ros_visualise.errors import UsageError
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.simulator import Simulation
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_QUADROTOR, collect
 
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Header, Odometry
-from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_rpy
 from ros_visualise.landmark_pipelines import tags_of_world

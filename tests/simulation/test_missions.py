@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.simulation.missions import Mission, read_mission
 from ros_visualise.simulation.route import Carrot, Route
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from simulated_runs import collect
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError
 from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulated_runs import BLIND_HUSKY, BLIND_QUADROTOR, collect
 
-from ros_visualise.errors import OpenError, ParameterError, UsageError
-from ros_visualise.params import specs, update
+from ros_visualise.core.errors import OpenError, ParameterError, UsageError
+from ros_visualise.core.params import specs, update
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams

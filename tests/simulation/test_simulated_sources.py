@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import Odometry, PoseStamped, Twist
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.nodes import find
 from ros_visualise.sources.playback import Playback
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Header, PoseStamped
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sinks.encoding import Encoder

@@ -16,8 +16,8 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.errors import RecordingError
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import RecordingError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Recorder, open_recorder
 from ros_visualise.sources.opening import open_recording

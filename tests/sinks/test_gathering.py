@@ -6,7 +6,7 @@ import pytest
 from gathering import TOPICS, image, read, read_as_it_is_now
 from mcap.reader import make_reader
 
-from ros_visualise.errors import DamagedMessage, RecordingError
+from ros_visualise.core.errors import DamagedMessage, RecordingError
 from ros_visualise.sinks import COMPRESSIONS, open_recorder
 
 LARGE = 300  # pixels; such an image makes a chunk of its own

@@ -13,8 +13,8 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.errors import RecordingError
 from ros_visualise.data import ENCODINGS, Header, Image, ParameterEvent
-from ros_visualise.errors import RecordingError
 from ros_visualise.messages import from_message
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder

@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import RecordingError
 from ros_visualise.data import ENCODINGS, Deferred, Header, Image
-from ros_visualise.errors import RecordingError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder
 

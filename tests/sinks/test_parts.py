@@ -11,6 +11,7 @@ import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import (
     CameraInfo,
     Header,
@@ -20,7 +21,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from test_full_disk import IMAGE, count_in_bag, count_in_mp4, noise, write_all
 
-from ros_visualise.errors import OpenError, RecordingError
+from ros_visualise.core.errors import OpenError, RecordingError
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from test_full_disk import noise
 from test_replacing import TOPICS, content, count, record
 
-from ros_visualise.errors import OpenError, RecordingError
+from ros_visualise.core.errors import OpenError, RecordingError
 from ros_visualise.sinks import open_recorder
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import PARAMETER_EVENTS, open_recorder
 from ros_visualise.sinks import mp4 as mp4_module

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
     CompressedImage,
     Header,
@@ -22,7 +23,6 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.data import Path as PathMessage
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder

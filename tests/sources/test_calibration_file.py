@@ -6,8 +6,8 @@ import os
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError
 from ros_visualise.sources.calibration import Calibration, read_calibration
 
 OST = """\

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import RecordingError, UsageError
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RecordingError, UsageError
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.calibration_store import check, locate, save
 

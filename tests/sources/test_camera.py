@@ -18,13 +18,13 @@ import numpy as np
 import pytest
 from made_videos import numbered, write_video
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.sources import camera as camera_module
 from ros_visualise.sources import live
 from ros_visualise.sources.camera import Camera
 from ros_visualise.sources.live import Address, Stamps, parse_address
 from ros_visualise.sources.video_pixels import FrameConverter
-from ros_visualise.supervision import PROCESS
 
 SERVER = Path(__file__).with_name("serve_video.py")
 S = 10**9

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 from test_playback import WALL, FakeClock, Frames, S, play, regular
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.sources.playback import Playback
 
 

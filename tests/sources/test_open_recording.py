@@ -7,7 +7,7 @@ import lzma
 import made_bags
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources import open_source
 from ros_visualise.sources.opening import is_recording, open_recording
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.pictures import read_picture
 
 PIXELS = np.random.default_rng(1).integers(0, 255, (20, 30, 3), np.uint8)

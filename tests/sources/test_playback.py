@@ -5,7 +5,7 @@ from collections.abc import Callable, Generator
 
 import pytest
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.sources.playback import Playback
 
 S = 10**9

@@ -6,7 +6,7 @@ import struct
 import numpy as np
 import pytest
 
-from ros_visualise import limits
+from ros_visualise.core import limits
 from ros_visualise.data import Image, Imu, NavSatFix
 from ros_visualise.nodes.streamer import StreamerParams
 from ros_visualise.nodes.streamer import film as film_source

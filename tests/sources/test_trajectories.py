@@ -6,6 +6,7 @@ from pathlib import Path as File
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.data import (
     Header,
     NavSatFix,
@@ -16,7 +17,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from evo.tools import file_interface
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.sources.trajectory_files import is_trajectory_file, read_trajectory_file
 
 KITTI = "1 0 0 4 0 1 0 5 0 0 1 6\n"

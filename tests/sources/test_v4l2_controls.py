@@ -17,7 +17,7 @@ from v4l2_kernel import (
     Kernel,
 )
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.sources.v4l2_controls import control_params, set_controls
 
 DEVICE = "/dev/null"

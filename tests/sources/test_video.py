@@ -12,8 +12,8 @@ import pytest
 from made_videos import MS, numbered, write_sound, write_video
 
 from ros_visualise import sources
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Deferred
-from ros_visualise.errors import OpenError
 from ros_visualise.sources.video import Video
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.sources.video_pixels import parse_size
 
 

@@ -7,7 +7,7 @@ from metrics import iou
 from pictures import render_world
 from worlds import CLASSES
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.networks.candidates import Choice
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.simulation.rendering import choose_backend

@@ -14,7 +14,7 @@ from pictures import render_world, write_world
 from shots import see, take_shot
 from worlds import CLASSES, OTHER, build_world
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.simulation.rendering import choose_backend
 
 pytest.importorskip("mujoco")

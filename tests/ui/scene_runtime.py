@@ -4,9 +4,9 @@ from collections import Counter
 from functools import partial
 from typing import ClassVar
 
+from ros_visualise.core.params import Parameters
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription, Topic

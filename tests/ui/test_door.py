@@ -3,7 +3,7 @@
 import pytest
 from page_client import TOKEN, VIEW_TOKEN
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.ui.page.door import Fetch, is_loopback, open_door
 
 OWN = "127.0.0.1:8080"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from page_client import Client
 
+from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.runtime.topics import Subscription

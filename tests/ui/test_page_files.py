@@ -14,7 +14,7 @@ from rosbags.highlevel import AnyReader
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.shelf import Shelf
 

@@ -15,7 +15,7 @@ import viser
 from page_client import CAMERA, TOKEN, VIEW_TOKEN, Client, addresses, get
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 from ros_visualise.ui.look import Looker
 from ros_visualise.ui.page import Page
 
@@ -31,7 +31,7 @@ import sys
 from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 from ros_visualise.ui.look import Looker
 from ros_visualise.ui.page import Page
 page = Page(port=int(sys.argv[1]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from page_client import Client
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.runtime.saving import write_yaml
 from ros_visualise.ui.arrangements import read_arrangement
 from ros_visualise.ui.page import Page

@@ -10,13 +10,13 @@ import pytest
 from made_videos import numbered, write_video
 from page_client import Client
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 HANGING = """
 import sys, threading
 from ros_visualise.jobs import play
-from ros_visualise.entry import main
+from ros_visualise.__main__ import main
 
 def following(*_):
     print("opening", file=sys.stderr, flush=True)

@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.data import Image
-from ros_visualise.errors import ParameterError
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.nodes.filters import FiltersParams
-from ros_visualise.params import Parameters, param, specs
 from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.runtime.remote.declaring import Told, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport

@@ -6,10 +6,10 @@ import pytest
 from page_client import Client
 from rosbags.highlevel import AnyReader
 
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.sinks.names import record_folder
 from ros_visualise.ui.page import Page
-from ros_visualise.yaml_files import load_yaml
 
 
 def test_a_folder_that_is_none(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from threading import Thread
 import pytest
 from page_client import TOKEN, Client, addresses
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.ui.page import Page
 from ros_visualise.ui.page.door import open_door
 from ros_visualise.ui.page.server import close_server, open_server

@@ -6,9 +6,9 @@ from typing import ClassVar
 
 import pytest
 
+from ros_visualise.core.supervision import PROCESS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
-from ros_visualise.supervision import PROCESS
 from ros_visualise.ui.look.curve import Curve
 from ros_visualise.ui.look.decoding import Decoding
 from ros_visualise.ui.page.worker import Worker

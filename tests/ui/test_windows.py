@@ -148,7 +148,7 @@ def test_what_changes_elsewhere_moves_the_trackbar_and_keeps_its_exact_value(on_
 def test_a_refused_value_snaps_back(on_screen):
     on_screen(
         """
-        from ros_visualise.errors import ParameterError
+        from ros_visualise.core.errors import ParameterError
         def refuse(changes):
             refused.append(changes)
             raise ParameterError("not this one")

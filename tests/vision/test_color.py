@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from by_definition import differ_by
 
-from ros_visualise.errors import UnsupportedImage
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.vision import color
 from ros_visualise.vision.color import HsvMode
 

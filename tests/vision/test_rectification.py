@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.vision.rectification import Interpolation, model_of, rectified, rectify
 
 cv2 = pytest.importorskip("cv2")

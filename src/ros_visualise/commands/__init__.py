@@ -1,20 +1,48 @@
-"""Commands: a module for each, or a folder where one takes more than a file.
+"""Commands: a module for each, or a folder where one takes more than a file; and their parser.
 
 Each module holds a `Command` as ``COMMAND``. It is light to import: what is heavy is imported
 where the command runs. Another package brings a command by an entry point of the group
-``ros_visualise.commands``; see `ros_visualise.registry`.
+``ros_visualise.commands``; see `ros_visualise.core.registry`.
 """
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
-from collections.abc import Callable
+import argparse
+import os
+import re
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from pathlib import Path
+from typing import Any, Generic, NoReturn, TypeVar
 
-from ros_visualise.registry import Registry, holding
+from ros_visualise.core.completion import complete, words_to_complete
+from ros_visualise.core.errors import RosVisualiseError, did_you_mean
+from ros_visualise.core.installation import check_installation
+from ros_visualise.core.limits import set_max_memory
+from ros_visualise.core.printing import say, say_what_is_logged
+from ros_visualise.core.registry import Registry, holding
+from ros_visualise.core.signals import interrupt
+from ros_visualise.core.supervision import status_of
+from ros_visualise.jobs.options import MemoryOptions
 
 T = TypeVar("T")
+
+_OPTION = re.compile("--[a-z][a-z-]*")
+_CHOICE = re.compile(
+    r"argument (?P<what>.*): invalid choice: '(?P<given>.*?)' \(choose from (?P<there>.*)\)"
+)
+_EXAMPLES = """examples:
+  ros-visualise demo
+  ros-visualise sim husky --world playpen --mission square
+  ros-visualise video flight.mp4 --set filters.threshold=90
+  ros-visualise video flight.mp4 --view none --rate 0 --record edges.mp4 --json
+  ros-visualise camera rtsp://192.168.1.10/stream
+  ros-visualise bag drive.bag --image /camera/image_raw
+  ros-visualise kitti 2011_09_26/2011_09_26_drive_0009_sync
+  ros-visualise explain canny photo.jpg
+  ros-visualise landmarks photo.jpg --size 0.16 --calibration ost.yaml
+"""
 
 
 @dataclass(frozen=True)
@@ -30,7 +58,7 @@ class Command(Generic[T]):
     """
 
     help: str
-    add_arguments: Callable[[ArgumentParser], None]
+    add_arguments: Callable[[argparse.ArgumentParser], None]
     options: Callable[..., T]
     run: Callable[[T], int]
 
@@ -46,3 +74,107 @@ COMMANDS = Registry(
     ),
 )
 """All commands, in the order of ``--help``."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit status.
+
+    0 done; 1 the work failed or lost something; 2 wrong usage or an input that cannot be opened;
+    130 stopped from outside; see `ros_visualise.core.signals`.
+
+    Raises:
+        KeyboardInterrupt: stopped before there was anything to close.
+    """
+    try:
+        given = sys.argv[1:] if arguments is None else arguments
+        parser = _parser(words_to_complete() or given)
+        complete(parser)
+        found = vars(parser.parse_args(given))
+        name = found.pop("command")
+        if name is None:
+            parser.print_help()
+            return 0
+        command = COMMANDS.find(name)
+        options = command.options(**found)
+        if isinstance(options, MemoryOptions):
+            set_max_memory(options.max_memory)
+        check_installation()
+        say_what_is_logged()
+        interrupt()
+        return status_of(command.run(options))
+    except RosVisualiseError as error:
+        say(f"ros-visualise: {error}")
+        return error.exit_status
+    except BrokenPipeError:  # whoever read the output has seen enough
+        return 1
+
+
+class _Parser(argparse.ArgumentParser):
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """As argparse does it; an option that there is not is said first, with what was meant."""
+        options = [name for name in self._option_string_actions if name.startswith("--")]
+        given = list(args or () if self._subparsers is None else ())  # of a command, that is
+        for text in given[: given.index("--")] if "--" in given else given:
+            name = text.partition("=")[0]
+            if _OPTION.fullmatch(name) and not any(one.startswith(name) for one in options):
+                self.error(f"no option {name}{did_you_mean(name, options, listed=False)}")
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        found = _CHOICE.search(message)
+        if found and os.path.exists(found["given"]):
+            path = found["given"]
+            message = f"to play {path}: {self.prog} {_command_for(Path(path))} {path}"
+        elif found:
+            there = re.findall(r"[^', ]+", found["there"])
+            message = f"{found['what']}: no '{found['given']}'{did_you_mean(found['given'], there)}"
+        say(f"{self.prog}: {message}; see {self.prog} --help")
+        self.exit(2)
+
+
+def _command_for(path: Path) -> str:
+    from ros_visualise.sources.formats import suffixes
+
+    is_recording = path.is_dir() or path.suffix.lower() in suffixes()
+    return "bag" if is_recording else "video"
+
+
+def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The parser of all commands; where one is given, it alone is imported and has arguments."""
+    parser = _Parser(
+        prog="ros-visualise",
+        description="See what a robot sees.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action=_Version, help="show the version and exit")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    named = next((text for text in given if not text.startswith("-")), "")
+    names = COMMANDS.names()
+    is_listed = named not in names or given[0] != named  # the help of all
+    for name in names:
+        commands.add_parser(name, help=_about(name) if is_listed else "")
+    if named in names:
+        command, chosen = COMMANDS.find(named), commands.choices[named]
+        command.add_arguments(chosen)
+        if named not in COMMANDS.builtin:
+            chosen.description = command.help
+    return parser
+
+
+def _about(name: str) -> str:
+    if name in COMMANDS.builtin:
+        return COMMANDS.find(name).help
+    package = next(one.package for one in COMMANDS.plugins() if one.name == name)
+    return f"from the package {package}"
+
+
+class _Version(argparse.Action):
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
+        from importlib.metadata import version
+
+        print(f"{parser.prog} {version('ros_visualise')}")
+        parser.exit()

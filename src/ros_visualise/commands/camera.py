@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.commands.video import VideoOptions
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.jobs.options import add_playing_options, add_size_option
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ from argparse import ArgumentParser
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.completion import SHELLS, shell_code
-from ros_visualise.printing import answer
+from ros_visualise.core.completion import SHELLS, shell_code
+from ros_visualise.core.printing import answer
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.printing import answer, answer_json, say
 from ros_visualise.jobs.options import PlayingOptions, add_playing_options
-from ros_visualise.printing import answer, answer_json, say
 from ros_visualise.simulation.robots import OURS, ROBOTS
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.commands import Command
+from ros_visualise.core.printing import answer, answer_json, counted, shown, sized
 from ros_visualise.jobs.options import MemoryOptions, add_memory_option
-from ros_visualise.printing import answer, answer_json, counted, shown, sized
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ros_visualise.commands import Command
-from ros_visualise.printing import answer, answer_json
+from ros_visualise.core.printing import answer, answer_json
 
 if TYPE_CHECKING:
+    from ros_visualise.core.params import Spec
     from ros_visualise.nodes import NodeType, SourceType
-    from ros_visualise.params import Spec
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ def _lines(described: dict[str, Any]) -> Iterator[str]:
 
 
 def _describe(found: NodeType | SourceType) -> dict[str, Any]:
+    from ros_visualise.core.params import specs
     from ros_visualise.messages import type_name
     from ros_visualise.nodes import SourceType
-    from ros_visualise.params import specs
 
     return {
         "doc": found.doc,

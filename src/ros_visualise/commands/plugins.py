@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ros_visualise.commands import COMMANDS, Command
-from ros_visualise.printing import answer, answer_json, shown
-from ros_visualise.registry import GROUP, Plugin, Registry, unknown_groups
+from ros_visualise.core.printing import answer, answer_json, shown
+from ros_visualise.core.registry import GROUP, Plugin, Registry, unknown_groups
 
 
 @dataclass(frozen=True)

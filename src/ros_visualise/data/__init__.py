@@ -2,9 +2,13 @@
 
 A message is never changed after it was made, so it passes between threads by reference.
 
-What is imported here can travel on a topic: a new kind of message is one file, and a line here.
+A new kind of message is one file here, found by its place in this folder.
 """
 
+from importlib import import_module
+from pkgutil import iter_modules
+
+from ros_visualise.core.message import Message as Message
 from ros_visualise.data.cameras import CameraInfo as CameraInfo
 from ros_visualise.data.clouds import PointCloud as PointCloud
 from ros_visualise.data.detections import Detection as Detection
@@ -31,7 +35,6 @@ from ros_visualise.data.markers import Marker as Marker
 from ros_visualise.data.markers import MarkerAction as MarkerAction
 from ros_visualise.data.markers import MarkerArray as MarkerArray
 from ros_visualise.data.markers import MarkerType as MarkerType
-from ros_visualise.data.message import Message as Message
 from ros_visualise.data.numbers import Number as Number
 from ros_visualise.data.parameters import ParameterEvent as ParameterEvent
 from ros_visualise.data.paths import Path as Path
@@ -50,8 +53,5 @@ from ros_visualise.data.sensors import TimeReference as TimeReference
 from ros_visualise.data.text import Text as Text
 from ros_visualise.data.vision_info import VisionInfo as VisionInfo
 
-_FOUND = [kind for kind in globals().values() if isinstance(kind, type)]
-MESSAGES: tuple[type[Message], ...] = tuple(
-    kind for kind in _FOUND if issubclass(kind, Message) and kind not in (Message, CompressedImage)
-)
-"""What can travel on a topic. Compressed images do as `Image`."""
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")  # which makes its messages known

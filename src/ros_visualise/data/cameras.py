@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, field_of, header, read_header
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, header, read_header
 from ros_visualise.data.header import Header, read_only
-from ros_visualise.data.message import Message
 
 _FORMATS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 """Number of a type in sensor_msgs/msg/PointField -> NumPy's name for it."""

@@ -116,6 +116,11 @@ class Detections(FoundArray):
     """
 
     type_name: ClassVar[str] = "vision_msgs/msg/Detection2DArray"
+    also_read: ClassVar[tuple[str, ...]] = (
+        "apriltag_msgs/msg/ApriltagArrayStamped",
+        "apriltag_msgs/msg/AprilTagDetectionArray",
+        "apriltag_ros/msg/AprilTagDetectionArray",
+    )
     kind: ClassVar[type[Found]] = Detection
 
     detections: tuple[Detection, ...]

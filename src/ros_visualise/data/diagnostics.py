@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, ClassVar
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, header, read_header
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
 
 
 class Level(IntEnum):

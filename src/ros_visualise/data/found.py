@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, field_names, header, read_header
 from ros_visualise.data.header import Header
 from ros_visualise.data.hypotheses import NO_HYPOTHESIS, Hypothesis
-from ros_visualise.data.message import Message
 
 A = TypeVar("A", bound="FoundArray")
 

@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, header, read_header
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.message import Message
 from ros_visualise.data.vectors import named, xyz, xyzw
 
 
@@ -59,6 +59,7 @@ class Transforms(Message):
     """Several transforms that were sent at once, as on ``/tf``."""
 
     type_name: ClassVar[str] = "tf2_msgs/msg/TFMessage"
+    also_read: ClassVar[tuple[str, ...]] = ("tf/msg/tfMessage",)
     plotted: ClassVar[bool] = False
 
     transforms: tuple[TransformStamped, ...]

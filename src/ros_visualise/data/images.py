@@ -10,13 +10,13 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.limits import check_image
+from ros_visualise.core.message import Message
 from ros_visualise.data.cameras import CameraInfo
 from ros_visualise.data.encodings import ENCODINGS, MEASUREMENTS, Deferred
 from ros_visualise.data.fields import header, read_header
 from ros_visualise.data.header import Header, Pixels, read_only
-from ros_visualise.data.message import Message
 from ros_visualise.data.yuv import planes_to_bgr, yuv422_to_bgr
-from ros_visualise.limits import check_image
 
 _ALSO_CALLED = {
     "8UC1": "mono8",
@@ -47,6 +47,7 @@ class Image(Message):
     """
 
     type_name: ClassVar[str] = "sensor_msgs/msg/Image"
+    has_calibration: ClassVar[bool] = True
     waiting: ClassVar[int] = 1
     plotted: ClassVar[bool] = False
 
@@ -131,6 +132,7 @@ class CompressedImage(Message):
     """An image as JPEG or PNG; ``format`` is as image_transport writes it."""
 
     type_name: ClassVar[str] = "sensor_msgs/msg/CompressedImage"
+    on_topics: ClassVar[bool] = False  # nodes see it as an `Image`
 
     data: npt.NDArray[np.uint8]
     format: str

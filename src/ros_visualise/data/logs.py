@@ -6,9 +6,9 @@ import logging
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import header, read_header, read_time, time
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
 
 _LEVELS = {
     1: logging.DEBUG,
@@ -21,7 +21,7 @@ _LEVELS = {
 
 
 @dataclass(frozen=True)
-class Log(Message):
+class Log(Message, known=False):
     """One line that a node has logged, as ROS 2 has it; ``level`` is one of Python's logging."""
 
     type_name: ClassVar[str] = "rcl_interfaces/msg/Log"
@@ -48,7 +48,7 @@ class Log(Message):
 
 
 @dataclass(frozen=True)
-class Ros1Log(Log):
+class Ros1Log(Log, known=False):
     """The same as ROS 1 has it."""
 
     type_name: ClassVar[str] = "rosgraph_msgs/msg/Log"

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Columns, Fields, duration, header, read_header, read_time
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.message import Message
 from ros_visualise.data.vectors import columns, named, pose_fields, xyz, xyzw
 
 Colors = npt.NDArray[np.float32]

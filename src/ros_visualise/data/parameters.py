@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ros_visualise.core.message import Message
+from ros_visualise.core.params import Value
 from ros_visualise.data.fields import Fields, read_time, time
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
-from ros_visualise.params import Value
 
 _FIELDS: dict[type, tuple[int, str]] = {
     bool: (1, "bool_value"),

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import (
     Columns,
     field_names,
@@ -19,7 +20,6 @@ from ros_visualise.data.fields import (
     times,
 )
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.message import Message
 from ros_visualise.data.vectors import columns, xyz, xyzw
 
 
@@ -76,6 +76,7 @@ class PoseArray(Message):
     """
 
     type_name: ClassVar[str] = "geometry_msgs/msg/PoseArray"
+    also_read: ClassVar[tuple[str, ...]] = ("nav2_msgs/msg/ParticleCloud",)  # by amcl of ROS 2
     plotted: ClassVar[bool] = False
 
     positions_xyz: Floats

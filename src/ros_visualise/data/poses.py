@@ -7,9 +7,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, header, read_header
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.message import Message
 from ros_visualise.data.vectors import named, pose_fields, xyz, xyzw
 
 

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import Fields, header, read_header, read_time, time
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.message import Message
 from ros_visualise.data.vectors import named, xyz, xyzw
 
 _OF_SCAN = (

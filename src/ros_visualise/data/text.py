@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from ros_visualise.core.message import Message
 from ros_visualise.data.fields import header, read_header
 from ros_visualise.data.header import Header
-from ros_visualise.data.message import Message
 
 
 @dataclass(frozen=True)

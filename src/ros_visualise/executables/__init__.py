@@ -10,13 +10,13 @@ import os
 import sys
 from importlib import import_module
 
-from ros_visualise.errors import RosVisualiseError
-from ros_visualise.installation import check_installation
-from ros_visualise.printing import say
-from ros_visualise.registry import module_names
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.installation import check_installation
+from ros_visualise.core.printing import say
+from ros_visualise.core.registry import module_names
 from ros_visualise.simulation.robots import ROBOTS
 
-_CODE = """from ros_visualise.entry import run_executable
+_CODE = """from ros_visualise.__main__ import run_executable
 
 run_executable("{}")
 """

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from functools import partial
 
-from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.supervision import status_of
 from ros_visualise.executables.managed import run_managed
 from ros_visualise.executables.options import (
     OPTIONS,
@@ -24,7 +25,6 @@ from ros_visualise.pipelines import IMAGE_NODES, alone, chain
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters
-from ros_visualise.supervision import status_of
 from ros_visualise.ui import open_view
 from ros_visualise.ui.watching import watch
 

@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, ExitStack, closing
 from functools import partial
 from queue import Empty, SimpleQueue
 
-from ros_visualise.errors import Unreachable
+from ros_visualise.core.errors import Unreachable
 from ros_visualise.executables.running import Run, announce_time, publish_time, running
 from ros_visualise.graph import Graph
 from ros_visualise.runtime.middleware import Middleware

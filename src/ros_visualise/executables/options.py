@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import UsageError
-from ros_visualise.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
-from ros_visualise.paths import set_folder
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.limits import DEFAULT_MEMORY, parse_memory, set_max_memory
+from ros_visualise.core.paths import set_folder
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.saving import load
 from ros_visualise.ui import ViewOptions

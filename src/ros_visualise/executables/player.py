@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError, UsageError
 from ros_visualise.executables.options import OPTIONS, named_in
 from ros_visualise.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.graph import Graph, SourceNode

@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Container, Iterator, Sequence
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Transforms, TransformStamped
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import rigid
 from ros_visualise.geometry.history import History, Sample
 from ros_visualise.geometry.rigid import IDENTITY, Pose

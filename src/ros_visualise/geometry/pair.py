@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Transforms
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.transforms import to_pose
 

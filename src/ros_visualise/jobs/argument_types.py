@@ -7,9 +7,9 @@ from argparse import ArgumentTypeError
 from collections.abc import Callable
 from pathlib import Path
 
-from ros_visualise.errors import UsageError
-from ros_visualise.limits import MAX_TAG_M, parse_memory
-from ros_visualise.rate import MAX_RATE
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.limits import MAX_TAG_M, parse_memory
+from ros_visualise.core.rate import MAX_RATE
 
 _MAX_S = 1e9  # thirty years; with more, stamps are beyond what ROS holds
 

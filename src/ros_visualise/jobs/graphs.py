@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ros_visualise.core.errors import ParameterError, UsageError
+from ros_visualise.core.params import specs
 from ros_visualise.data import Detections, Image
-from ros_visualise.errors import ParameterError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.jobs.options import NodeOptions, SettingOptions
 from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
-from ros_visualise.params import specs
 from ros_visualise.pipelines import (
     IMAGE_NODES,
     film_pipeline,

@@ -11,10 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from ros_visualise import supervision
-from ros_visualise.errors import OpenError
-from ros_visualise.printing import say
-from ros_visualise.signals import STOPPED, Wish
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.printing import say
+from ros_visualise.core.signals import STOPPED, Wish
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline

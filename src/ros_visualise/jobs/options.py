@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.core.limits import DEFAULT_MEMORY
+from ros_visualise.core.rate import MAX_RATE
 from ros_visualise.jobs.argument_types import (
     count,
     folder,
@@ -22,8 +24,6 @@ from ros_visualise.jobs.argument_types import (
     rate,
     seed,
 )
-from ros_visualise.limits import DEFAULT_MEMORY
-from ros_visualise.rate import MAX_RATE
 from ros_visualise.simulation.worlds import OURS
 
 

@@ -11,18 +11,18 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from ros_visualise.errors import RosVisualiseError, UsageError
+from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.paths import set_folder
+from ros_visualise.core.printing import answer_json, counted, say
+from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.graph import Graph
 from ros_visualise.jobs.following import following
 from ros_visualise.jobs.graphs import Selection, graph_of, stepped_topic
 from ros_visualise.jobs.interruptible import in_time, interruptible, opened_within
 from ros_visualise.jobs.options import OutputOptions, PlayingOptions
-from ros_visualise.paths import set_folder
-from ros_visualise.printing import answer_json, counted, say
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.recording import RecorderThread
 from ros_visualise.runtime.report import RecordingReport, RunReport, to_json
-from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.parts import Split, existing_parts, parse_split, part_path
 from ros_visualise.sources.playback import Playback

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ros_visualise.params import param
+from ros_visualise.core.params import param
 
 
 @dataclass(frozen=True)

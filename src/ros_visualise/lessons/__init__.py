@@ -2,13 +2,13 @@
 
 Each file in ``topics`` is one: pure functions for its steps, a node for each, and a text that is
 filled with the numbers of the run. Another package brings one by an entry point of the group
-``ros_visualise.lessons``; see `ros_visualise.registry`.
+``ros_visualise.lessons``; see `ros_visualise.core.registry`.
 """
 
 from __future__ import annotations
 
+from ros_visualise.core.registry import Registry, holding
 from ros_visualise.lessons.lesson import Lesson
-from ros_visualise.registry import Registry, holding
 
 LESSONS = Registry(
     "lessons",

@@ -11,12 +11,12 @@ from typing import Any
 
 import cv2
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.paths import may_replace
 from ros_visualise.data import Image, Message, Text
-from ros_visualise.errors import OpenError
 from ros_visualise.lessons.lesson import Drawn, Lesson
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.nodes import NoParams, action, node
-from ros_visualise.paths import may_replace
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.sinks.files import write_file
 

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import Deferred, Header, Image, Message, Pixels, Text
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import NodeType
 from ros_visualise.sinks.figure import Figure
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Pixels
 from ros_visualise.lessons.drawing import YELLOW, frame
 from ros_visualise.lessons.lesson import Drawn
-from ros_visualise.params import param
 from ros_visualise.sinks.figure import Box, Color, Figure
 
 _LEFT, _SIDE = 240, 400  # width of the pictures on the left, and of the pixels on the right

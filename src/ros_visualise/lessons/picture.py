@@ -7,10 +7,10 @@ from typing import Any
 
 import cv2
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, show
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
 from ros_visualise.lessons.handout import handout_of, image_of, text_of
 from ros_visualise.lessons.lesson import Lesson

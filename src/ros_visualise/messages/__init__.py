@@ -12,28 +12,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, TypeVar, cast
 
-from ros_visualise.data import (
-    MESSAGES,
-    CompressedImage,
-    Detections,
-    Header,
-    Message,
-    PoseArray,
-    Transforms,
-)
+from ros_visualise.data import Header, Message
 from ros_visualise.data.fields import Fields, Types, build
 
 T = TypeVar("T", bound=Message)
-
-_CLASSES: dict[str, type[Message]] = {
-    "tf/msg/tfMessage": Transforms,  # what tf sent before tf2, with the same fields
-    "nav2_msgs/msg/ParticleCloud": PoseArray,  # what amcl sends in ROS 2, with weights
-    "apriltag_msgs/msg/ApriltagArrayStamped": Detections,  # what detectors of tags send; these
-    "apriltag_msgs/msg/AprilTagDetectionArray": Detections,  # are read and never written
-    "apriltag_ros/msg/AprilTagDetectionArray": Detections,
-    CompressedImage.type_name: CompressedImage,
-    **{kind.type_name: kind for kind in MESSAGES},
-}
 
 
 def type_name(data_class: type[Message]) -> str:
@@ -42,8 +24,8 @@ def type_name(data_class: type[Message]) -> str:
 
 
 def data_class(type_name: str) -> type[Message] | None:
-    """Our class for a ROS type, or None where there is none."""
-    return _CLASSES.get(type_name)
+    """Our class for a ROS type, or None for an unknown one."""
+    return Message.kinds.get(type_name)
 
 
 def to_message(data: Any, types: Types, header: Header | None = None) -> Any:

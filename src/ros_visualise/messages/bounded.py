@@ -12,8 +12,8 @@ from rosbags.serde import SerdeError
 from rosbags.serde.utils import SIZEMAP
 from rosbags.typesys.store import Typestore
 
-from ros_visualise.errors import TooLarge
-from ros_visualise.limits import object_limit
+from ros_visualise.core.errors import TooLarge
+from ros_visualise.core.limits import object_limit
 from ros_visualise.messages.expansion import FILLER
 
 _LENGTH_BYTES = 4  # before a string or a sequence

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import CameraInfo, CompressedImage, Detections, Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, type_name
 from ros_visualise.messages.recorded import Recorded, TopicType
 

@@ -11,7 +11,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
-from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.core.errors import DamagedMessage, TooLarge
 from ros_visualise.messages.added_types import ADDED_TYPES
 from ros_visualise.messages.bounded import BoundedStore
 from ros_visualise.messages.expansion import check_expansion

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 from rosbags.interfaces import Nodetype
 from rosbags.serde.utils import SIZEMAP
 
-from ros_visualise.errors import TooLarge
-from ros_visualise.limits import check_unpacked
+from ros_visualise.core.errors import TooLarge
+from ros_visualise.core.limits import check_unpacked
 
 _MOST_FIELDS = 20_000  # the library writes code for each; those of real types are hundreds
 _DEEPEST = 50

@@ -11,8 +11,8 @@ import numpy as np
 from rosbags.interfaces import Nodetype
 from rosbags.typesys.store import Typestore
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Message
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import to_message
 from ros_visualise.messages.expansion import FILLER
 
@@ -24,7 +24,7 @@ def refused(message: Any, error: Exception, store: Typestore) -> DamagedMessage:
     """The error for a message that cannot be written, whatever the library raised.
 
     Args:
-        message: what was to be one of `ros_visualise.data.MESSAGES`.
+        message: what was to be one of `ros_visualise.data`.
         error: what was raised.
         store: knows the types.
     """

@@ -7,9 +7,9 @@ import threading
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.core.message import OBJECT_BYTES
 from ros_visualise.data import CameraInfo, CompressedImage, Detections, Header, Image
-from ros_visualise.data.message import OBJECT_BYTES
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.qos import VOLATILE, QoS
@@ -117,7 +117,7 @@ class Recorded:
 
     @property
     def content(self) -> Any:
-        """One of `ros_visualise.data.MESSAGES`, decoded once; itself where we have no class for it.
+        """One of `ros_visualise.data`, decoded once; itself where we have no class for it.
 
         A compressed image is an `Image`.
 

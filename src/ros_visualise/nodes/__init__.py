@@ -1,54 +1,54 @@
-"""The registry: a node or a source is declared once, with a decorator, in a file of its own.
+"""Nodes and sources: each is declared once, with a decorator, in a file of its own.
+
+    from ros_visualise.data import Image
+    from ros_visualise.nodes import node, param
+
+    @dataclass(frozen=True)
+    class EdgeParams:
+        low: int = param(100, "hysteresis low threshold", min=0, max=800)
 
     @node("edge_detector", params=EdgeParams, inputs={"image": Image}, outputs={"edges": Image})
     def edge_detector(image, params):
         '''Canny edges of one image.'''
         return ...
 
-A node is a function or, where it keeps a state, a class with
+A node is a function or, if it keeps state, a class with
 
 - ``__init__(params)``,
-- ``step(<an input by name>, params)``, called for each message; declared ``timed``, it is also
-  given ``arrival_ns``: when the message came, by the clock of the recording that it is from or by
-  one of ours,
+- ``step(<an input by name>, params)``, called for each message; declared ``timed``, it also takes
+  ``arrival_ns``, the arrival time by the clock of the recording or by the wall clock,
 and where needed
-- ``reset()``, when time has jumped: somebody went elsewhere in what is played, the source was
-  opened anew, or the stamps on a topic went back by more than a second,
+- ``reset()``, when time has jumped: after a seek, after the source was reopened, or when stamps on
+  a topic went back by more than a second,
 - ``finish()``, at the end of the stream,
-- ``tick(params)``, now and then where messages come from outside, so that nobody knows whether
-  another comes: what is due by now,
-- ``report()``, figures of its own for the run report; ``lost`` and ``unplayed`` are kept there for
-  data that could not be read or played, which makes the exit status 1,
+- ``tick(params)``, called now and then on a graph, where the next message may never come: what is
+  due by now,
+- ``report()``, figures for the run report; ``lost`` and ``unplayed`` count data that could not be
+  read or played, and make the exit status 1,
 - methods decorated with `action`: buttons on the page, services on a ROS graph.
 
-A node of several inputs says how their messages come together, by their stamps:
+A node of several inputs declares how their messages are matched by stamp:
 
-    @node("locator", inputs={"image": Image, "boxes": PoseArray}, join=Exact(), frames=True, ...)
+    @node("locator", inputs={"image": Image, "boxes": PoseArray}, sync=Exact(), frames=True, ...)
     def locator(image, boxes, params, frames): ...
 
-``join`` is one of `ros_visualise.joining`: ``Exact()``, the same stamp; ``Approx(slop_s)``, the
-nearest; ``Latest("image")``, each image with the latest of the others. Without it each message
-comes alone, so that ``step`` has a default for each of them. Messages that come into no step are
-counted. With ``frames`` the step is also given a `ros_visualise.geometry.frames.FrameTree`, by
-``/tf`` and ``/tf_static`` as they were known then; a message waits for the transforms of its time,
-half a second at most. A step that ends with NoTransform costs that message. Declared
-``calibrated``, a node gets images with their ``camera_info``, wherever that travels; of an
-uncalibrated camera that is None.
+``sync`` is ``Exact()``, the same stamp; ``Approximate(slop_s)``, the nearest; or
+``Latest("image")``, each image with the latest of the others. Without it each message comes alone,
+so that ``step`` has a default for each of them. Unmatched messages are counted. With ``frames`` the
+step also takes a `ros_visualise.geometry.frames.FrameTree` of ``/tf`` and ``/tf_static`` at that
+time; a message waits at most half a second for its transforms. A step that raises NoTransform
+drops that message. Declared ``calibrated``, a node gets images with their ``camera_info``, wherever
+that travels; it is None for an uncalibrated camera.
 
-``step``, ``tick``, ``finish`` and actions answer with the message of its only output, with a dict
-of output name to message, or with None: nothing for this one.
+``step``, ``tick``, ``finish`` and actions return the message of the only output, a dict of output
+name to message, or None: no result for this message.
 
 A source is a class with ``__init__(params, playback)``, which opens it or raises OpenError;
 ``messages()``, an iterator of (output name, message) until the source ends or ``playback`` is
-closed; ``close()``; and where needed ``report()``, actions, ``receive(port, message)`` for the
-inputs that it declares, and ``set_demand(is_wanted)``, called before ``messages``:
-``is_wanted(output)`` tells whether anybody listens to an output, so that a costly message is made
-only then; ``awaits(port)``, whether it needs to hear what nodes make of its messages, which it then
-does before its next one; and ``configure(params, changed)``, the parameters as they
-are to be and the names of those that change: ParameterError refuses the change. Actions,
-``receive`` and ``configure`` are called from other threads than ``messages``.
-``extend=("device", FUNCTION)`` declares a parameter that decides which others there are: the
-function takes the parameters and gives those with more.
+closed; ``close()``; and the optional methods of `ros_visualise.sources.declarations.Source`.
+``messages`` has a thread of its own; the others are called from other threads.
+``extend=("device", FUNCTION)`` names a parameter that decides which others there are: the function
+takes the parameters and returns those with more.
 """
 
 from __future__ import annotations
@@ -61,22 +61,20 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ros_visualise.declarations import (
-    NodeType,
-    NoParams,
-    Source,
-    SourceType,
-    action,
-    node,
-    source,
-)
-from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.near import near
-from ros_visualise.registry import Registry
+from ros_visualise.core.declarations import NodeType, NoParams, action, node
+from ros_visualise.core.errors import OpenError, UsageError, did_you_mean
+from ros_visualise.core.params import param
+from ros_visualise.core.registry import Registry
+from ros_visualise.core.synchronizer import Approximate, Each, Exact, Latest
 from ros_visualise.simulation.robots import ROBOTS, RobotType
+from ros_visualise.sources.declarations import Source, SourceType, source
 
 __all__ = [
     "NODES",
+    "Approximate",
+    "Each",
+    "Exact",
+    "Latest",
     "NoParams",
     "NodeType",
     "Source",
@@ -90,6 +88,7 @@ __all__ = [
     "find_source",
     "load",
     "node",
+    "param",
     "source",
 ]
 
@@ -115,7 +114,7 @@ NODES = Registry("nodes", __name__, _read, more=ROBOTS)
 
 
 def find(name: str) -> NodeType | SourceType:
-    """The node or source of that name; raises as `ros_visualise.registry.Registry.find`."""
+    """The node or source of that name; raises as `ros_visualise.core.registry.Registry.find`."""
     return NODES.find(name)
 
 
@@ -181,7 +180,9 @@ def load(path: str, name: str) -> NodeType | SourceType:
     """
     declared = _declared_in(_run_file(path))
     if name not in declared:
-        there = near(name, sorted(declared)) if declared else "; decorate a function with @node"
+        there = (
+            did_you_mean(name, sorted(declared)) if declared else "; decorate a function with @node"
+        )
         raise UsageError(f"{path} declares no node {name!r}{there}")
     return declared[name]
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Image
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.landmarks.calibration.boards import Kind, board_of
 from ros_visualise.landmarks.calibration.calibrating import Calibration, calibrate
 from ros_visualise.landmarks.calibration.collecting import Collector, to_gray_8
@@ -18,7 +19,6 @@ from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.progress import draw_progress
 from ros_visualise.landmarks.calibration.views import View
 from ros_visualise.nodes import action, node
-from ros_visualise.params import param
 from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import path_of
 from ros_visualise.sources.calibration_store import to_yaml

@@ -7,10 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass, make_dataclass, replace
 from typing import Any, cast
 
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import param, specs
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import ParameterError
 from ros_visualise.nodes import source
-from ros_visualise.params import param, specs
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.camera import Camera
 from ros_visualise.sources.live import may_read_files, parse_address

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ros_visualise.core.errors import UnsupportedImage
+from ros_visualise.core.params import param, unless
 from ros_visualise.data import Deferred, Image, Pixels
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import node
-from ros_visualise.params import param, unless
 from ros_visualise.vision import color
 from ros_visualise.vision.edges import (
     Aperture,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from ros_visualise.core.errors import UnsupportedImage
+from ros_visualise.core.params import param, unless, when
 from ros_visualise.data import CameraInfo, Image, Pixels
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import node
-from ros_visualise.params import param, unless, when
 from ros_visualise.vision import calibration, color
 from ros_visualise.vision.color import HsvMode
 from ros_visualise.vision.depth import reusable

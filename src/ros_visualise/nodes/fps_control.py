@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from ros_visualise.core.params import param, when
+from ros_visualise.core.rate import Pacer
 from ros_visualise.data import Image
 from ros_visualise.nodes import node
-from ros_visualise.params import param, when
-from ros_visualise.rate import Pacer
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import param
 from ros_visualise.data import (
     Detections,
     Floats,
@@ -17,14 +19,12 @@ from ros_visualise.data import (
     PoseStamped,
     PoseWithCovarianceStamped,
 )
-from ros_visualise.errors import ParameterError
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.landing.relative import Axes, relative_to
 from ros_visualise.landmarks.landing.tracking import Estimate, Motion, Tracker
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 
 log = logging.getLogger(__name__)
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError, UncalibratedCamera, UnsupportedImage
+from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Detection, Detections, Image, VisionInfo
-from ros_visualise.errors import OpenError, UncalibratedCamera, UnsupportedImage
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.finding import Place, Stand, to_detections
@@ -18,7 +19,6 @@ from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.vision import color
 from ros_visualise.vision.threads import fit_threads
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.core.errors import NoTransform, OpenError, UsageError
+from ros_visualise.core.params import param
 from ros_visualise.data import (
     Detections,
     Detections3D,
@@ -18,7 +20,6 @@ from ros_visualise.data import (
     Odometry,
     Transforms,
 )
-from ros_visualise.errors import NoTransform, OpenError, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.localizer import Localizer, Rules
@@ -28,7 +29,6 @@ from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.nodes import action, node
-from ros_visualise.params import param
 from ros_visualise.sinks.files import save_again
 
 log = logging.getLogger(__name__)

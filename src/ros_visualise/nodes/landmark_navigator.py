@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform, OpenError
 from ros_visualise.data import (
     Detections,
     Detections3D,
@@ -25,7 +26,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import NoTransform, OpenError
 from ros_visualise.geometry import rigid, transforms
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import source
-from ros_visualise.params import param
 from ros_visualise.sources.flyover import Flyover
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.video_pixels import parse_size

@@ -7,6 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from ros_visualise.core.params import param
+from ros_visualise.core.rate import Clock, Pacer, WallClock
 from ros_visualise.data import (
     Floats,
     Header,
@@ -23,8 +25,6 @@ from ros_visualise.geometry.pair import FramePair
 from ros_visualise.geometry.track import Track
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.nodes import action, node
-from ros_visualise.params import param
-from ros_visualise.rate import Clock, Pacer, WallClock
 
 log = logging.getLogger(__name__)
 

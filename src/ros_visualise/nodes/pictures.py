@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import OpenError
 from ros_visualise.nodes import source
-from ros_visualise.params import param
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.pictures import Pictures
 from ros_visualise.sources.playback import Playback

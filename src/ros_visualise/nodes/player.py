@@ -8,10 +8,9 @@ from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
 
+from ros_visualise.core.errors import DamagedMessage, UsageError, did_you_mean
 from ros_visualise.data import Detections, Image
-from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages.recorded import content
-from ros_visualise.near import near
 from ros_visualise.nodes import NoParams, Source, SourceType, find_source, source
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.playback import Playback
@@ -126,7 +125,7 @@ def _played(
     there = recording.topics
     for name in wanted:
         if name not in there:
-            raise UsageError(f"no topic {name}{near(name, there)}")
+            raise UsageError(f"no topic {name}{did_you_mean(name, there)}")
         if there[name].unreadable:
             raise UsageError(f"{name} cannot be played: {there[name].unreadable}")
     readable = [name for name, topic in there.items() if not topic.unreadable]

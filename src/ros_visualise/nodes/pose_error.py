@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.synchronizer import Exact
 from ros_visualise.data import Number, Odometry, PoseWithCovarianceStamped
 from ros_visualise.geometry.consistency import NEES_BAND, nees, pose_error
-from ros_visualise.joining import Exact
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.nodes import NoParams, node
 
@@ -20,7 +20,7 @@ from ros_visualise.nodes import NoParams, node
     inputs={"pose": PoseWithCovarianceStamped, "truth": Odometry},
     outputs={"nees": Number, "error": Number},
     topics={"error": "/position_error"},
-    join=Exact(),
+    sync=Exact(),
 )
 class PoseError:
     """How far a pose is from the truth: in metres, and by its own covariance (NEES).

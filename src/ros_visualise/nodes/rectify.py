@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from ros_visualise.core.errors import UnsupportedImage
+from ros_visualise.core.params import param
 from ros_visualise.data import Image
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.vision import color, rectification
 from ros_visualise.vision.rectification import Interpolation
 from ros_visualise.vision.threads import fit_threads

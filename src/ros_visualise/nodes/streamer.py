@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
-from ros_visualise.errors import OpenError
 from ros_visualise.nodes import Source, SourceType, find_source, source
-from ros_visualise.params import param
 from ros_visualise.sources.calibration import Calibration
 from ros_visualise.sources.film import Film
 from ros_visualise.sources.playback import Playback

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Detection, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
 from ros_visualise.landmarks.remarks import Remarks
@@ -15,7 +16,6 @@ from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
 from ros_visualise.landmarks.tags.search import Search
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.threads import fit_threads

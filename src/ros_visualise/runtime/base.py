@@ -6,9 +6,9 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
-from ros_visualise.errors import RecordingError
+from ros_visualise.core.errors import RecordingError
+from ros_visualise.core.params import Parameters
 from ros_visualise.graph import Graph
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.sinks.parts import Split
 from ros_visualise.sources.playback import Playback

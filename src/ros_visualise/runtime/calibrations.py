@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import CameraInfo, Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.graph import Graph
 from ros_visualise.messages.calibrations import (
     CAMERA_INFO,

@@ -12,12 +12,12 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple, Protocol
 
+from ros_visualise.core.declarations import TRANSFORMS
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.core.synchronizer import EACH, synchronizer
 from ros_visualise.data import Message
-from ros_visualise.declarations import TRANSFORMS
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry.frames import WrongTransforms
 from ros_visualise.graph import Graph
-from ros_visualise.joining import EACH, joiner
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.ordering import Ordering
 from ros_visualise.runtime.queues import END, FINISHED, Inbox, Packet
@@ -71,7 +71,7 @@ class Joining(Protocol):
 
 def joining_of(graph: Graph, runner: NodeRunner) -> Joining:
     """What a node's declaration asks for."""
-    if runner.node.type.join == EACH and not runner.node.type.frames:
+    if runner.node.type.sync == EACH and not runner.node.type.frames:
         return _Alone(runner)
     return _Together(graph, runner)
 
@@ -124,8 +124,8 @@ class _Together:
         self._topics = dict(node.inputs)
         self._order = Ordering(graph, tuple(dict.fromkeys(node.inputs.values())), apart=True)
         self.origins = tuple(t for t in self._order.inputs if t not in node.inputs.values())
-        self._joiner = joiner(
-            node.type.join, [port for port in node.inputs if port in node.type.stepped]
+        self._synchronizer = synchronizer(
+            node.type.sync, [port for port in node.inputs if port in node.type.stepped]
         )
         self._is_large = any(kind.waiting == 1 for kind in node.type.stepped.values())
         self._lost: Counter[str] = Counter()
@@ -141,8 +141,8 @@ class _Together:
     @property
     def dropped(self) -> Counter[str]:
         """See `Joining`."""
-        joiner_dropped = self._joiner.dropped.copy().items()
-        return self._lost + Counter({f"{why} {port}": n for (port, why), n in joiner_dropped})
+        unmatched = self._synchronizer.dropped.copy().items()
+        return self._lost + Counter({f"{why} {port}": n for (port, why), n in unmatched})
 
     def keep(self, kind: type[Message]) -> int:
         """See `Joining`."""
@@ -161,7 +161,7 @@ class _Together:
         for topic in self._order.inputs:
             self._order.finish(topic)
         yield from self._ready(at_once=False)
-        self._hold(self._joiner.finish())
+        self._hold(self._synchronizer.finish())
         for held in self._held:
             yield self._ask(self._last._replace(number=END), held.packets)
 
@@ -202,13 +202,13 @@ class _Together:
             yield from self._released(at_once)
 
     def _end_inputs(self) -> None:
-        """Tell the joiner where nothing more comes, as soon as it has all that did."""
+        """End inputs of the synchronizer, once it has all of their messages."""
         for port in [p for p in self._ending if not self._order.waits(self._topics[p])]:
             self._ending.remove(port)
-            self._joiner.end(port)
+            self._synchronizer.end(port)
 
     def _gather(self, packet: Packet) -> None:
-        """Let the joiner and the frames have a packet."""
+        """Give a packet to the synchronizer or to the frame tree."""
         port, message = packet.port, packet.message
         assert message is not None
         if packet.epoch < self._epoch:
@@ -219,7 +219,7 @@ class _Together:
             self._learn(packet)
         if port in self._type.stepped:
             stamp_ns = message.header.stamp_ns
-            self._hold(self._joiner.put(port, stamp_ns, packet, message.nbytes))
+            self._hold(self._synchronizer.put(port, stamp_ns, packet, message.nbytes))
             self._tell_if_silent(port)
 
     def _hold(self, sets: Iterable[Mapping[str, Packet]]) -> None:
@@ -263,7 +263,7 @@ class _Together:
         assert packet.message is not None
         port, stamp_ns = packet.port, packet.message.header.stamp_ns
         if packet.epoch > self._epoch:
-            self._joiner.reset(stamp_ns)
+            self._synchronizer.reset(stamp_ns)
             self._runner.frames.reset()
             self._lost["stale"] += sum(len(held.packets) for held in self._held)
             self._held.clear()
@@ -278,7 +278,7 @@ class _Together:
         self._came[port] += 1
         if self._came[port] >= _SILENT:
             came = ", ".join(self._tell_of(one) for one in self._type.stepped)
-            self._say(f"{self._type.join} has joined nothing yet: {came}")
+            self._say(f"no messages matched by {self._type.sync} yet: {came}")
             self._came = None
 
     def _tell_of(self, port: str) -> str:

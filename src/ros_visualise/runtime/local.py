@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.params import Parameters, Value, specs
 from ros_visualise.data import ParameterEvent
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, Member, Node
-from ros_visualise.params import Parameters, Value, specs
 from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.joining import joining_of
 from ros_visualise.runtime.memory import tend_memory

@@ -9,7 +9,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 
 _LARGEST_BYTES = 16 * 2**20
 _GIVEN_BACK_S = 60.0

@@ -14,7 +14,7 @@ What the library of a middleware raises stays in that folder: one place there ma
 - RosVisualiseError  the answer is an error; the base of all these
 
 Anything else that a method raises is a bug. What is called from here, as ``take``, may raise
-anything: that is noted (see `ros_visualise.supervision`) and costs that one message or call.
+anything: that is noted (see `ros_visualise.core.supervision`) and costs that one message or call.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Protocol
 
+from ros_visualise.core.params import Parameters
+from ros_visualise.core.rate import Clock
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import Parameters
-from ros_visualise.rate import Clock
 
 
 class Handle(Protocol):
@@ -52,7 +52,7 @@ class Publisher(Handle, Protocol):
         """Messages that a subscriber had no time for, over all subscribers."""
 
     def publish(self, message: Any) -> None:
-        """Send a message: one of `ros_visualise.data.MESSAGES`, or a recorded one as it stands.
+        """Send a message: one of `ros_visualise.data`, or a recorded one as it stands.
 
         What it holds must not change any more.
 
@@ -163,7 +163,7 @@ class Middleware(Protocol):
         """Become a node of the graph, and send what this package logs to the graph's log.
 
         From then on Ctrl-C and SIGTERM interrupt nothing: they are noted for `is_over`, see
-        `ros_visualise.signals.note`.
+        `ros_visualise.core.signals.note`.
 
         Args:
             name: of the node, unless the command line gives it another one.
@@ -277,7 +277,7 @@ class Middleware(Protocol):
     def serve_parameters(self, parameters: Parameters[Any], namespace: str) -> Handle:
         """Offer a node's live parameters to the graph.
 
-        They are declared by ``ros_visualise.params.specs(parameters.current)``. A request is
+        They are declared by ``ros_visualise.core.params.specs(parameters.current)``. A request is
         applied by ``parameters.update``, and refused if that raises; what changes here, the graph
         is told, see ``parameters.on_change``, whose listeners must not wait.
 

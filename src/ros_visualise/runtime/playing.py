@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, make_dataclass
 from typing import Any
 
+from ros_visualise.core.params import Parameters, Value, param, specs
+from ros_visualise.core.rate import MAX_RATE
 from ros_visualise.nodes import NodeType, SourceType, find_all
-from ros_visualise.params import Parameters, Value, param, specs
-from ros_visualise.rate import MAX_RATE
 from ros_visualise.sources.playback import Playback
 
 

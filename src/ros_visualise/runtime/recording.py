@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import DamagedMessage, RecordingError
+from ros_visualise.core.params import Parameters, Value
+from ros_visualise.core.printing import without_secrets
 from ros_visualise.data import Header, ParameterEvent
 from ros_visualise.data.fields import LATEST_NS
-from ros_visualise.errors import DamagedMessage, RecordingError
 from ros_visualise.graph import Graph
-from ros_visualise.params import Parameters, Value
-from ros_visualise.printing import without_secrets
 from ros_visualise.runtime.calibrations import Calibrations, calibration_topics
 from ros_visualise.runtime.ordering import Ordering, recordable
 from ros_visualise.runtime.queues import Packet

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Header
-from ros_visualise.errors import DamagedMessage
 
 log = logging.getLogger(__name__)
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from ros_visualise.supervision import PROCESS
+from ros_visualise.core.supervision import PROCESS
 
 RATES = ("hz", "wall_hz")
 """Those of a topic: by the stamps, and by the wall clock."""

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from ros_visualise.core.errors import DamagedMessage, NoTransform, RosVisualiseError
+from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, Transforms
-from ros_visualise.errors import DamagedMessage, NoTransform, RosVisualiseError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.graph import Node
 from ros_visualise.messages.recorded import content
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.refusals import require_header
 from ros_visualise.runtime.report import NodeReport

@@ -9,11 +9,11 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.params import Parameters, specs
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.params import Parameters, specs
+from ros_visualise.core.yaml_files import BadYaml, load_yaml, to_yaml
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.files import write_file
-from ros_visualise.yaml_files import BadYaml, load_yaml, to_yaml
 
 _FORM = "give a YAML file as NODE: {PARAM: VALUE}"
 

@@ -9,13 +9,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from ros_visualise import supervision
-from ros_visualise.errors import DamagedMessage, ParameterError, RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import DamagedMessage, ParameterError, RosVisualiseError
+from ros_visualise.core.params import Parameters, Value, specs
+from ros_visualise.core.rate import Steady
 from ros_visualise.graph import SourceNode
 from ros_visualise.messages.recorded import recorded_ns
 from ros_visualise.nodes import Source
-from ros_visualise.params import Parameters, Value, specs
-from ros_visualise.rate import Steady
 from ros_visualise.runtime.epochs import Epochs
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.refusals import Refusals, require_header

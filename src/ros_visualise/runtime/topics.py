@@ -10,12 +10,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Protocol
 
-from ros_visualise.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.core.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.core.supervision import ERRORS, attempt, note
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.report import TopicReport
 from ros_visualise.runtime.stats import TopicStats
-from ros_visualise.supervision import ERRORS, attempt, note
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.simulation.missions import SHAPES, Mission, read_mission
 from ros_visualise.simulation.model import build_world
 from ros_visualise.simulation.pad import PadParams

@@ -7,7 +7,7 @@ import logging
 import os
 from typing import Any
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 log = logging.getLogger(__name__)
 

@@ -9,12 +9,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import OpenError
-from ros_visualise.near import near
+from ros_visualise.core.errors import OpenError, did_you_mean
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 from ros_visualise.simulation.attitude import Vector
 from ros_visualise.simulation.route import Route
 from ros_visualise.simulation.worlds import World
-from ros_visualise.yaml_files import BadYaml, load_yaml
 
 PAD = "pad"
 SHAPES = ("square", "figure_of_eight", "lawn_mower")
@@ -83,7 +82,7 @@ class Mission:
         if not (self.has_route or self.land_on):
             raise OpenError(f"nothing to follow: give a shape ({', '.join(SHAPES)}) or waypoints")
         if self.shape and self.shape not in SHAPES:
-            raise OpenError(f"no shape {self.shape!r}{near(self.shape, SHAPES)}")
+            raise OpenError(f"no shape {self.shape!r}{did_you_mean(self.shape, SHAPES)}")
         for name, (low, high, unit) in _LIMITS.items():
             value = getattr(self, name)
             if not all(low <= v <= high for v in (value if isinstance(value, tuple) else [value])):

@@ -8,8 +8,8 @@ from enum import Enum
 from functools import partial
 from typing import Any
 
-from ros_visualise.errors import OpenError
-from ros_visualise.params import param
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.params import param
 from ros_visualise.simulation.attitude import Quat, Vector
 from ros_visualise.simulation.deck import PAD, stands_on_start
 from ros_visualise.simulation.model import Pose2

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Floats, Pixels
-from ros_visualise.errors import OpenError
 from ros_visualise.simulation.engine import advise_opengl, load_mujoco
 
 _PROBE_TIMEOUT_S = 60.0

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Odometry, PoseStamped, Text, Transforms, Twist
-from ros_visualise.errors import UsageError
 from ros_visualise.simulation import frames
 from ros_visualise.simulation.assignments import find_mission, with_pad
 from ros_visualise.simulation.attitude import Quat, Vector, from_yaw

@@ -8,6 +8,8 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, TypeVar
 
+from ros_visualise.core.declarations import action
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import (
     Header,
     Image,
@@ -17,13 +19,12 @@ from ros_visualise.data import (
     Transforms,
     Twist,
 )
-from ros_visualise.declarations import action, source
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.simulation.prefix import prefixed
 from ros_visualise.simulation.schedule import Output
 from ros_visualise.simulation.sensors import equipped, outputs_of
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import LATCHED, Simulation
+from ros_visualise.sources.declarations import source
 from ros_visualise.sources.playback import Playback
 
 T = TypeVar("T")

@@ -9,12 +9,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
+from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.data import ParameterEvent
-from ros_visualise.errors import UsageError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.near import near
 from ros_visualise.sources.recordings import Extra
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ class Recorder(Protocol):
 
         Args:
             topic: one of `topics`.
-            message: one of `ros_visualise.data.MESSAGES` or a
+            message: one of `ros_visualise.data` or a
                 `ros_visualise.messages.recorded.Recorded`.
             stamp_ns: its time; else that at which it was recorded before, or that of its header.
 
@@ -137,7 +136,7 @@ def kind_of(path: Path) -> Kind:
         raise UsageError(
             f"{path}: a recording's name ends in .mcap, .bag or .mp4, or then in @/TOPIC; without"
             " any of these it is the folder of a ROS 2 bag"
-            + near(path.suffix, filter(None, kinds), listed=False)
+            + did_you_mean(path.suffix, filter(None, kinds), listed=False)
         )
     return kind
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from mcap.writer import MCAP0_MAGIC
 
-from ros_visualise.errors import OpenError
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.regular_files import open_file
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 from ros_visualise.sinks.targets import Target, sync, take_over
 from ros_visualise.sources.recordings.metadata import METADATA
-from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 

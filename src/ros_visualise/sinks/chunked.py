@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-from ros_visualise.errors import DamagedMessage, RecordingError
+from ros_visualise.core.errors import DamagedMessage, RecordingError
 from ros_visualise.messages.recorded import Recorded, TopicType, recorded_ns
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.encoding import Buffer, Declaration, Encoder

@@ -12,9 +12,9 @@ from typing import Any
 from rosbags.convert.converter import STATIC_MSGTYPE_RENAMES, is_same_wireformat, migrate_bytes
 from rosbags.interfaces import Nodetype
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import CompressedImage, Image, Message, Path
 from ros_visualise.data.fields import Fields, build
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages import data_class, from_message, to_message, type_name
 from ros_visualise.messages.definitions import Definitions, Encoding, Undecoded, parts_of
 from ros_visualise.messages.misfits import refused
@@ -83,7 +83,7 @@ class Encoder:
         return Declaration(self._rename(name), text, digest, topic)
 
     def encode(self, message: Any) -> Buffer:
-        """The bytes of one of `ros_visualise.data.MESSAGES` or of a `Recorded`.
+        """The bytes of one of `ros_visualise.data` or of a `Recorded`.
 
         Raises:
             DamagedMessage: it holds what this encoding cannot, such as a stamp before 1970 or an

@@ -9,9 +9,9 @@ import shutil
 from contextlib import suppress
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
-from ros_visualise.limits import disk_reserve
-from ros_visualise.paths import may_replace
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import disk_reserve
+from ros_visualise.core.paths import may_replace
 from ros_visualise.sinks.targets import Target, sync, take_over
 
 _own: dict[Path, tuple[int, ...] | None] = {}
@@ -143,7 +143,7 @@ def save_again(path: Path, data: bytes) -> None:
     """Write a file that a running node is asked for, maybe more than once; raises as `write_file`.
 
     It replaces what this process wrote there and nobody changed since; else only what
-    `ros_visualise.paths.may_replace` allows.
+    `ros_visualise.core.paths.may_replace` allows.
     """
     place = Path(os.path.realpath(path))
     write_file(path, data, may_replace() or _own.get(place, ()) == _identity(place))

@@ -12,7 +12,7 @@ from typing import Any
 from mcap.records import Metadata
 from ruamel.yaml import YAML
 
-from ros_visualise.errors import RecordingError, RosVisualiseError
+from ros_visualise.core.errors import RecordingError, RosVisualiseError
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import Settings
 from ros_visualise.sinks.bag_folder import BagFolder

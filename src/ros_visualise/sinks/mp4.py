@@ -13,8 +13,8 @@ import av
 from av.codec.codec import UnknownCodecError
 from av.video.frame import PictureType
 
+from ros_visualise.core.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.data import Image
-from ros_visualise.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.messages.recorded import Recorded, TopicType, content
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.timeline import TICKS_PER_SECOND, Timeline

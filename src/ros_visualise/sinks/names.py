@@ -9,8 +9,8 @@ import stat
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, UsageError
-from ros_visualise.paths import check_printable
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.paths import check_printable
 from ros_visualise.sources.recordings.metadata import METADATA
 
 _LEFT_BY_SQLITE = ("-wal", "-journal", "-shm")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ros_visualise.errors import DamagedMessage, OpenError, RecordingError, UsageError
+from ros_visualise.core.errors import DamagedMessage, OpenError, RecordingError, UsageError
 from ros_visualise.messages.latched import Latched
 from ros_visualise.messages.recorded import TopicType, recorded_ns
 from ros_visualise.sinks.chunked import END_NS, ChunkedRecorder

@@ -6,9 +6,9 @@ from rosbags.convert.converter import LATCH
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2.metadata import dump_qos_v8, parse_qos
 
+from ros_visualise.core.yaml_files import BadYaml, parse_yaml
 from ros_visualise.messages.qos import VOLATILE, QoS
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.yaml_files import BadYaml, parse_yaml
 
 
 def offered_qos(topic: TopicType) -> str:

@@ -13,8 +13,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from itertools import count
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, RecordingError, UsageError
-from ros_visualise.paths import check_printable
+from ros_visualise.core.errors import OpenError, RecordingError, UsageError
+from ros_visualise.core.paths import check_printable
 
 if sys.platform != "win32":
     import fcntl
@@ -61,7 +61,7 @@ class Target(ABC):
 
         Raises:
             OpenError: it is there and not to be replaced, or it cannot be written.
-            UsageError: it is no name; see `ros_visualise.paths.check_printable`.
+            UsageError: it is no name; see `ros_visualise.core.paths.check_printable`.
         """
         check_printable(path)
         if path.name in ("", ".."):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path as File
 
+from ros_visualise.core.errors import RecordingError
 from ros_visualise.data import Path
-from ros_visualise.errors import RecordingError
 from ros_visualise.geometry.transforms import from_pose
 from ros_visualise.sinks.files import TargetFile
 

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 if TYPE_CHECKING:
     from ros_visualise.sources.recordings import Recording

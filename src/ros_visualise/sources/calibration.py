@@ -11,11 +11,11 @@ from urllib.parse import unquote, urlsplit
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Image
-from ros_visualise.errors import OpenError
 from ros_visualise.vision.calibration import resized
 from ros_visualise.vision.reshape import Size
-from ros_visualise.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ros_visualise.core.errors import RecordingError, UnsupportedImage, UsageError
 from ros_visualise.data import CameraInfo, Floats
-from ros_visualise.errors import RecordingError, UnsupportedImage, UsageError
 from ros_visualise.vision.rectification import model_of
 from ros_visualise.vision.reshape import Size
 

@@ -10,11 +10,11 @@ from contextlib import closing
 from av.error import FFmpegError
 from av.video.frame import VideoFrame
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.params import Value
+from ros_visualise.core.rate import Clock, Steady, WallClock
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError, ParameterError
-from ros_visualise.params import Value
-from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.sources.live import Stamps, open_live, parse_address, what_failed
 from ros_visualise.sources.v4l2_controls import set_controls
 from ros_visualise.sources.video_pixels import FrameConverter, Size

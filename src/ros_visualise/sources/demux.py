@@ -15,9 +15,9 @@ from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_frame, frame_pixels, frames_at_once
-from ros_visualise.regular_files import is_of_the_shell, open_file, open_regular
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_frame, frame_pixels, frames_at_once
+from ros_visualise.core.regular_files import is_of_the_shell, open_file, open_regular
 
 _UNKNOWN_BITS = 24  # of a pixel
 _BUFFER_BYTES = 1 << 16

@@ -6,8 +6,8 @@ from collections.abc import Collection
 from contextlib import closing
 from typing import NamedTuple
 
+from ros_visualise.core.errors import DamagedMessage, NoTransform, UsageError
 from ros_visualise.data import Transforms
-from ros_visualise.errors import DamagedMessage, NoTransform, UsageError
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording

@@ -13,8 +13,8 @@ from av.container import InputContainer
 from av.error import ExitError, FFmpegError
 from av.video.frame import VideoFrame
 
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.printing import without_secrets
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.printing import without_secrets
 from ros_visualise.sources.demux import limit_frames
 from ros_visualise.sources.video_pixels import Size
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 
 
 class Marks:

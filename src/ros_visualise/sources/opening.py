@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import FORMATS, Format, format_of, kinds, named
 from ros_visualise.sources.recordings import Recording
 

@@ -13,10 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_file
+from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import Image, Pixels
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_file
-from ros_visualise.regular_files import read_file
 from ros_visualise.vision.color import encoding_of
 from ros_visualise.vision.pictures import decodable
 

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ros_visualise.rate import Clock, WallClock
+from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.sources.marks import Marks
 from ros_visualise.sources.playable import PlaybackState
 from ros_visualise.sources.played_length import PlayedLength

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 
 _DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
 

@@ -10,7 +10,7 @@ import struct
 from pathlib import Path
 from typing import BinaryIO
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 
 _BOX = struct.Struct(">I4s")
 _LONG = struct.Struct(">Q")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.recorded import TopicType
 
 
@@ -19,7 +19,7 @@ class Series:
     """The messages of one topic.
 
     Attributes:
-        kind: their class, one of `ros_visualise.data.MESSAGES`.
+        kind: their class, one of `ros_visualise.data`.
         stamps_ns: (N,), in any order.
         make: message number i; it may raise `DamagedFile`.
         slow: it reads a file, so that it is worth doing ahead in another thread.

@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_file, check_text
+from ros_visualise.core.regular_files import open_file, read_file
 from ros_visualise.data import Floats, Header, Imu, NavSatFix
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_file, check_text
-from ros_visualise.regular_files import open_file, read_file
 from ros_visualise.sources.demux import open_container
 from ros_visualise.sources.logs.gpmf import Samples, is_whole, read_samples
 from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.rate import MAX_RATE, Clock
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.rate import MAX_RATE, Clock
 
 _LATE_NS = 100_000_000  # further behind than this, time is lost rather than caught up with
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import DamagedMessage, RosVisualiseError, UsageError
 from ros_visualise.data import (
     Floats,
     Header,
@@ -23,7 +24,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import DamagedMessage, RosVisualiseError, UsageError
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.geometry.located import PLANE_FRAME, Locator
 from ros_visualise.geometry.pair import FramePair

@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_numbers
+from ros_visualise.core.regular_files import open_file, read_text
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError, TooLarge
 from ros_visualise.geometry import rotations
-from ros_visualise.limits import check_numbers
-from ros_visualise.regular_files import open_file, read_text
 from ros_visualise.sources.trajectories import Trajectory, ordered
 
 log = logging.getLogger(__name__)

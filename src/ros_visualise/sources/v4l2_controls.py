@@ -16,8 +16,8 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from typing import Any, NamedTuple
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Value, param
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Value, param
 
 GROUP = "device"
 """The group of the parameters that are controls."""

@@ -16,8 +16,8 @@ from av.error import FFmpegError
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Image
-from ros_visualise.errors import OpenError
 from ros_visualise.sources.demux import Decoder, open_container, video_stream
 from ros_visualise.sources.promised import promised_bytes
 from ros_visualise.sources.video_pixels import FrameConverter, Size, upright_size

@@ -12,9 +12,9 @@ import numpy as np
 from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 
+from ros_visualise.core.errors import TooLarge, UsageError
+from ros_visualise.core.limits import check_image
 from ros_visualise.data import ENCODINGS, Deferred, Image, Pixels
-from ros_visualise.errors import TooLarge, UsageError
-from ros_visualise.limits import check_image
 
 Size = tuple[int, int]
 

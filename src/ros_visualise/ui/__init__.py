@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.sinks.names import record_folder
 from ros_visualise.ui.arrangements import Arrangement

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
-from ros_visualise.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 
 Value = bool | int | float | str
 Arrangement = Mapping[str, Value]

@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 
 _REST, _REST_IN_HASTE = 2.0, 8.0
 """Seconds of pause for each second of computing: the nodes come first."""

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 _USUAL_SIZE = (1600, 900)
 _NO_WINDOWS = 3

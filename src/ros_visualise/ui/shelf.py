@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.sources.formats import suffixes
 from ros_visualise.sources.opening import is_recorded_folder
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ros_visualise.params import Spec
+from ros_visualise.core.params import Spec
 
 _ROUNDING = 1e-9
 

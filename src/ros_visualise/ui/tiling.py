@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 
 TITLE = 36  # what a window manager adds above a window, in pixels
 _EDGE = 6  # and around it

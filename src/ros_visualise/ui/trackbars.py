@@ -9,8 +9,8 @@ from typing import Any
 
 import cv2
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Parameters, Spec, Value, specs
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, Spec, Value, specs
 from ros_visualise.ui.steps import step_of
 
 _STEPS = 100  # that a float's range is divided into, at least

@@ -11,8 +11,8 @@ from enum import Enum
 import cv2
 import numpy as np
 
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import MEASUREMENTS, Pixels
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.vision.depth import to_8_bit
 
 

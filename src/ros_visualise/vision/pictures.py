@@ -9,7 +9,7 @@ from io import BytesIO
 from PIL import Image as Pictures
 from PIL import UnidentifiedImageError
 
-from ros_visualise.limits import check_image
+from ros_visualise.core.limits import check_image
 
 _KINDS = ("JPEG", "PNG", "TIFF", "WEBP", "BMP", "PPM", "JPEG2000", "GIF")
 _EXPANDED = ("P", "PA", "LA")  # modes of which OpenCV makes colours, perhaps with alpha

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import CameraInfo, Floats, Pixels
-from ros_visualise.errors import UnsupportedImage
 from ros_visualise.vision.reshape import Size
 
 _COEFFICIENTS = {

@@ -6,8 +6,8 @@ from enum import Enum
 
 import cv2
 
+from ros_visualise.core.limits import check_image
 from ros_visualise.data import Pixels
-from ros_visualise.limits import check_image
 
 Size = tuple[int, int]
 """(width, height) in pixels."""

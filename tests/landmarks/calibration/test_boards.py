@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from board_pictures import Studio, poses_of
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.landmarks.calibration.boards import Kind, board_of, marker_corners, points_xy
 from ros_visualise.landmarks.calibration.calibrating import calibrate
 from ros_visualise.landmarks.calibration.finder import Finder

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.mapping.problem import Problem
 from ros_visualise.landmarks.mapping.survey import read_survey
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.core.errors import OpenError, ParameterError
 from ros_visualise.landmarks.networks.names import load_names, names_in, numbers_of
 
 

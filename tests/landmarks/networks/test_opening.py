@@ -12,7 +12,7 @@ pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' t
 
 import made_networks as made
 
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.core.errors import OpenError, RosVisualiseError
 from ros_visualise.landmarks.networks import session
 from ros_visualise.landmarks.networks.candidates import Choice
 from ros_visualise.landmarks.networks.layouts import ALL
@@ -269,7 +269,7 @@ def test_nothing_is_said_on_standard_error(tmp_path):
     path = made.answering(tmp_path / "n.onnx", np.zeros((1, 5)))
     code = (
         "import sys\nfrom ros_visualise.landmarks.networks.network import Network\n"
-        "from ros_visualise.errors import OpenError\n"
+        "from ros_visualise.core.errors import OpenError\n"
         "try: Network(sys.argv[1])\nexcept OpenError: print('refused')"
     )
     done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True)

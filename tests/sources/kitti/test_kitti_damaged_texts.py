@@ -6,7 +6,7 @@ import os
 import pytest
 from kitti_reading import messages, replace_file
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 
 FRAMES = [f"cam{number:02d}_optical" for number in range(4)]
 SPOILS = {

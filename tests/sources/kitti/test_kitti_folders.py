@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from kitti_reading import fixed_transform, messages, replace_file
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.kitti import is_kitti, open_kitti
 from ros_visualise.sources.opening import open_recording
 

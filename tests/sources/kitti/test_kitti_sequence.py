@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from kitti_reading import fixed_transform, messages
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import is_kitti, open_kitti
 from ros_visualise.sources.kitti.calibration import read_matrices

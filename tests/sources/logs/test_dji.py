@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.logs.dji import open_srt
 from ros_visualise.sources.opening import open_recording
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Imu, NavSatFix, Odometry, Path, Transforms
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.messages.numeric_fields import numeric_fields
 from ros_visualise.sources.logs.px4 import open_ulog

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pyulog import ULog
 
-from ros_visualise import limits
-from ros_visualise.errors import OpenError
+from ros_visualise.core import limits
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.logs.ulog import read_ulog
 from ros_visualise.sources.logs.ulog_records import Records
 from ros_visualise.sources.opening import open_recording

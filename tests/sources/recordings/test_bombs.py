@@ -13,8 +13,8 @@ from made_bags import START_NS, BagWriter, chunks
 from made_mcaps import STRING, Written, text, write_bag, write_mcap
 from mcap.writer import CompressionType, Writer
 
-from ros_visualise import limits
-from ros_visualise.errors import DamagedMessage, OpenError
+from ros_visualise.core import limits
+from ros_visualise.core.errors import DamagedMessage, OpenError
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sources.logs.dji import open_srt
 from ros_visualise.sources.opening import open_recording

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from made_bags import START_NS, BagWriter
 
-from ros_visualise import cli
-from ros_visualise.commands import info
+from ros_visualise.commands import info, main
 from ros_visualise.sources.recordings.summary import mean_rate
 
 
 @pytest.fixture
 def tell(capsys):
     def tell(path, as_json=False, status=0):
-        assert cli.main(["info", str(path), *["--json"] * as_json]) == status
+        assert main(["info", str(path), *["--json"] * as_json]) == status
         return capsys.readouterr().out
 
     return tell
@@ -142,7 +141,7 @@ def make_video(path, frames):
 def test_what_can_be_given_is_said(tmp_path, capsys, command):
     path = tmp_path / "notes.md"
     path.write_text("# Notes\n")
-    assert cli.main([command, str(path), *[str(tmp_path / "r.mcap")] * (command == "convert")]) == 2
+    assert main([command, str(path), *[str(tmp_path / "r.mcap")] * (command == "convert")]) == 2
     said = capsys.readouterr().err
     assert said.startswith(f"ros-visualise: {path}: neither a recording (.bag, .mcap, ")
     assert said.endswith(" nor a video that FFmpeg can read; check the path, or copy it again\n")

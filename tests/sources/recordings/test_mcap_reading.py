@@ -11,7 +11,7 @@ import pytest
 from made_mcaps import ROS1, ROS2, STRING, Written, in_order, numbered, write_mcap, written
 from mcap.writer import CompressionType, IndexType, Writer
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.recordings.mcap_file import open_mcap
 
 STYLES: list[dict[str, Any]] = [

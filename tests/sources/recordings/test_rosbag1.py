@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from made_bags import PERIOD_NS, START_NS, BagWriter, contents, drive
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.sources.opening import open_recording
 
 STRING = "std_msgs/msg/String"

@@ -11,7 +11,7 @@ import pytest
 from made_bags import contents, drive, pieces, said
 from rosbags.rosbag1 import Reader
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.summary import summarize
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_bags import BagWriter, chunks, contents, drive, message_counts, pieces, without_index
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.opening import open_recording
 
 STEPS = 6

@@ -5,7 +5,7 @@ import json
 import pytest
 from made_bags import PERIOD_NS, START_NS, BagWriter, T, contents, drive
 
-from ros_visualise.cli import main
+from ros_visualise.commands import main
 from ros_visualise.sources.opening import open_recording
 
 STRING = "std_msgs/msg/String"

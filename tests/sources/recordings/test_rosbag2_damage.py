@@ -10,7 +10,7 @@ import pytest
 from made_mcaps import Written, numbered, parts, text, write_bag, written
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
 

@@ -23,12 +23,12 @@ from made_mcaps import (
 )
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import load_yaml, to_yaml
 from ros_visualise.data import LaserScan
-from ros_visualise.errors import OpenError
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording, sqlite_file
 from ros_visualise.sources.recordings.rosbag2 import open_rosbag2
-from ros_visualise.yaml_files import load_yaml, to_yaml
 
 STORAGES = [StoragePlugin.SQLITE3, StoragePlugin.MCAP]
 each_storage = pytest.mark.parametrize("storage", STORAGES, ids=lambda s: s.name)

@@ -9,7 +9,7 @@ from made_bags import START_NS, BagWriter
 from made_mcaps import ROS2, STRING, Written, text, write_bag
 from mcap.writer import CompressionType, Writer
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording

@@ -9,7 +9,7 @@ from made_mcaps import written
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings.schemas import Schemas

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Header, PoseStamped
-from ros_visualise.errors import OpenError
 from ros_visualise.sources.formats import Format
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series

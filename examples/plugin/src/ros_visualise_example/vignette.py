@@ -5,8 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ros_visualise.data import Image
-from ros_visualise.nodes import node
-from ros_visualise.params import param
+from ros_visualise.nodes import node, param
 
 
 @dataclass(frozen=True)

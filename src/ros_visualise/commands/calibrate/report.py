@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.printing import counted
 from ros_visualise.landmarks.calibration.calibrating import APART, Calibration
 from ros_visualise.landmarks.calibration.collecting import Collector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.views import Coverage
-from ros_visualise.printing import counted
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Color, Figure
 

@@ -11,15 +11,15 @@ from tqdm import tqdm
 
 from ros_visualise.commands.calibrate import CalibrateOptions
 from ros_visualise.commands.calibrate.report import draw, summary, to_json
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
+from ros_visualise.core.printing import answer, answer_json, counted, say
+from ros_visualise.core.rate import WallClock
+from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.landmarks.calibration.boards import Board, Kind, board_of
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
 from ros_visualise.landmarks.calibration.collecting import Collector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.sheet import SHEET_FORMATS, lay_out
-from ros_visualise.printing import answer, answer_json, counted, say
-from ros_visualise.rate import WallClock
-from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets

@@ -8,7 +8,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 
 from ros_visualise.commands.convert.read_ahead import ReadAhead
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.latched import says
 from ros_visualise.sinks import Recorder
 from ros_visualise.sources.recordings import Entry, Recording

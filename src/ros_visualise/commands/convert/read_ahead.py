@@ -9,9 +9,9 @@ from collections.abc import Generator, Iterator
 from contextlib import closing
 from typing import Any
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.sources.recordings import Entry
 
 _AHEAD_BYTES = 32 << 20

@@ -10,20 +10,20 @@ from typing import Any
 
 from tqdm import tqdm
 
-from ros_visualise import supervision
 from ros_visualise.commands.convert import ConvertOptions
 from ros_visualise.commands.convert.conversion import Conversion, Part
-from ros_visualise.errors import (
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import (
     DamagedMessage,
     OpenError,
     RecordingError,
     RosVisualiseError,
     UsageError,
 )
+from ros_visualise.core.printing import answer_json, counted, say, sized
+from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.jobs.interruptible import in_time, interruptible
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.printing import answer_json, counted, say, sized
-from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sinks.names import check_targets, parse_target

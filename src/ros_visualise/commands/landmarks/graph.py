@@ -9,8 +9,8 @@ from importlib.util import find_spec
 from typing import Any
 
 from ros_visualise.commands.landmarks import LandmarksOptions
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.jobs.graphs import with_settings
 from ros_visualise.landmark_pipelines import (

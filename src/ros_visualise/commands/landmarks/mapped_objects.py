@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import (
     Detection3D,
     Detections,
@@ -15,7 +16,6 @@ from ros_visualise.data import (
     Transforms,
     TransformStamped,
 )
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization.estimate import known

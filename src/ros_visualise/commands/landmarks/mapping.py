@@ -10,6 +10,8 @@ import numpy as np
 
 from ros_visualise.commands.landmarks.mapped_objects import objects_again
 from ros_visualise.commands.landmarks.mapping_report import report_lines, report_values
+from ros_visualise.core.errors import DamagedMessage
+from ros_visualise.core.printing import say
 from ros_visualise.data import (
     Detection,
     Detections,
@@ -18,7 +20,6 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.data.frames import is_static
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.graph import Graph
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
 from ros_visualise.landmarks.localization.track import Track
@@ -28,7 +29,6 @@ from ros_visualise.landmarks.mapping.survey import Survey, read_survey
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.messages.recorded import content
 from ros_visualise.nodes.landmark_localizer import LocalizerParams
-from ros_visualise.printing import say
 from ros_visualise.runtime.queues import Packet
 
 

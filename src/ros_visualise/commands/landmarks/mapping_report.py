@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.printing import counted, shown
 from ros_visualise.landmarks.mapping.mapping import Map
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY
 from ros_visualise.landmarks.mapping.smoothing import Smoothed
 from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
-from ros_visualise.printing import counted, shown
 
 _WORST = 3  # views, and tags, that are named
 

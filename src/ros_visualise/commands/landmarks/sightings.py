@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detection, Detections, Detections3D, Hypothesis, Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.graph import Graph
 from ros_visualise.messages.recorded import content
 from ros_visualise.runtime.queues import Packet

@@ -11,18 +11,18 @@ from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.commands.landmarks.graph import landmark_graph
 from ros_visualise.commands.landmarks.mapping import Mapped, Mapper
 from ros_visualise.commands.landmarks.sightings import Sightings, image_json, landmarks_json, listen
+from ros_visualise.core.errors import RosVisualiseError, UsageError
+from ros_visualise.core.printing import answer, answer_json, counted, say, shown
+from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.data import Header
-from ros_visualise.errors import RosVisualiseError, UsageError
 from ros_visualise.graph import Graph
 from ros_visualise.jobs.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.nodes.landmark_localizer import check_map_name
-from ros_visualise.printing import answer, answer_json, counted, say, shown
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.signals import STOPPED, Wish, noticed
 from ros_visualise.sinks.files import TargetFile, write_file
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sources.pictures import Pictures

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.commands.trajectory import TrajectoryOptions
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats, Path
-from ros_visualise.errors import UsageError
 from ros_visualise.geometry import transforms
 from ros_visualise.geometry.alignment import Similarity, align
 from ros_visualise.geometry.trajectory_errors import (

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ros_visualise.commands.trajectory import TrajectoryOptions
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.sinks.names import parse_target
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording

@@ -12,10 +12,10 @@ from ros_visualise.commands.trajectory import TrajectoryOptions
 from ros_visualise.commands.trajectory.comparison import Comparison, compare
 from ros_visualise.commands.trajectory.inputs import Inputs, files_read, read_inputs
 from ros_visualise.commands.trajectory.report import figures, summary, table, to_json
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.printing import answer, answer_json, say, shown
 from ros_visualise.geometry.planes import Plane, planes_of
 from ros_visualise.jobs.interruptible import interruptible
-from ros_visualise.printing import answer, answer_json, say, shown
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets, parse_target

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
-from ros_visualise.errors import UsageError
 
 Ints = npt.NDArray[np.int64]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import CameraInfo, Floats
-from ros_visualise.errors import UsageError
 from ros_visualise.landmarks.calibration.adjustment import Fit, adjust, begin, rms_of
 from ros_visualise.landmarks.calibration.finding import FEWEST, Points
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, project, to_info

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image as Pictures
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.landmarks.calibration.boards import Board, Kind, dark_rectangles, outer_size
 
 PAGES = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}

@@ -24,12 +24,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml, to_yaml
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.estimate import known
 from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml, to_yaml
 
 
 class MapFile(NamedTuple):

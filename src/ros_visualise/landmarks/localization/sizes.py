@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import CameraInfo, Detection, Floats
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.landmarks.localization.estimate import Estimate
 from ros_visualise.landmarks.pose.rays import rays_of
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Detection, Detections, Floats, Imu, Transforms
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.landmarks.mapping.mounting import Gyro
 from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting

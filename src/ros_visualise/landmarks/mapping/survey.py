@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Problem, TagPrior
-from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml
 
 _SIGMA_M, _SIGMA_DEG = 0.01, 1.0
 _LEAST = 1e-5  # metres, radians: nobody knows a place better

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import param
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.landmarks.navigation.chart import Mode, Rules
 from ros_visualise.landmarks.navigation.inertial import ImuNoise
@@ -14,7 +15,6 @@ from ros_visualise.landmarks.navigation.past import Noise
 from ros_visualise.landmarks.navigation.points import Plane
 from ros_visualise.landmarks.navigation.satellites import GpsNoise
 from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.params import param
 
 
 @dataclass(frozen=True)

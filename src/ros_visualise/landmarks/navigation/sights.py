@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import Detection, Detections, Floats, Hypothesis
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.seen import UNKNOWN
 from ros_visualise.landmarks.pose.corner_noise import corner_noise

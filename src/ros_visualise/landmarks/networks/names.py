@@ -6,8 +6,8 @@ import ast
 import re
 from collections.abc import Mapping
 
-from ros_visualise.errors import OpenError, ParameterError
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.regular_files import open_file
 
 _MOST_BYTES = 1 << 20
 _MOST_CLASSES = 10_000

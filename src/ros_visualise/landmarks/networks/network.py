@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError, RosVisualiseError
 from ros_visualise.data import Floats, Pixels
-from ros_visualise.errors import OpenError, RosVisualiseError
 from ros_visualise.landmarks.networks import layouts
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choose
 from ros_visualise.landmarks.networks.layouts import Layout, Signature

@@ -16,10 +16,10 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ros_visualise import limits
-from ros_visualise.errors import OpenError, RosVisualiseError, TooLarge
+from ros_visualise.core import limits
+from ros_visualise.core.errors import OpenError, RosVisualiseError, TooLarge
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.landmarks.networks.stopping import stoppable
-from ros_visualise.regular_files import open_file
 
 _INSTALL = f"{sys.executable} -m pip install onnxruntime"
 _FATAL = 4  # of onnxruntime's log: what fails is raised too

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import UncalibratedCamera
 from ros_visualise.data import CameraInfo, Floats
-from ros_visualise.errors import UncalibratedCamera
 from ros_visualise.vision.rectification import distortion_of
 
 _ROUNDS = 20

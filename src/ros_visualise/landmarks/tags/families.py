@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
-from ros_visualise.yaml_files import BadYaml, load_yaml
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
 _POSE = {"x": 0.0, "y": 0.0, "z": 0.0, "qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}

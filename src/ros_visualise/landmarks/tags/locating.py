@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ros_visualise.core.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.data import CameraInfo, Detection, Floats, Hypothesis
-from ros_visualise.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.landmarks.pose import EXACT, CameraError, PoseEstimate, rig_poses, squares_poses
 from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags.finder import Tag

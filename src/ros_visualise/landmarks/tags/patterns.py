@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from pyapriltags import Detector
 
-from ros_visualise.errors import ParameterError
+from ros_visualise.core.errors import ParameterError
 from ros_visualise.landmarks.tags.apriltag import Cells, dictionary_cells
 from ros_visualise.landmarks.tags.families import Family
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from ros_visualise.core.limits import MAX_TAG_M
+from ros_visualise.core.params import param
 from ros_visualise.landmarks.pose import CameraError
-from ros_visualise.limits import MAX_TAG_M
-from ros_visualise.params import param
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from itertools import product
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import (
     Floats,
     Header,
@@ -23,7 +24,6 @@ from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.color import hsv_mask
 

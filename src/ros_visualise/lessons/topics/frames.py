@@ -7,15 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Message, Odometry, Transforms
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, INK, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
 from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 

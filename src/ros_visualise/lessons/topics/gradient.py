@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
 from ros_visualise.lessons.drawing import (
     BLUE,
@@ -23,7 +24,6 @@ from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.edges import Aperture

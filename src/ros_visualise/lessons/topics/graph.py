@@ -8,11 +8,11 @@ from time import monotonic_ns, sleep
 
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message
 from ros_visualise.lessons.drawing import BLUE, GREEN, INK, RED, WIDTH, arrow, frame
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import CameraInfo, Floats, Image, Message
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
@@ -18,7 +19,6 @@ from ros_visualise.lessons.methods.camera import camera_matrix, project
 from ros_visualise.lessons.methods.homography import apply, ellipse, homography
 from ros_visualise.lessons.methods.tags import SQUARE, TagSeen, draw_tag, find_tag
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 

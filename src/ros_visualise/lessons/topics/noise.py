@@ -9,12 +9,12 @@ from enum import Enum
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
 from ros_visualise.lessons.drawing import INK, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.quality import FULL, mean_square, psnr
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.smoothing import bilateral, median, sigma_of

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Imu, MarkerArray, Message
 from ros_visualise.lessons import car
 from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH
 from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
 from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 

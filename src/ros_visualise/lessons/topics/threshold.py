@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
 from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH, draw_histogram, draw_level
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.thresholds import LEVELS, between_classes, otsu, tone_curves
 from ros_visualise.nodes import node
-from ros_visualise.params import param
 from ros_visualise.sinks.axes import Axes
 from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.threshold import adaptive

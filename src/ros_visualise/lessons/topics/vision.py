@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
 from ros_visualise.landmarks.networks.candidates import Candidates, Choice
 from ros_visualise.landmarks.networks.network import Network
@@ -27,7 +28,6 @@ from ros_visualise.lessons.methods.layer import (
 from ros_visualise.lessons.methods.sobel import sobel
 from ros_visualise.nodes import NoParams, node
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
-from ros_visualise.params import param
 from ros_visualise.sinks.figure import Figure
 
 _SOBEL = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)

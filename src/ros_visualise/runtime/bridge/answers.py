@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ros_visualise import supervision
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError
 
 
 def answer(act: Callable[[], str | None]) -> tuple[bool, str]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import logging
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import CameraInfo, Image
-from ros_visualise.errors import UsageError
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware

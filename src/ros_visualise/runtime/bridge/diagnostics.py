@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ros_visualise.core.rate import Clock
 from ros_visualise.data import DiagnosticArray, Header
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.rate import Clock
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.report import NodeReport, figures_of
 from ros_visualise.runtime.statuses import Statuses

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from typing import Any
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Spec, Value, specs
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Spec, Value, specs
 
 log = logging.getLogger(__name__)
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import CameraInfo, CompressedImage, Image
-from ros_visualise.errors import RosVisualiseError
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.runtime.middleware import Handle, Middleware, Subscriber
 from ros_visualise.vision.compression import decompress

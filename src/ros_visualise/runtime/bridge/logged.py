@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 
-from ros_visualise.printing import Shown
+from ros_visualise.core.printing import Shown
 
 
 def log_to(say: Mapping[int, Callable[[str], object]]) -> logging.Handler:

@@ -11,8 +11,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from ros_visualise.core.errors import DamagedMessage, RosVisualiseError
+from ros_visualise.core.supervision import attempt, start
 from ros_visualise.data import CameraInfo, CompressedImage, Image, Transforms, TransformStamped
-from ros_visualise.errors import DamagedMessage, RosVisualiseError
 from ros_visualise.messages import type_name
 from ros_visualise.messages.calibrations import CAMERA_INFO, info_topic
 from ros_visualise.messages.recorded import TopicType, content
@@ -20,7 +21,6 @@ from ros_visualise.runtime.bridge.namesakes import advertise, image_names
 from ros_visualise.runtime.middleware import Middleware, Publisher
 from ros_visualise.runtime.queues import Inbox, Packet
 from ros_visualise.runtime.refusals import Refusals
-from ros_visualise.supervision import attempt, start
 from ros_visualise.vision.compression import compress
 
 _PATIENCE_S = 1.0  # with a subscriber that has stopped reading

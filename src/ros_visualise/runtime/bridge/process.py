@@ -10,13 +10,13 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.params import Parameters
 from ros_visualise.data import Image, Transforms
-from ros_visualise.errors import UsageError
 from ros_visualise.graph import Graph, M, Member
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.bridge.calibrating import offer_calibration
 from ros_visualise.runtime.bridge.diagnostics import Diagnostics, NodeStatus
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input

@@ -14,7 +14,7 @@ _LATE_NS = 1_000_000_000
 
 
 class SimulatedClock:
-    """Time that stands still, runs at any speed and jumps; see `ros_visualise.rate.Clock`.
+    """Time that stands still, runs at any speed and jumps; see `ros_visualise.core.rate.Clock`.
 
     Playing keeps to it. Where it jumps back, as when a recording starts over, playing goes on from
     there: stamps jump with it.

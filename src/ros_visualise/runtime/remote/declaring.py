@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, make_dataclass
 from enum import Enum
 from typing import Any
 
-from ros_visualise.params import param
+from ros_visualise.core.params import param
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Told:
 
 
 def declared(told: Iterable[Told]) -> type:
-    """A dataclass of `ros_visualise.params.param` fields; a choice is an Enum of its texts."""
+    """A dataclass of `ros_visualise.core.params.param` fields; a choice is an Enum of its texts."""
     return make_dataclass("Params", [_field(one) for one in told], frozen=True)
 
 

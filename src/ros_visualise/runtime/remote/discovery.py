@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from ros_visualise.data import (
-    MESSAGES,
     CompressedImage,
     DiagnosticArray,
     Image,
@@ -24,7 +23,7 @@ _OF_THE_GRAPH = ("dynamic_reconfigure/", "rcl_interfaces/", "rosgraph_msgs/", "s
 """How types begin by which ROS itself works."""
 
 _TOLD_AGAIN = "/rosout_agg"
-_SHOWN = set(MESSAGES) - {DiagnosticArray, ParameterEvent, Text}
+_NOT_SHOWN = {DiagnosticArray, ParameterEvent, Text}
 
 
 class Peer(NamedTuple):
@@ -60,7 +59,8 @@ def survey(listing: Listing, own: str) -> Sight:
             or below it, but not those of the robot next to it, nor itself.
     """
     kinds = listing.types.items()
-    shown = {topic: cls for topic, kind in kinds if (cls := data_class(kind)) in _SHOWN and cls}
+    known = {topic: cls for topic, kind in kinds if (cls := data_class(kind)) and cls.on_topics}
+    shown = {topic: cls for topic, cls in known.items() if cls not in _NOT_SHOWN}
     again = _again(shown, dict(listing.publishers))
     shown = {topic: cls for topic, cls in shown.items() if topic not in again}
     compressed = {t.rpartition("/")[0] for t, kind in kinds if kind == _COMPRESSED} & shown.keys()

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from ros_visualise import params, supervision
-from ros_visualise.errors import OpenError, ParameterError, Unreachable
+from ros_visualise.core import params, supervision
+from ros_visualise.core.errors import OpenError, ParameterError, Unreachable
+from ros_visualise.core.params import Parameters, specs
 from ros_visualise.nodes import NodeType, NoParams, SourceType
-from ros_visualise.params import Parameters, specs
 from ros_visualise.runtime.middleware import Middleware
 
 log = logging.getLogger(__name__)
@@ -81,7 +81,7 @@ class RemoteParameters(Parameters[Any]):
         """Have the node apply all changes or none; returns what then holds.
 
         Raises:
-            ParameterError: as `ros_visualise.params.update`, or the node itself refuses.
+            ParameterError: as `ros_visualise.core.params.update`, or the node itself refuses.
             OpenError: the node does not answer.
         """
         if not self.wait(_ANSWER_S):

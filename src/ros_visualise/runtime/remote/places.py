@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple, NoReturn
 
+from ros_visualise.core.params import Parameters
 from ros_visualise.graph import Graph, Node
 from ros_visualise.nodes import NodeType
-from ros_visualise.params import Parameters
 from ros_visualise.runtime.remote.discovery import Peer
 from ros_visualise.runtime.remote.figures import Figures
 from ros_visualise.runtime.remote.parameters import RemoteParameters

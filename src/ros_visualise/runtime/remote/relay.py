@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from ros_visualise.core.rate import Clock, Steady, WallClock
 from ros_visualise.data import Image
-from ros_visualise.rate import Clock, Steady, WallClock
 from ros_visualise.runtime.bridge.inputs import ImageInput, Input
 from ros_visualise.runtime.entrance import Entrance, Numbering
 from ros_visualise.runtime.middleware import Middleware

@@ -12,14 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError, Unreachable, UsageError
+from ros_visualise.core.params import Parameters, Value
 from ros_visualise.data import Image, ParameterEvent
-from ros_visualise.errors import RosVisualiseError, Unreachable, UsageError
 from ros_visualise.graph import Graph, TopicSpec
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes import NoParams
-from ros_visualise.params import Parameters, Value
 from ros_visualise.runtime.entrance import Numbering
 from ros_visualise.runtime.memory import tend_memory
 from ros_visualise.runtime.middleware import Middleware, Publisher

@@ -9,8 +9,8 @@ import genpy
 import rospy
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from ros_visualise import supervision
-from ros_visualise.rate import Clock, WallClock
+from ros_visualise.core import supervision
+from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
 from ros_visualise.runtime.ros1.errors import asking
 from ros_visualise.runtime.ros1.transport import Publisher

@@ -13,8 +13,8 @@ from typing import Any
 from dynamic_reconfigure.encoding import decode_config, encode_config
 from dynamic_reconfigure.msg import Config, ConfigDescription, Group, ParamDescription
 
+from ros_visualise.core.params import Spec, Value, specs
 from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import Spec, Value, specs
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.remote.declaring import Told, declared, name_here, name_there
 from ros_visualise.runtime.ros1.description import Plain, describe

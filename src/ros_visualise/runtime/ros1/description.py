@@ -16,7 +16,7 @@ from dynamic_reconfigure.msg import (
     ParamDescription,
 )
 
-from ros_visualise.params import Spec, Value
+from ros_visualise.core.params import Spec, Value
 from ros_visualise.runtime.bridge.given import spelled
 
 Plain = bool | int | float | str

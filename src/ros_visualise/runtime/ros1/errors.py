@@ -11,7 +11,7 @@ from xmlrpc.client import Error as XmlRpcError
 import rosgraph
 import rospy
 
-from ros_visualise.errors import RosVisualiseError, Unreachable
+from ros_visualise.core.errors import RosVisualiseError, Unreachable
 
 UNANSWERED = (
     OSError,

@@ -19,7 +19,7 @@ from typing import Any
 from rosgraph.network import ROSHandshakeException, decode_ros_handshake_header
 from rospy.impl import tcpros_base
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 
 _LENGTH = struct.Struct("<I")
 _LONGEST = 2**24

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.params import Parameters
+from ros_visualise.core.rate import Clock
+from ros_visualise.core.supervision import attempt
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import UsageError
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.params import Parameters
-from ros_visualise.rate import Clock
 from ros_visualise.runtime.middleware import Handle, Listing, Managed, ParametersListener
 from ros_visualise.runtime.ros1 import clock, listing, publishers, reconfigure, services, session
 from ros_visualise.runtime.ros1.clock import ClockPublisher
@@ -21,7 +22,6 @@ from ros_visualise.runtime.ros1.services import TriggerService
 from ros_visualise.runtime.ros1.set_camera_info import SetCameraInfoService
 from ros_visualise.runtime.ros1.transport import Publisher, Subscriber
 from ros_visualise.runtime.ros1.types import message_class
-from ros_visualise.supervision import attempt
 
 
 class Ros1:

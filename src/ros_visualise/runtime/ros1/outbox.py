@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 from ros_visualise.runtime.ros1.borrowing import Borrower
 from ros_visualise.runtime.ros1.wire import Parcel
 

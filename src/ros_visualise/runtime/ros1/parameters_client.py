@@ -11,12 +11,12 @@ import rospy
 from dynamic_reconfigure.msg import Config, ConfigDescription
 from dynamic_reconfigure.srv import Reconfigure
 
-from ros_visualise.errors import ParameterError, RosVisualiseError, Unreachable
-from ros_visualise.params import specs
+from ros_visualise.core.errors import ParameterError, RosVisualiseError, Unreachable
+from ros_visualise.core.params import specs
+from ros_visualise.core.supervision import attempt
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros1.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros1.errors import asking
-from ros_visualise.supervision import attempt
 
 
 class ReconfigureClient:

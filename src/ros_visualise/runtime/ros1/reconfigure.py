@@ -11,9 +11,9 @@ import rospy
 from dynamic_reconfigure.msg import Config, ConfigDescription
 from dynamic_reconfigure.srv import Reconfigure, ReconfigureRequest, ReconfigureResponse
 
-from ros_visualise import supervision
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Parameters, specs
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, specs
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.ros1.description import describe, from_config, plain, to_config
 from ros_visualise.runtime.ros1.errors import asking

@@ -26,9 +26,9 @@ from rospy.impl.registration import (
     get_topic_manager,
 )
 
-from ros_visualise import supervision
-from ros_visualise.errors import Unreachable, UsageError
-from ros_visualise.printing import say
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import Unreachable, UsageError
+from ros_visualise.core.printing import say
 from ros_visualise.runtime.ros1.errors import asking
 
 log = logging.getLogger(__name__)

@@ -11,15 +11,15 @@ from typing import Any
 import rospkg
 import rospy
 
-from ros_visualise import supervision
-from ros_visualise.errors import OpenError, RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import OpenError, RosVisualiseError
+from ros_visualise.core.signals import DONE, Wish, interrupt, note
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.ros1.clock_watch import watch_clock
 from ros_visualise.runtime.ros1.errors import asking
 from ros_visualise.runtime.ros1.handshakes import mend_handshakes
 from ros_visualise.runtime.ros1.pollers import mend_pollers
 from ros_visualise.runtime.ros1.registration import keep_registered, wait_for_master
-from ros_visualise.signals import DONE, Wish, interrupt, note
 
 _PACKAGE = "package://"
 _LOOK_S = 1.0

@@ -8,7 +8,7 @@ from typing import Any
 import genpy
 from genpy.dynamic import generate_dynamic
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
 
 DEFINITIONS = Definitions("ros1")

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock as ClockMessage
 
-from ros_visualise.rate import Clock, WallClock
+from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.runtime.bridge.simulated_time import SimulatedClock
 from ros_visualise.runtime.ros2.session import Session
 

@@ -10,8 +10,8 @@ from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor
 
+from ros_visualise.core.params import specs
 from ros_visualise.nodes import NodeType, SourceType
-from ros_visualise.params import specs
 from ros_visualise.runtime.playing import offered
 from ros_visualise.runtime.remote.declaring import Told, declared, name_here
 from ros_visualise.runtime.ros2.description import KINDS, describe, limits, plain, step

@@ -15,8 +15,8 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Spec, Value
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Spec, Value
 from ros_visualise.runtime.bridge.given import read
 
 _MIN_INT, _MAX_INT = -(2**63), 2**63 - 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from ros_visualise.errors import RosVisualiseError, Unreachable
+from ros_visualise.core.errors import RosVisualiseError, Unreachable
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import platform
 from importlib import import_module
 from typing import Any
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 
 LEAST = "humble"
 """The oldest release that is supported; the names of releases are in the order of the alphabet."""

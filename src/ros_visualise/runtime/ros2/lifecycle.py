@@ -12,8 +12,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNodeMixin, TransitionCallbackReturn
 from rclpy.node import Node
 
-from ros_visualise import supervision
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.runtime.middleware import Managed
 
 log = logging.getLogger(__name__)

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable
 from functools import cached_property, partial
 from typing import Any
 
+from ros_visualise.core.params import Parameters
+from ros_visualise.core.rate import Clock
+from ros_visualise.core.signals import Wish, note
 from ros_visualise.data import CameraInfo
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.params import Parameters
-from ros_visualise.rate import Clock
 from ros_visualise.runtime.bridge.given import given_values
 from ros_visualise.runtime.bridge.logged import log_to
 from ros_visualise.runtime.middleware import Handle, Listing, Managed, ParametersListener
@@ -24,7 +25,6 @@ from ros_visualise.runtime.ros2.publishers import Publisher, Unsent
 from ros_visualise.runtime.ros2.services import Service
 from ros_visualise.runtime.ros2.session import Session
 from ros_visualise.runtime.ros2.subscriptions import Subscriber
-from ros_visualise.signals import Wish, note
 
 
 class Ros2:

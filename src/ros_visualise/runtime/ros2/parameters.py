@@ -11,8 +11,8 @@ from typing import Any
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.parameter import Parameter
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Parameters, specs
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, specs
 from ros_visualise.runtime.ros2.clock import uses_sim_time
 from ros_visualise.runtime.ros2.description import describe, to_parameters, wanted
 from ros_visualise.runtime.ros2.session import Session

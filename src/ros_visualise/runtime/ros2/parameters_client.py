@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import qos_profile_parameter_events
 
-from ros_visualise.errors import ParameterError, Unreachable
+from ros_visualise.core.errors import ParameterError, Unreachable
 from ros_visualise.runtime.middleware import ParametersListener
 from ros_visualise.runtime.ros2.declaration import Declaration, declare, our_own
 from ros_visualise.runtime.ros2.description import values_of

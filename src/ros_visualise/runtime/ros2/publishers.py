@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.messages import data_class
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.buffers import Buffer

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.runtime.bridge.buffers import Buffer, BufferPool
 
 _OK = 0

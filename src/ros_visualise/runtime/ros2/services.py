@@ -12,8 +12,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.srv import SetCameraInfo
 from std_srvs.srv import Trigger
 
+from ros_visualise.core.errors import RosVisualiseError, Unreachable
 from ros_visualise.data import CameraInfo
-from ros_visualise.errors import RosVisualiseError, Unreachable
 from ros_visualise.messages import from_message, type_name
 from ros_visualise.runtime.bridge.answers import answer
 from ros_visualise.runtime.ros2.types import DEFINITIONS

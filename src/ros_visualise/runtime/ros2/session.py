@@ -23,8 +23,8 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from ros_visualise import supervision
-from ros_visualise.errors import OpenError, UsageError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.runtime.middleware import Handle, Managed
 from ros_visualise.runtime.ros2.cyclone import configure
 from ros_visualise.runtime.ros2.graph_node import GraphNode
@@ -100,7 +100,7 @@ class Session:
         Args:
             run: returns soon after the node has left the graph.
             name: of the thread.
-            again_s: as of `ros_visualise.supervision.start`.
+            again_s: as of `ros_visualise.core.supervision.start`.
         """
         thread = supervision.start(name, partial(self._run, run), again_s)
         self._threads.add(thread)

@@ -15,8 +15,8 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from ros_visualise import supervision
-from ros_visualise.errors import DamagedMessage, UsageError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.messages import data_class, from_message, type_name
 from ros_visualise.messages.qos import QoS
 from ros_visualise.runtime.ros2 import rcl

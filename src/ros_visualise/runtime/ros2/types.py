@@ -10,7 +10,7 @@ from typing import Any
 
 from ament_index_python.packages import get_package_share_directory
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.messages.definitions import Definitions
 
 _BETWEEN = "=" * 80

@@ -1,7 +1,7 @@
 """Robots that are simulated: a folder each, with its model, settings, control and node.
 
 Another package brings a robot by an entry point of the group ``ros_visualise.robots``; see
-`ros_visualise.registry`.
+`ros_visualise.core.registry`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ros_visualise.registry import Registry, holding
+from ros_visualise.core.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.missions import Mission

@@ -2,7 +2,7 @@
 
 They turn the true state into measurements. Each has its own random numbers, so that adding a sensor
 changes no other's data. Another package brings a sensor by an entry point of the group
-``ros_visualise.sensors``; see `ros_visualise.registry`.
+``ros_visualise.sensors``; see `ros_visualise.core.registry`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ros_visualise.params import param
-from ros_visualise.registry import Registry, holding
+from ros_visualise.core.params import param
+from ros_visualise.core.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.frames import CameraMount

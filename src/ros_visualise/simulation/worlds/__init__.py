@@ -1,7 +1,7 @@
 """Worlds that robots are simulated in: a module each, which builds one and says what is in it.
 
 The frame is ``map``: x east, y north, z up; the ground is the plane z = 0. Another package brings a
-world by an entry point of the group ``ros_visualise.worlds``; see `ros_visualise.registry`.
+world by an entry point of the group ``ros_visualise.worlds``; see `ros_visualise.core.registry`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from ros_visualise.registry import Registry, holding
+from ros_visualise.core.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.simulation.mjcf import WorldBuilder

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ros_visualise.registry import Registry, holding
+from ros_visualise.core.registry import Registry, holding
 
 if TYPE_CHECKING:
     from ros_visualise.sources.recordings import Recording

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.formats import Format
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.metadata import METADATA

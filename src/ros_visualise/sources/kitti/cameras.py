@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import TooLarge
+from ros_visualise.core.limits import check_image
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
-from ros_visualise.errors import TooLarge
-from ros_visualise.limits import check_image
-from ros_visualise.regular_files import open_file
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.series import DamagedFile
 

@@ -7,9 +7,9 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from ros_visualise.errors import TooLarge
-from ros_visualise.limits import check_file, check_numbers
-from ros_visualise.regular_files import read_file, read_text
+from ros_visualise.core.errors import TooLarge
+from ros_visualise.core.limits import check_file, check_numbers
+from ros_visualise.core.regular_files import read_file, read_text
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.series import DamagedFile
 

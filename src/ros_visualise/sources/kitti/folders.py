@@ -6,7 +6,7 @@ import os
 import re
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 CAMERAS = range(4)
 """0 and 1 are gray, 2 and 3 in colour; 0 and 2 left, 1 and 3 right."""

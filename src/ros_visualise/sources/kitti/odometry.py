@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Floats, Header, Odometry, PointCloud
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.sources.kitti import calibration, cameras, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile

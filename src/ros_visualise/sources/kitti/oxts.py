@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import TooLarge
+from ros_visualise.core.limits import check_numbers
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
-from ros_visualise.errors import TooLarge
 from ros_visualise.geometry import geodesy, rotations, transforms
-from ros_visualise.limits import check_numbers
 from ros_visualise.sources.kitti.files import Files
 from ros_visualise.sources.kitti.series import (
     BASE,

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import CameraInfo, Floats, Header, Image, PointCloud, TimeReference
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_text
+from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import Header, NavSatFix
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_text
-from ros_visualise.regular_files import read_file
 from ros_visualise.sources.logs.srt import Subtitle, decode_srt, ends_cut, parse_srt
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.series import SeriesRecording

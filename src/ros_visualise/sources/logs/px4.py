@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.data import (
     Floats,
     Header,
@@ -26,7 +27,6 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.data import Path as PathMessage
-from ros_visualise.errors import OpenError
 from ros_visualise.geometry import rotations
 from ros_visualise.sources.logs.attitude import Attitude
 from ros_visualise.sources.logs.ned import to_enu, to_flu

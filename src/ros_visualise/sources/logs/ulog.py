@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_log
+from ros_visualise.core.regular_files import read_file
 from ros_visualise.data import Floats
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_log
-from ros_visualise.regular_files import read_file
 from ros_visualise.sources.logs.strays import find_strays
 from ros_visualise.sources.logs.ulog_formats import Format, columns
 from ros_visualise.sources.logs.ulog_records import MAGIC, Records, Topic, UnknownFlags

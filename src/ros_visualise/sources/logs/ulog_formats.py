@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.limits import object_limit
+from ros_visualise.core.limits import object_limit
 
 _FIELD = re.compile(r"(\w+)(?:\[(\d{1,5})\])? (\w+)", re.ASCII)
 _NAME = re.compile(r"[\w/-]+", re.ASCII)

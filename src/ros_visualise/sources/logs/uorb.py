@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.logs.ulog import Table

@@ -24,7 +24,7 @@ class Entry(NamedTuple):
     """One message of a recording, and when it was recorded.
 
     ``message`` is a `ros_visualise.messages.recorded.Recorded` or, where the recording holds no ROS
-    messages, one of `ros_visualise.data.MESSAGES`.
+    messages, one of `ros_visualise.data`.
     """
 
     topic: str

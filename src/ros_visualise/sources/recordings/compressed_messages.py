@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterator
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import TooLarge
+from ros_visualise.core.errors import TooLarge
 from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.shelf import Shelf
 from ros_visualise.sources.recordings.storage import Piece, Query, Storage, add_note

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 
+from ros_visualise.core.errors import DamagedMessage, UsageError
 from ros_visualise.data import ENCODINGS, Image
-from ros_visualise.errors import DamagedMessage, UsageError
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from mcap.records import Channel as McapChannel
 from mcap.records import Schema
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Encoding
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel

@@ -12,9 +12,9 @@ from typing import BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import OpenError, TooLarge
-from ros_visualise.limits import check_file
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError, TooLarge
+from ros_visualise.core.limits import check_file
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.recordings import Extra, Loss, Recording
 from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, Place, Records
 from ros_visualise.sources.recordings.mcap_channels import describe

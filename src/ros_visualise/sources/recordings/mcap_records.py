@@ -17,7 +17,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from ros_visualise.errors import TooLarge
+from ros_visualise.core.errors import TooLarge
 from ros_visualise.sources.recordings.chunk_piece import Place, Records
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.yaml_files import BadYaml, load_yaml
+from ros_visualise.core.yaml_files import BadYaml, load_yaml
 
 log = logging.getLogger(__name__)
 

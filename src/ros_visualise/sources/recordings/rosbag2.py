@@ -13,9 +13,9 @@ from pathlib import Path
 import zstandard
 from mcap.records import Metadata as MetadataRecord
 
-from ros_visualise.errors import OpenError
-from ros_visualise.limits import check_disk
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.limits import check_disk
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.recordings import Loss, Recording
 from ros_visualise.sources.recordings.compressed_messages import CompressedMessages
 from ros_visualise.sources.recordings.mcap_file import McapFile

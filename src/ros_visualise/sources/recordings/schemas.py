@@ -12,7 +12,7 @@ from rosbags.typesys import (
     get_typestore,
 )
 
-from ros_visualise.errors import DamagedMessage, TooLarge
+from ros_visualise.core.errors import DamagedMessage, TooLarge
 from ros_visualise.messages.definitions import (
     Definitions,
     Encoding,

@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.sources.recordings import Loss
 from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import Storage, add_note

@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from pathlib import Path
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 
 _PAGE_COUNT_AT = 28
 _LEAF = 13

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.metadata import METADATA

@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.errors import DamagedMessage, OpenError
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import DamagedMessage, OpenError
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.recordings.schemas import Schemas, digest, is_latched, ros_name
 from ros_visualise.sources.recordings.storage import Channel
 

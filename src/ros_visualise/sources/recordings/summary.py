@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Image
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.messages.recorded import content
 from ros_visualise.sources.recordings import Recording, TopicInfo
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 
-from ros_visualise.limits import check_unpacked, unpacked_limit
+from ros_visualise.core.limits import check_unpacked, unpacked_limit
 
 Packed = bytes | memoryview
 

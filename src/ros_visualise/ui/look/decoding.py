@@ -11,8 +11,8 @@ from contextlib import closing
 from queue import SimpleQueue
 from typing import Any
 
-from ros_visualise import supervision
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.gaps import played_time
 from ros_visualise.ui.look.curve import Curve

@@ -9,8 +9,7 @@ from functools import cache
 from pathlib import Path
 from urllib.parse import quote
 
-from ros_visualise.errors import RosVisualiseError
-from ros_visualise.near import near
+from ros_visualise.core.errors import RosVisualiseError, did_you_mean
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.colors import PALETTE, css
 from ros_visualise.ui.look.answers import READ_ONLY, Answer, Question, Refusal, as_json
@@ -94,7 +93,7 @@ class Looker:
             return self._topics(is_viewer)
         answers = {**self._answers, **self._acts}
         if asked not in answers:
-            raise Refusal(f"there is no such question{near(asked, answers)}", 404)
+            raise Refusal(f"unknown question{did_you_mean(asked, answers)}", 404)
         return answers[asked](question)
 
     def _topics(self, is_viewer: bool) -> Answer:

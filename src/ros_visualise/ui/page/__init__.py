@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from ros_visualise.printing import say
+from ros_visualise.core.printing import say
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.arrangements import Arrangement
 from ros_visualise.ui.look import Answer, Looker

@@ -9,8 +9,8 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from ros_visualise import supervision
-from ros_visualise.printing import say
+from ros_visualise.core import supervision
+from ros_visualise.core.printing import say
 
 _FORWARD = """<!doctype html><meta charset="utf-8"><meta name="referrer" content="no-referrer">
 <meta http-equiv="refresh" content="0;url={0}"><a href="{0}">ros_visualise</a>

@@ -10,8 +10,8 @@ from typing import Any
 
 import viser
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Parameters, Spec, Value
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, Spec, Value
 from ros_visualise.ui.page.elements import widen
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.steps import step_of

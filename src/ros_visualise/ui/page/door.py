@@ -19,7 +19,7 @@ from ipaddress import ip_address
 from typing import NamedTuple
 from urllib.parse import SplitResult, urlsplit
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 
 LOOPBACK_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 _PORTS = {"http": 80, "https": 443}

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import viser
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.ui.look.answers import Answer, Question, Refusal
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.gate import Receive

@@ -11,7 +11,7 @@ import viser
 from viser._messages import GuiUpdateMessage
 from websockets.http11 import Request
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 from ros_visualise.ui.look.answers import HEADER, READ_ONLY, Answer, Question, Refusal, as_json
 from ros_visualise.ui.page.budget import Budget
 from ros_visualise.ui.page.door import Door, Fetch

@@ -7,7 +7,7 @@ import secrets
 from contextlib import suppress
 from pathlib import Path
 
-from ros_visualise.errors import RecordingError
+from ros_visualise.core.errors import RecordingError
 
 
 class Incoming:

@@ -13,8 +13,8 @@ from urllib.parse import parse_qsl, quote, urlencode
 import numpy as np
 import viser
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Floats
-from ros_visualise.errors import UsageError
 from ros_visualise.ui.arrangements import Arrangement, Value
 from ros_visualise.ui.page.controls import set_value
 from ros_visualise.ui.page.elements import refusal

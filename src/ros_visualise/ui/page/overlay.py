@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from queue import SimpleQueue
 from typing import Any, NamedTuple, TypeVar
 
-from ros_visualise import supervision
+from ros_visualise.core import supervision
 
 T = TypeVar("T")
 _AGAIN_S = 1.0

@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 from ros_visualise.presets import NAMES, chosen, preset
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.saving import live_parameters

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import viser
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.paths import inside
 from ros_visualise.graph import Graph
-from ros_visualise.paths import inside
 from ros_visualise.runtime.base import ActiveRecording, Runtime
 from ros_visualise.runtime.ordering import recordable
 from ros_visualise.sinks.parts import parse_split, part_path

@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.paths import inside
+from ros_visualise.core.paths import inside
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.saving import live_parameters, new_name, save, write_yaml
 from ros_visualise.ui.page.controls import set_value

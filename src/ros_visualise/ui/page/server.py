@@ -9,8 +9,8 @@ import socket
 import rich
 import viser
 
-from ros_visualise import supervision
-from ros_visualise.errors import OpenError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import OpenError
 from ros_visualise.ui.page.connection import guarded_by
 from ros_visualise.ui.page.door import Door
 from ros_visualise.ui.page.gate import Answers, Gate, Receiver

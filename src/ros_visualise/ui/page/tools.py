@@ -7,8 +7,8 @@ from functools import partial
 
 import viser
 
+from ros_visualise.core.params import specs
 from ros_visualise.graph import Graph, Member
-from ros_visualise.params import specs
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.page.note import Note
 from ros_visualise.ui.page.worker import Worker

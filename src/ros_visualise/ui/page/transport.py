@@ -10,7 +10,7 @@ from typing import Any
 
 import viser
 
-from ros_visualise.rate import MAX_RATE
+from ros_visualise.core.rate import MAX_RATE
 from ros_visualise.sources.playable import PlaybackState
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page.controls import set_value, soon

@@ -9,9 +9,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from ros_visualise.errors import RecordingError, RosVisualiseError, UsageError
-from ros_visualise.limits import disk_reserve
-from ros_visualise.paths import inside
+from ros_visualise.core.errors import RecordingError, RosVisualiseError, UsageError
+from ros_visualise.core.limits import disk_reserve
+from ros_visualise.core.paths import inside
 from ros_visualise.ui.look.answers import Question, Refusal
 from ros_visualise.ui.page.gate import UPLOAD, Receive
 from ros_visualise.ui.page.incoming import Incoming

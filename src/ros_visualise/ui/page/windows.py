@@ -7,10 +7,10 @@ from itertools import groupby
 
 import viser
 
+from ros_visualise.core.params import Spec, specs
 from ros_visualise.data import Image, PointCloud
 from ros_visualise.graph import Member, Node
 from ros_visualise.lessons.magnifier import PixelParams
-from ros_visualise.params import Spec, specs
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.boxes import Boxes
 from ros_visualise.ui.page.controls import Controls

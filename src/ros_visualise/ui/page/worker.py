@@ -10,8 +10,8 @@ from typing import Any
 
 import viser
 
-from ros_visualise import supervision
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core import supervision
+from ros_visualise.core.errors import RosVisualiseError
 
 _MOST_ASKED = 200
 """At most so many jobs wait; what people ask for beyond that is dropped."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import IO, cast
 from zipfile import ZipFile, ZipInfo
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 
 _BLOCK_BYTES = 1 << 20
 

@@ -8,8 +8,8 @@ from contextlib import suppress
 
 import numpy as np
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Transforms, TransformStamped
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.ui.scene.links import Links
 

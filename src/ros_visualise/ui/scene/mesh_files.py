@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from ros_visualise.regular_files import read_file
+from ros_visualise.core.regular_files import read_file
 
 _LARGEST = 16 << 20
 _KEPT = 16

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import (
     CameraInfo,
     Detections3D,
@@ -22,7 +23,6 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Transforms,
 )
-from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, node_name

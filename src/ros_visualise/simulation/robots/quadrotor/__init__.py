@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from ros_visualise.core.declarations import action
 from ros_visualise.data import Odometry
-from ros_visualise.declarations import action
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.model import BuiltWorld
 from ros_visualise.simulation.robots import RobotType

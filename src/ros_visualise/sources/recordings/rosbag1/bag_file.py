@@ -12,8 +12,8 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.errors import OpenError
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.errors import OpenError
+from ros_visualise.core.regular_files import open_file
 from ros_visualise.sources.recordings import Extra, Loss
 from ros_visualise.sources.recordings.chunk_piece import ChunkPiece, FileRange, Records
 from ros_visualise.sources.recordings.rosbag1 import records

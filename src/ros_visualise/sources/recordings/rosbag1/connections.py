@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 
-from ros_visualise.errors import DamagedMessage
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions, Undecoded
 from ros_visualise.sources.recordings.rosbag1.layout import Connection
 from ros_visualise.sources.recordings.schemas import Schemas

@@ -9,7 +9,7 @@ import struct
 from enum import IntEnum
 from typing import BinaryIO, NamedTuple
 
-from ros_visualise.errors import TooLarge
+from ros_visualise.core.errors import TooLarge
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MAGIC = b"#ROSBAG V2.0\n"

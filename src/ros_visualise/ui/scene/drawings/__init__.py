@@ -1,7 +1,7 @@
 """How messages are drawn in 3D, a file for each kind of thing: `Drawing`s that say what they draw.
 
 Another package brings one by an entry point of the group ``ros_visualise.drawings``; see
-`ros_visualise.registry`. A type of messages that is drawn here already stays as it is.
+`ros_visualise.core.registry`. A type of messages that is drawn here already stays as it is.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 from types import ModuleType
 from typing import Any
 
-from ros_visualise.errors import UsageError
-from ros_visualise.registry import Registry
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.registry import Registry
 from ros_visualise.ui.scene.drawing import Drawing
 
 Drawings = tuple[type[Drawing], ...]

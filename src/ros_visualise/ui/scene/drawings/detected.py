@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detections3D
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import Color, color_of
 from ros_visualise.ui.scene.drawing import Drawing, Look

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import OccupancyGrid, Pixels
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move

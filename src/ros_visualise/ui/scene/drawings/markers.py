@@ -11,8 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
-from ros_visualise.errors import NoTransform
 from ros_visualise.geometry import transforms
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move

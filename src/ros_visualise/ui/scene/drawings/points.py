@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import LaserScan, Pixels, PointCloud
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo, usual_range
 from ros_visualise.ui.scene.drawing import Drawing, Look

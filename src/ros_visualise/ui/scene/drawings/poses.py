@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import (
     Floats,
     Odometry,
@@ -15,7 +16,6 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     TransformStamped,
 )
-from ros_visualise.errors import DamagedMessage
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move, to_wxyz

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
+from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import Floats, Imu, NavSatFix
-from ros_visualise.errors import DamagedMessage, NoTransform
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.ui.colors import Color

@@ -23,7 +23,7 @@ from ros_visualise.sinks import open_recorder
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 CAMERA = ["camera", "test", "--view", "none", "--size", "64x48"]
 PATIENCE_S = 30.0
-SOURCES = Path(__file__).parents[1] / "src"
+SOURCES = Path(__file__).parents[2] / "src"
 
 INTERRUPTED_IMPORT = """
 import os, signal, sys
@@ -34,7 +34,7 @@ class Finder:
             os.kill(os.getpid(), signal.SIGINT)
 
 sys.meta_path.insert(0, Finder())
-from ros_visualise.entry import main
+from ros_visualise.__main__ import main
 sys.argv[1:] = {arguments!r}
 sys.exit(main())
 """
@@ -42,8 +42,8 @@ sys.exit(main())
 LEFT_BEHIND = """
 import sys, threading, time
 import mujoco
-from ros_visualise import cli
-from ros_visualise.entry import main
+from ros_visualise import commands
+from ros_visualise.__main__ import main
 
 model = mujoco.MjModel.from_xml_string(
     "<mujoco><worldbody><body><freejoint/><geom size='1'/></body></worldbody></mujoco>"
@@ -60,7 +60,7 @@ def command():
     time.sleep(0.2)
     raise KeyboardInterrupt
 
-cli.main = command
+commands.main = command
 sys.exit(main())
 """
 
@@ -126,8 +126,8 @@ def test_an_executable_that_is_ended_while_it_begins_has_not_died(tmp_path, numb
 @pytest.mark.parametrize(
     "module",
     [
-        "ros_visualise.signals",
-        "ros_visualise.cli",
+        "ros_visualise.core.signals",
+        "ros_visualise.commands",
         "argparse",
         "ros_visualise.commands.demo",
         "ros_visualise.jobs.play",

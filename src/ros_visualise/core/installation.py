@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from io import StringIO
 from pathlib import Path
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 _FROM_PIP = ("numpy", "av", "rosbags", "viser")
 

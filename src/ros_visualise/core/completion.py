@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from argparse import ArgumentParser
 
-from ros_visualise.errors import OpenError
+from ros_visualise.core.errors import OpenError
 
 SHELLS = ("bash", "zsh", "fish")
 _PROGRAM = "ros-visualise"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from rosbags.rosbag1 import Writer
 
+from ros_visualise.core.printing import Shown, shown, without_secrets
 from ros_visualise.data import Header, Odometry
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.printing import Shown, shown, without_secrets
 from ros_visualise.sinks import open_recorder
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]

@@ -18,9 +18,8 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Generic, TypeVar
 
-from ros_visualise.errors import ParameterError, UsageError
-from ros_visualise.near import near
-from ros_visualise.paths import given_folder, inside
+from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
+from ros_visualise.core.paths import given_folder, inside
 
 Value = int | float | bool | str | Enum
 P = TypeVar("P")
@@ -53,7 +52,7 @@ def param(
         saved: whether it is saved with the others; what is played, and how, is not.
         used: whether it counts beside these other values; see `when`. If not, its slider waits.
         file: whether a value names a file. Whoever changes it while the node runs may only name one
-            in the folder of `ros_visualise.paths`, where the default is, or one that it named
+            in the folder of `ros_visualise.core.paths`, where the default is, or one that it named
             before.
         step: from one value to the next; None: any value will do.
         label: its name for people, where that is no name of Python's.
@@ -183,7 +182,7 @@ def update(params: P, changes: Mapping[str, Any]) -> P:
     known = {spec.name: spec for spec in specs(params)}
     for name in changes:
         if name not in known:
-            raise ParameterError(f"no parameter {name!r}{near(name, known)}")
+            raise ParameterError(f"no parameter {name!r}{did_you_mean(name, known)}")
     values = {name: known[name].coerce(value) for name, value in changes.items()}
     return dataclasses.replace(params, **values)  # type: ignore[type-var]
 

@@ -2,9 +2,9 @@
 
 import pytest
 
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.synchronizer import Approximate, Exact, Latest
 from ros_visualise.data import Image, PoseArray
-from ros_visualise.errors import UsageError
-from ros_visualise.joining import Approx, Exact, Latest
 from ros_visualise.nodes import node
 
 TWO = {"image": Image, "boxes": PoseArray}
@@ -15,10 +15,10 @@ def declared(step, inputs=TWO, **rest):
 
 
 def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
-    found = declared(lambda image, boxes, params, frames: image, join=Exact(), frames=True)
+    found = declared(lambda image, boxes, params, frames: image, sync=Exact(), frames=True)
     assert list(found.stepped) == ["image", "boxes"]
     assert list(found.inputs) == ["image", "boxes", "tf", "tf_static"]
-    assert found.join == Exact()
+    assert found.sync == Exact()
 
 
 @pytest.mark.parametrize(
@@ -26,48 +26,48 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
     [
         (
             lambda image, params: None,
-            {"join": Exact()},
-            "node locator: its step is given image, boxes, params, but takes image, params",
+            {"sync": Exact()},
+            "node locator: its step must take image, boxes, params, not image, params",
         ),
         (
             lambda image, boxes, params: None,
-            {"join": Exact(), "frames": True},
-            "its step is given image, boxes, params, frames, but takes image, boxes, params",
+            {"sync": Exact(), "frames": True},
+            "its step must take image, boxes, params, frames, not image, boxes, params",
         ),
         (
             lambda image, boxes, params: None,
             {},
-            "its step is given image, params, but takes image, boxes, params",
+            "its step must take image, params, not image, boxes, params",
         ),
         (
             lambda params, image=None, boxes=None: None,
-            {"join": Latest("picture")},
+            {"sync": Latest("picture")},
             "node locator: no input 'picture'; choose from image, boxes",
         ),
         (
             lambda image, params: None,
-            {"inputs": {"image": Image}, "join": Approx(0.1)},
-            r"node locator: Approx\(slop_s=0.1\) joins several inputs, and this node has image",
+            {"inputs": {"image": Image}, "sync": Approximate(0.1)},
+            r"node locator: Approximate\(slop_s=0.1\) needs several inputs; this node has image",
         ),
         (
             lambda image, boxes, params: None,
-            {"join": Exact},
-            r"node locator: join=.*Exact.*: give Each\(\), Exact\(\), Approx",
+            {"sync": Exact},
+            r"node locator: invalid sync=.*Exact.*; use Each\(\), Exact\(\), Approximate",
         ),
         (
             lambda image, params: None,
             {"inputs": {"image": 3}},
-            "node locator: 3 is no message; choose from CameraInfo",
+            "node locator: 3 is not a message; choose from CameraInfo",
         ),
         (
             lambda params, **_: None,
             {"inputs": {"the image": Image}},
-            "node locator: the image: a name is made of letters",
+            "node locator: the image: invalid name",
         ),
         (
             lambda params: None,
             {"inputs": {"params": Image}},
-            "node locator: its step is given params already; rename the input",
+            "node locator: its step already takes params; rename the input",
         ),
         (
             type("Empty", (), {"__init__": lambda self, params: None}),
@@ -77,12 +77,12 @@ def test_a_step_takes_the_joined_inputs_by_name_and_the_frames_last():
         (
             type("Bare", (), {"step": lambda self, params, image=None, boxes=None: None}),
             {},
-            "node locator: its __init__ is given params, but takes nothing",
+            "node locator: its __init__ must take params, not nothing",
         ),
         (
             lambda boxes, params: None,
             {"inputs": {"boxes": PoseArray}, "calibrated": True},
-            "node locator: calibrated=True is for inputs of type Image; it has none",
+            "node locator: calibrated=True needs an input of type Image",
         ),
     ],
 )
@@ -93,5 +93,5 @@ def test_what_does_not_fit_is_said_when_it_is_declared(step, options, says):
 
 @pytest.mark.parametrize("name", ["", "a b", "uav1/locator", "1st", "localisée"])
 def test_a_node_has_a_name_that_a_topic_may_have(name):
-    with pytest.raises(UsageError, match="a name is made of letters, digits and _"):
+    with pytest.raises(UsageError, match="invalid name; use letters, digits and _"):
         node(name, inputs={"image": Image}, outputs={"image": Image})

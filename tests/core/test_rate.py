@@ -3,7 +3,7 @@ from itertools import pairwise
 
 import pytest
 
-from ros_visualise.rate import Pacer, Steady
+from ros_visualise.core.rate import Pacer, Steady
 
 INPUT_HZ = 30
 MS = 1_000_000

@@ -18,9 +18,8 @@ Anything else that is raised is a bug and prints its traceback.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
-
-from ros_visualise.near import near
 
 
 class RosVisualiseError(Exception):
@@ -88,4 +87,26 @@ def _near_file(path: Path) -> str:
         return ""
     if path.name in there:  # it is no file
         return ""
-    return near(path.name, there, listed=False)
+    return did_you_mean(path.name, there, listed=False)
+
+
+def did_you_mean(name: str, known: Iterable[str], listed: bool = True) -> str:
+    """Hint for an unknown name: ``; did you mean filters?``, or a list of the known ones.
+
+    Args:
+        name: given name; its case does not matter.
+        known: names that could have been meant.
+        listed: list all of them if none is close.
+    """
+    from difflib import get_close_matches  # slow to import
+
+    names = list(known)
+    folded = {one.casefold(): one for one in reversed(names)}
+    given = name.casefold()
+    begun = [one for one in folded if given and one.startswith(given)]
+    found = get_close_matches(given, folded, n=1) or begun
+    if found:
+        return f"; did you mean {folded[found[0]]}?"
+    if not listed:
+        return ""
+    return f"; choose from {', '.join(names)}" if names else "; none are available"

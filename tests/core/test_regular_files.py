@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 import ros_visualise
-from ros_visualise.regular_files import open_file, read_file, read_text
+from ros_visualise.core.regular_files import open_file, read_file, read_text
 
 ROOT = Path(ros_visualise.__file__).parent
 OWN = {
-    "regular_files.py",  # the place itself
+    "core/regular_files.py",  # the place itself
     "runtime/ros2/types.py",  # definitions of ROS 2
     "simulation/model.py",  # and what is in this package
     "ui/look/looker.py",

@@ -10,7 +10,7 @@ import os
 import unicodedata
 from pathlib import Path
 
-from ros_visualise.errors import UsageError
+from ros_visualise.core.errors import UsageError
 
 _MOST_BYTES = 200  # of a name that others give; file systems take 255
 _INVISIBLE = (

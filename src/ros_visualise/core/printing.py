@@ -15,7 +15,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError
 
 _PASSWORD = re.compile(r"(://[^/?#:]*):[^/?#]*@")
 _QUERY = re.compile(r"(://[^?\s]*\?)\S+")

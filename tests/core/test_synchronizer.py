@@ -4,12 +4,12 @@ import random
 
 import pytest
 
-from ros_visualise.joining import Approx, Each, Exact, Latest, joiner
+from ros_visualise.core.synchronizer import Approximate, Each, Exact, Latest, synchronizer
 
 
 def joined(join, messages, ports=("image", "boxes"), ends=True, nbytes=0):
     """The sets as stamps by input, in the order of the ports, and what was dropped."""
-    work = joiner(join, ports)
+    work = synchronizer(join, ports)
     sets = [s for port, stamp in messages for s in work.put(port, stamp, stamp, nbytes)]
     sets += work.finish() if ends else []
     return [tuple(one[port] for port in ports if port in one) for one in sets], dict(work.dropped)
@@ -51,7 +51,7 @@ def test_messages_without_stamps_come_together_in_their_order():
 
 
 def test_approx_takes_the_nearest_and_not_the_first_within_the_slop():
-    slop = Approx(100e-9)
+    slop = Approximate(100e-9)
     messages = [("image", 50), ("image", 90), ("boxes", 100), ("image", 104), ("image", 150)]
     assert joined(slop, messages)[0] == [(104, 100)]
     assert joined(slop, messages[:3], ends=False)[0] == []  # a nearer one may still come
@@ -61,7 +61,7 @@ def test_approx_takes_the_nearest_and_not_the_first_within_the_slop():
 def test_approx_of_three_is_never_further_apart_than_the_slop():
     ports, slop_ns, choose = ("a", "b", "c"), 30, random.Random(5)
     streams = {port: sorted(choose.sample(range(3000), 60)) for port in ports}
-    sets, dropped = joined(Approx(slop_ns * 1e-9), in_some_order(streams, 1), ports)
+    sets, dropped = joined(Approximate(slop_ns * 1e-9), in_some_order(streams, 1), ports)
     assert len(sets) > 10
     assert max(max(stamps) - min(stamps) for stamps in sets) <= slop_ns
     for place, port in enumerate(ports):
@@ -70,7 +70,7 @@ def test_approx_of_three_is_never_further_apart_than_the_slop():
         assert dropped[port, "unmatched"] == 60 - len(sets)
 
 
-@pytest.mark.parametrize("join", [Exact(), Approx(0), Approx(20e-9), Approx(1e-6)])
+@pytest.mark.parametrize("join", [Exact(), Approximate(0), Approximate(20e-9), Approximate(1e-6)])
 def test_sets_do_not_depend_on_which_input_is_ahead(join):
     choose = random.Random(7)
     streams = {port: sorted(choose.sample(range(400), 60)) for port in ("image", "boxes", "tags")}
@@ -97,7 +97,7 @@ def test_so_many_bytes_wait_and_no_more():
 
 
 def test_after_a_jump_nothing_from_before_it_is_joined():
-    work = joiner(Exact(), ("image", "boxes"))
+    work = synchronizer(Exact(), ("image", "boxes"))
     work.put("image", 5, "before")
     work.reset(1)
     work.put("image", 1, "one")
@@ -118,7 +118,7 @@ def test_latest_waits_for_the_first_of_the_others_and_then_takes_the_newest():
 
 
 def test_after_a_jump_the_latest_is_what_is_older_than_the_new_time():
-    work = joiner(Latest("image"), ("image", "map", "pose"))
+    work = synchronizer(Latest("image"), ("image", "map", "pose"))
     work.put("map", 0, "map")
     work.put("pose", 9, "pose of later")
     work.reset(3)
@@ -129,5 +129,5 @@ def test_after_a_jump_the_latest_is_what_is_older_than_the_new_time():
 
 @pytest.mark.parametrize("slop_s", [-1, float("nan"), float("inf"), "0.1", None])
 def test_a_slop_is_a_time_that_is_no_less_than_nothing(slop_s):
-    with pytest.raises(ValueError, match=r"Approx\(.*\): give the seconds as 0 or more"):
-        Approx(slop_s)
+    with pytest.raises(ValueError, match=r"Approximate\(.*\): give the seconds as 0 or more"):
+        Approximate(slop_s)

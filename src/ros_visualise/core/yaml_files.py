@@ -16,7 +16,7 @@ from ruamel.yaml.composer import Composer
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, ScalarEvent
 
-from ros_visualise.regular_files import open_file
+from ros_visualise.core.regular_files import open_file
 
 MOST_VALUES = 1 << 15  # the metadata of a bag of 4,000 files has less; takes a second or two
 MANY_VALUES = 1 << 17  # of what holds matrices of numbers: a map of 2,000 landmarks has less

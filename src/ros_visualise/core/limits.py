@@ -11,7 +11,7 @@ import re
 import shutil
 from pathlib import Path
 
-from ros_visualise.errors import OpenError, TooLarge, UsageError
+from ros_visualise.core.errors import OpenError, TooLarge, UsageError
 
 DEFAULT_MEMORY = 2 << 30
 MAX_TAG_M = 100.0

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.errors import UsageError
-from ros_visualise.paths import inside
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.paths import inside
 
 ELSEWHERE = [
     "",

@@ -2,8 +2,8 @@
 
 import pytest
 
+from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Image, Odometry, Twist
-from ros_visualise.errors import UsageError
 from ros_visualise.nodes import NoParams, action, find, node, source
 
 

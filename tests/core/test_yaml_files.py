@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from ros_visualise.yaml_files import MANY_VALUES, BadYaml, load_yaml
+from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml
 
 NINE = "[" + ",".join(["lol"] * 9) + "]"
 LAUGHS = f"a0: &a0 {NINE}\n" + "".join(

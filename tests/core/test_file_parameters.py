@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from ros_visualise.errors import OpenError, ParameterError
+from ros_visualise.core.errors import OpenError, ParameterError
+from ros_visualise.core.params import Parameters, specs
+from ros_visualise.core.paths import set_folder
 from ros_visualise.nodes import find_all
 from ros_visualise.nodes.camera import CameraParams
 from ros_visualise.nodes.landmark_localizer import LocalizerParams
-from ros_visualise.params import Parameters, specs
-from ros_visualise.paths import set_folder
 from ros_visualise.sinks.files import save_again
 
 TEXTS = {"size", "frame_id", "world", "tf_prefix", "board", "dictionary", "target", "frame"}

@@ -1,4 +1,4 @@
-"""How the messages of a node's several inputs come together: what it declares, and the work."""
+"""Synchronizers: sets of messages of a node's several inputs, matched by their stamps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _KEPT_BYTES = 256 * 2**20
 
 @dataclass(frozen=True)
 class Each:
-    """Every message by itself, as it comes."""
+    """Every message by itself, as it arrives."""
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class Exact:
 
 
 @dataclass(frozen=True)
-class Approx:
+class Approximate:
     """One message of every input, with stamps at most ``slop_s`` apart: those nearest in time."""
 
     slop_s: float
 
     def __post_init__(self) -> None:
         if not (isinstance(self.slop_s, int | float) and 0 <= self.slop_s < inf):
-            raise ValueError(f"Approx({self.slop_s}): give the seconds as 0 or more")
+            raise ValueError(f"Approximate({self.slop_s}): give the seconds as 0 or more")
 
 
 @dataclass(frozen=True)
@@ -41,52 +41,52 @@ class Latest:
     trigger: str
 
 
-Join = Each | Exact | Approx | Latest
+SyncPolicy = Each | Exact | Approximate | Latest
 
 EACH = Each()
 
 
 class Waiting(NamedTuple):
-    """A message that waits for others: ``item`` is what stands for it outside."""
+    """A message that waits for a match; ``item`` is the caller's object for it."""
 
     stamp_ns: int
-    order: int  # among those of the same stamp, so that items are never compared
+    order: int  # tie-breaker for equal stamps, so that items are never compared
     item: Any
     nbytes: int
 
 
-class Joiner(Protocol):
-    """Puts messages together; the same messages in the same order always give the same sets.
+class Synchronizer(Protocol):
+    """Matches messages; the same messages in the same order always give the same sets.
 
-    ``dropped`` counts, for an input and a reason, the messages that came into no set.
+    ``dropped`` counts the messages that are in no set, by input and reason.
     """
 
     dropped: Counter[tuple[str, str]]
 
     def put(self, port: str, stamp_ns: int, item: Any, nbytes: int = 0) -> list[dict[str, Any]]:
-        """Take a message of an input; the sets that are whole by it: input -> item."""
+        """Take a message of an input; return the sets that it completes: input -> item."""
 
     def end(self, port: str) -> None:
-        """Nothing more comes on an input; what can no longer be matched is dropped."""
+        """An input has ended; drop what can no longer be matched."""
 
     def finish(self) -> list[dict[str, Any]]:
-        """Nothing more comes at all: the sets that only waited for something still nearer."""
+        """All inputs have ended; return the sets that only waited for a nearer match."""
 
     def reset(self, stamp_ns: int) -> None:
         """Time has jumped to ``stamp_ns``."""
 
 
-def joiner(join: Join, ports: Collection[str]) -> Joiner:
-    """What joins the messages of some inputs as it is declared."""
-    if isinstance(join, Latest):
-        return _LatestOfOthers(join.trigger, ports)
-    if isinstance(join, Each):
+def synchronizer(policy: SyncPolicy, ports: Collection[str]) -> Synchronizer:
+    """The synchronizer of a policy, for inputs of these names."""
+    if isinstance(policy, Latest):
+        return _LatestOfOthers(policy.trigger, ports)
+    if isinstance(policy, Each):
         return _OneByOne()
-    return _ByStamp(ports, round(join.slop_s * 1e9) if isinstance(join, Approx) else 0)
+    return _ByStamp(ports, round(policy.slop_s * 1e9) if isinstance(policy, Approximate) else 0)
 
 
 class _OneByOne:
-    """Joins nothing."""
+    """Passes every message on by itself."""
 
     def __init__(self) -> None:
         self.dropped: Counter[tuple[str, str]] = Counter()
@@ -105,7 +105,7 @@ class _OneByOne:
 
 
 class _LatestOfOthers:
-    """Joins what triggers with the newest of the others, by their stamps, that came before it."""
+    """Matches each triggering message with the newest one by then, by stamp, of every other."""
 
     def __init__(self, trigger: str, ports: Collection[str]) -> None:
         self.dropped: Counter[tuple[str, str]] = Counter()
@@ -126,18 +126,18 @@ class _LatestOfOthers:
         return [{port: item} | {other: self._newest[other][1] for other in self._others}]
 
     def end(self, port: str) -> None:
-        """The latest of an input still holds."""
+        """The latest message of an input stays valid."""
 
     def finish(self) -> list[dict[str, Any]]:
         return []
 
     def reset(self, stamp_ns: int) -> None:
-        """What is older than the new time, as a map that was sent once, still holds."""
+        """Messages older than the new time, such as a map sent once, stay valid."""
         self._newest = {p: kept for p, kept in self._newest.items() if kept[0] <= stamp_ns}
 
 
 class _ByStamp:
-    """Joins messages by their stamps, whichever input is ahead.
+    """Matches messages by their stamps, whichever input is ahead.
 
     The latest of the inputs' oldest messages is the pivot: what is older by more than the slop can
     never be matched. A set is made of what is nearest to the pivot on each input, as soon as no
@@ -185,7 +185,7 @@ class _ByStamp:
         return found
 
     def _nearest(self, pivot_ns: int) -> dict[str, Waiting]:
-        """Of each input what is nearest to the pivot; if that is too far apart, not after it."""
+        """Nearest message to the pivot of each input; if too far apart, the nearest before it."""
         nearest = {
             port: min(waiting, key=lambda one: abs(one.stamp_ns - pivot_ns))
             for port, waiting in self._waiting.items()
@@ -206,7 +206,7 @@ class _ByStamp:
         return {port: one.item for port, one in chosen.items()}
 
     def _drop_before(self, stamps_ns: Mapping[str, int]) -> bool:
-        """Let go of what is older; whether there was any."""
+        """Drop older messages; True if there were any."""
         before = self.dropped.total()
         for port, stamp_ns in stamps_ns.items():
             while self._waiting[port] and self._waiting[port][0].stamp_ns < stamp_ns:
@@ -214,7 +214,7 @@ class _ByStamp:
         return self.dropped.total() > before
 
     def _make_room(self) -> None:
-        """Let go of the oldest where too many wait for others, or too large ones."""
+        """Drop the oldest where too many messages, or too many bytes, wait for a match."""
         for port, waiting in self._waiting.items():
             if len(waiting) > _KEPT:
                 self._drop_first(port, "crowded out")
@@ -225,7 +225,7 @@ class _ByStamp:
             self._drop_first(min(crowds)[1], "crowded out")
 
     def _drop_partnerless(self) -> None:
-        """Let go of all that waits for an input that has ended, and has nothing left."""
+        """Drop all that waits for an input that has ended and is empty."""
         if any(not self._waiting[port] for port in self._ended):
             self._drop_all("unmatched")
 

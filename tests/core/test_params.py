@@ -3,8 +3,8 @@ from enum import Enum
 
 import pytest
 
-from ros_visualise.errors import ParameterError
-from ros_visualise.params import Parameters, param, specs, update
+from ros_visualise.core.errors import ParameterError
+from ros_visualise.core.params import Parameters, param, specs, update
 
 
 class Mode(Enum):

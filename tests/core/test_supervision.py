@@ -8,8 +8,8 @@ import threading
 from pathlib import Path
 
 import ros_visualise
-from ros_visualise.errors import RosVisualiseError
-from ros_visualise.supervision import Supervisor
+from ros_visualise.core.errors import RosVisualiseError
+from ros_visualise.core.supervision import Supervisor
 
 PATIENCE_S = 30.0
 ROOT = Path(ros_visualise.__file__).parent
@@ -19,7 +19,8 @@ OF_FUTURES = {"sources/recordings/series.py"}
 COMMAND = """
 import sys
 from dataclasses import replace
-from ros_visualise import cli, supervision
+from ros_visualise.core import supervision
+from ros_visualise import commands
 from ros_visualise.commands import nodes
 
 def run(options):
@@ -27,7 +28,7 @@ def run(options):
     return {status}
 
 nodes.COMMAND = replace(nodes.COMMAND, run=run)
-sys.exit(cli.main(["nodes"]))
+sys.exit(commands.main(["nodes"]))
 """
 
 

@@ -11,9 +11,9 @@ import av
 import numpy as np
 import pytest
 
-from ros_visualise import limits
+from ros_visualise.core import limits
+from ros_visualise.core.errors import OpenError, TooLarge, UsageError
 from ros_visualise.data import CompressedImage, Image
-from ros_visualise.errors import OpenError, TooLarge, UsageError
 from ros_visualise.messages import to_message
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.vision.compression import decompress

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ros_visualise.errors import RosVisualiseError
+from ros_visualise.core.errors import RosVisualiseError
 
 log = logging.getLogger(__name__)
 

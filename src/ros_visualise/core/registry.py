@@ -25,9 +25,8 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from ros_visualise.errors import UsageError
-from ros_visualise.near import near
-from ros_visualise.regular_files import read_file
+from ros_visualise.core.errors import UsageError, did_you_mean
+from ros_visualise.core.regular_files import read_file
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -138,7 +137,9 @@ class Registry(Generic[T]):
         if name in self.builtin:
             return self.read(importlib.import_module(f"{self.folder}.{name}"), name)
         if name not in self._entry_points:
-            raise UsageError(f"no {self.kind.removesuffix('s')} {name!r}{near(name, self.names())}")
+            raise UsageError(
+                f"no {self.kind.removesuffix('s')} {name!r}{did_you_mean(name, self.names())}"
+            )
         entry = self._entry_points[name]
         try:
             return self.read(entry.load(), name)

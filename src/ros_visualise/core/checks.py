@@ -1,0 +1,75 @@
+"""Checks of declarations: each raises UsageError for one that could not work."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.message import Message, topic_kinds
+from ros_visualise.core.synchronizer import EACH, Latest, SyncPolicy
+
+
+def check_name(what: str, name: str) -> None:
+    """Check that a name can be part of a topic."""
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name):
+        raise UsageError(f"{what}: invalid name; use letters, digits and _, the first a letter")
+
+
+def check_kinds(name: str, ports: Mapping[str, Any]) -> None:
+    """Check the names of inputs or outputs, and that their types are messages."""
+    for port, kind in ports.items():
+        check_name(f"node {name}: {port}", port)
+        if kind not in (known := topic_kinds()):
+            there = ", ".join(message.__name__ for message in known)
+            given = getattr(kind, "__name__", repr(kind))
+            raise UsageError(f"node {name}: {given} is not a message; choose from {there}")
+
+
+def check_sync(name: str, sync: SyncPolicy, inputs: Mapping[str, type]) -> None:
+    """Check that a policy can match the messages of these inputs."""
+    if not isinstance(sync, SyncPolicy):
+        ways = "Each(), Exact(), Approximate(SECONDS) or Latest(INPUT)"
+        raise UsageError(f"node {name}: invalid sync={sync}; use {ways} of ros_visualise.nodes")
+    if sync != EACH and len(inputs) < 2:
+        there = ", ".join(inputs) or "none"
+        raise UsageError(f"node {name}: {sync} needs several inputs; this node has {there}")
+    if isinstance(sync, Latest) and sync.trigger not in inputs:
+        raise UsageError(f"node {name}: no input {sync.trigger!r}; choose from {', '.join(inputs)}")
+
+
+def check_calibrated(name: str, calibrated: bool, inputs: Mapping[str, type[Message]]) -> None:
+    """Check that a node with calibrated images takes images."""
+    if calibrated and not any(kind.has_calibration for kind in inputs.values()):
+        raise UsageError(f"node {name}: calibrated=True needs an input of type Image")
+
+
+def check_step(name: str, target: Any, given: Sequence[str]) -> None:
+    """Check that the step of a node takes its arguments by name."""
+    is_class = isinstance(target, type)
+    step = getattr(target, "step", None) if is_class else target
+    if step is None:
+        raise UsageError(f"node {name}: the class {target.__name__} has no method step")
+    if twice := [one for one in given if given.count(one) > 1]:
+        raise UsageError(f"node {name}: its step already takes {twice[0]}; rename the input")
+    _check_call(f"node {name}: its step", step, [None] if is_class else [], given)
+
+
+def check_made(name: str, target: Any) -> None:
+    """Check that a class is made from the parameters."""
+    if isinstance(target, type):
+        _check_call(f"node {name}: its __init__", target, ["params"], [])
+
+
+def _check_call(
+    what: str, called: Callable[..., Any], by_place: Sequence[str | None], by_name: Sequence[str]
+) -> None:
+    signature = inspect.signature(called)
+    try:
+        signature.bind(*by_place, **dict.fromkeys(by_name))
+    except TypeError:
+        given = ", ".join(one for one in (*by_place, *by_name) if one)
+        takes = ", ".join(one for one in signature.parameters if one != "self")
+        raise UsageError(f"{what} must take {given}, not {takes or 'nothing'}") from None

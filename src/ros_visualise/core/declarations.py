@@ -1,0 +1,200 @@
+"""Declarations of nodes; `ros_visualise.nodes` explains how one is written."""
+
+from __future__ import annotations
+
+import inspect
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from ros_visualise.core.checks import (
+    check_calibrated,
+    check_kinds,
+    check_made,
+    check_name,
+    check_step,
+    check_sync,
+)
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.message import Message
+from ros_visualise.core.synchronizer import EACH, SyncPolicy
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+TRANSFORMS = dict.fromkeys(("tf", "tf_static"), "tf2_msgs/msg/TFMessage")
+"""Inputs of a node with frames, and their ROS type."""
+
+
+@dataclass(frozen=True)
+class NoParams:
+    """Parameters of a node without any."""
+
+
+@dataclass(frozen=True)
+class NodeType:
+    """A declared node.
+
+    Attributes:
+        make: makes the node from its parameters.
+        on_demand: outputs that are made only while they are subscribed to.
+        latched: outputs whose last message is kept for late subscribers.
+        drops: reason under which a result of None is counted, if that means a dropped message.
+        timed: its step takes the arrival time of the message.
+        stateless: the same message and parameters always give the same result.
+        doc: first line of its docstring.
+        actions: name and help of each action.
+        stepped: inputs whose messages its step takes.
+        sync: how the messages of its inputs are matched.
+        frames: its step takes a frame tree, fed by the inputs `TRANSFORMS`.
+        calibrated: its images come with their calibration, also on a graph that publishes it on a
+            topic of its own.
+        topics: output -> topic, where that does not follow from the names of node and output
+            (`ros_visualise.graph.place`).
+    """
+
+    name: str
+    make: Callable[[Any], Any]
+    params: type
+    inputs: Mapping[str, type]
+    outputs: Mapping[str, type]
+    on_demand: frozenset[str] = frozenset()
+    drops: str | None = None
+    timed: bool = False
+    stateless: bool = True
+    doc: str = ""
+    latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
+    stepped: Mapping[str, type[Message]] = field(default_factory=dict)
+    sync: SyncPolicy = EACH
+    frames: bool = False
+    calibrated: bool = False
+    topics: Mapping[str, str] = field(default_factory=dict)
+
+
+class _Optional:
+    """Methods that a node need not define."""
+
+    def reset(self) -> None:
+        pass
+
+    def finish(self) -> Any:
+        return None
+
+    def tick(self, params: Any) -> Any:
+        return None
+
+    def report(self) -> dict[str, Any]:
+        return {}
+
+
+class _Function(_Optional):
+    def __init__(self, function: Any) -> None:
+        self.step = function
+
+
+def node(
+    name: str,
+    *,
+    inputs: Mapping[str, type],
+    outputs: Mapping[str, type],
+    params: type = NoParams,
+    on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
+    drops: str | None = None,
+    timed: bool = False,
+    sync: SyncPolicy = EACH,
+    frames: bool = False,
+    calibrated: bool = False,
+    topics: Mapping[str, str] | None = None,
+    join: SyncPolicy | None = None,
+) -> Callable[[T], T]:
+    """Declare the decorated function or class as a node; see `NodeType`.
+
+    ``join`` is the former name of ``sync``.
+
+    Raises:
+        UsageError: invalid name, an input or output that is not a message, an unknown output, no
+            inputs to match, or a class or step that does not take its arguments.
+    """
+    if join is not None:
+        log.warning("node %s: join= is deprecated; use sync=", name)
+        sync = join
+    check_name(f"node {name}", name)
+    for port in (*on_demand, *latched, *(topics or {})):
+        if port not in outputs:
+            raise UsageError(f"node {name}: no output {port!r}; choose from {', '.join(outputs)}")
+    check_kinds(name, inputs)
+    check_kinds(name, outputs)
+    check_sync(name, sync, inputs)
+    check_calibrated(name, calibrated, inputs)
+    extras = ["params", *(["arrival_ns"] if timed else []), *(["frames"] if frames else [])]
+    transforms = {port: Message.kinds[kind] for port, kind in TRANSFORMS.items() if frames}
+
+    def declare(target: T) -> T:
+        check_made(name, target)
+        for given in [[port] for port in inputs] if sync == EACH else [[*inputs]]:
+            check_step(name, target, [*given, *extras])
+        is_class = isinstance(target, type)
+        make: Any = lambda _: _Function(target)  # noqa: E731
+        if is_class:
+            make = completed(target, _Optional)  # type: ignore[arg-type]
+        target.declared = NodeType(  # type: ignore[attr-defined]
+            name,
+            make,
+            params,
+            {**inputs, **transforms},
+            outputs,
+            frozenset(on_demand),
+            drops,
+            timed,
+            stateless=not is_class,
+            doc=first_line(target),
+            latched=frozenset(latched),
+            actions=actions_of(target),
+            stepped=inputs,
+            sync=sync,
+            frames=frames,
+            calibrated=calibrated,
+            topics=topics or {},
+        )
+        return target
+
+    return declare
+
+
+def action(help: str) -> Callable[[T], T]:
+    """Declare the decorated method as an action, which a person may ask a node to do.
+
+    Args:
+        help: what it does, in a few words.
+    """
+
+    def declare(method: T) -> T:
+        method.action = help  # type: ignore[attr-defined]
+        return method
+
+    return declare
+
+
+def completed(cls: type, optional: type) -> type:
+    """Class with the methods of ``optional`` that it does not define itself."""
+    return type(cls.__name__, (cls, optional), {})
+
+
+def actions_of(target: Any) -> dict[str, str]:
+    """Name and help of each action of a class and its base classes; a function has none."""
+    found: dict[str, str] = {}
+    for cls in inspect.getmro(target) if isinstance(target, type) else ():
+        for name, method in vars(cls).items():
+            help = getattr(method, "action", None)
+            if isinstance(help, str):
+                found.setdefault(name, help)
+    return found
+
+
+def first_line(target: Any) -> str:
+    """First line of a docstring."""
+    return (inspect.getdoc(target) or "").partition("\n")[0]

@@ -1,0 +1,154 @@
+"""Declarations of sources; `ros_visualise.nodes` explains how one is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol, TypeVar
+
+from ros_visualise.core.checks import check_name
+from ros_visualise.core.declarations import actions_of, completed, first_line
+from ros_visualise.core.errors import UsageError
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.series import Series
+
+T = TypeVar("T")
+
+VELOCITY_AXES = ("linear.x", "linear.y", "linear.z", "angular.z")
+"""Components of a Twist along and about which a robot may be driven."""
+
+
+@dataclass(frozen=True)
+class SourceType:
+    """A declared source.
+
+    Attributes:
+        make: opens the source, from its parameters and the `Playback`.
+        live: cannot wait for slow consumers, as a camera.
+        on_demand: outputs that are made only while they are subscribed to.
+        latched: outputs whose last message is kept for late subscribers.
+        actions: name and help of each action.
+        ros: types of outputs that do not follow from their class, as in a recording.
+        makes_time: its messages set the clock, as those of a recording or a simulation; else they
+            are stamped with the wall time.
+        velocity_axes: those of `VELOCITY_AXES` along which it follows a Twist; robots only.
+        seamless: its end leads back to its start, so that it is looped while somebody watches.
+        extend: name of a parameter that brings further ones, and what makes the parameters with
+            these.
+        recording: file or folder that it plays, which can be opened once more; its outputs are the
+            topics.
+        series: outputs that are known as a whole, by the times at which they are played.
+    """
+
+    name: str
+    make: Callable[[Any, Any], Source]
+    params: type
+    outputs: Mapping[str, type]
+    live: bool = False
+    doc: str = ""
+    inputs: Mapping[str, type] = field(default_factory=dict)
+    on_demand: frozenset[str] = frozenset()
+    latched: frozenset[str] = frozenset()
+    actions: Mapping[str, str] = field(default_factory=dict)
+    ros: Mapping[str, TopicType] = field(default_factory=dict)
+    makes_time: bool = False
+    velocity_axes: tuple[str, ...] = ()
+    seamless: bool = False
+    extend: tuple[str, Callable[[Any], Any]] | None = None
+    recording: Path | None = None
+    series: Sequence[Series] = ()
+
+
+class Source(Protocol):
+    """A declared source, as a runtime uses it."""
+
+    def messages(self) -> Iterator[tuple[str, Any]]:
+        """(Output name, message) until the end."""
+
+    def close(self) -> None:
+        """Release what is open; may be called from any thread."""
+
+    def receive(self, port: str, message: Any) -> None:
+        """Take a message of an input; may be called from any thread."""
+
+    def awaits(self, port: str) -> bool:
+        """True if an input answers its messages, and decides what it gives next.
+
+        It is then given the answer before its next message is asked for.
+        """
+
+    def configure(self, params: Any, changed: Collection[str]) -> None:
+        """Apply changed parameters, or raise ParameterError; may be called from any thread."""
+
+    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
+        """Make costly messages only while ``is_wanted(output)`` is true."""
+
+    def report(self) -> dict[str, Any]:
+        """Figures for the run report."""
+
+
+class _Optional:
+    """Methods that a source need not define."""
+
+    def receive(self, port: str, message: Any) -> None:
+        pass
+
+    def awaits(self, port: str) -> bool:
+        return False
+
+    def configure(self, params: Any, changed: Collection[str]) -> None:
+        pass
+
+    def set_demand(self, is_wanted: Callable[[str], bool]) -> None:
+        pass
+
+    def report(self) -> dict[str, Any]:
+        return {}
+
+
+def source(
+    name: str,
+    *,
+    params: type,
+    outputs: Mapping[str, type],
+    inputs: Mapping[str, type] | None = None,
+    on_demand: tuple[str, ...] = (),
+    latched: tuple[str, ...] = (),
+    live: bool = False,
+    makes_time: bool = False,
+    velocity_axes: tuple[str, ...] = (),
+    seamless: bool = False,
+    extend: tuple[str, Callable[[Any], Any]] | None = None,
+) -> Callable[[T], T]:
+    """Declare the decorated class as a source; see `SourceType`.
+
+    Raises:
+        UsageError: invalid name or velocity axis.
+    """
+    check_name(f"source {name}", name)
+    for axis in velocity_axes:
+        if axis not in VELOCITY_AXES:
+            there = ", ".join(VELOCITY_AXES)
+            raise UsageError(f"source {name}: no velocity axis {axis!r}; choose from {there}")
+
+    def declare(target: T) -> T:
+        target.declared = SourceType(  # type: ignore[attr-defined]
+            name,
+            completed(target, _Optional),  # type: ignore[arg-type]
+            params,
+            outputs,
+            live,
+            doc=first_line(target),
+            inputs=inputs or {},
+            on_demand=frozenset(on_demand),
+            latched=frozenset(latched),
+            actions=actions_of(target),
+            makes_time=makes_time,
+            velocity_axes=velocity_axes,
+            seamless=seamless,
+            extend=extend,
+        )
+        return target
+
+    return declare
