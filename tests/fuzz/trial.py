@@ -14,7 +14,7 @@ from typing import Any
 from fuzz.counts import count
 from fuzz.page import send
 from ros_visualise.commands import main
-from ros_visualise.sources.logs.gpmf import read_samples
+from ros_visualise.sources.logs.gopro import read_samples
 
 MOST_MIB = 2048
 QUICK = ("--view", "none", "--rate", "0", "--json")

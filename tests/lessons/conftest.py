@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.sources.landscape import draw_landscape
+from ros_visualise.sources.flyover import draw_landscape
 
 
 @pytest.fixture(scope="session")

@@ -10,8 +10,7 @@ import pytest
 
 from ros_visualise.core.errors import RecordingError, UsageError
 from ros_visualise.data import CameraInfo
-from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.calibration_store import check, locate, save
+from ros_visualise.sources.calibration import check, locate, read_calibration, save
 
 CONVERT = Path("/usr/lib/camera_calibration_parsers/convert")
 TURN = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])

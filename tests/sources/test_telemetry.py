@@ -12,10 +12,9 @@ from ros_visualise.nodes.streamer import StreamerParams
 from ros_visualise.nodes.streamer import film as film_source
 from ros_visualise.pipelines import film_pipeline
 from ros_visualise.sources import demux
-from ros_visualise.sources.film import Film
-from ros_visualise.sources.logs.gpmf import is_whole, read_samples
+from ros_visualise.sources.logs.gopro import is_whole, read_samples
 from ros_visualise.sources.playback import Playback
-from ros_visualise.sources.telemetry import telemetry_of
+from ros_visualise.sources.telemetry import Film, telemetry_of
 from ros_visualise.sources.video import Video
 
 SRT = """1

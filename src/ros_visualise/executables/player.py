@@ -19,8 +19,8 @@ from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.gaps import PlayedTime, played_time
 from ros_visualise.sources.recordings.images import first_image
+from ros_visualise.sources.recordings.playing import PlayedTime, played_time
 
 log = logging.getLogger(__name__)
 

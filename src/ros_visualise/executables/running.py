@@ -30,7 +30,7 @@ from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params
 from ros_visualise.runtime.saving import of_node, save_anew
-from ros_visualise.sources.calibration_store import locate
+from ros_visualise.sources.calibration import locate
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import View, ViewOptions, open_view
 from ros_visualise.vision.compression import JPEG_QUALITY

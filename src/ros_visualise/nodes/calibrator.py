@@ -20,8 +20,7 @@ from ros_visualise.landmarks.calibration.progress import draw_progress
 from ros_visualise.landmarks.calibration.views import View
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
-from ros_visualise.sources.calibration import path_of
-from ros_visualise.sources.calibration_store import to_yaml
+from ros_visualise.sources.calibration import path_of, to_yaml
 
 log = logging.getLogger(__name__)
 

@@ -13,10 +13,9 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Header, Image
 from ros_visualise.nodes import Source, SourceType, find_source, source
 from ros_visualise.sources.calibration import Calibration
-from ros_visualise.sources.film import Film
 from ros_visualise.sources.playback import Playback
 from ros_visualise.sources.series import Series
-from ros_visualise.sources.telemetry import telemetry_of
+from ros_visualise.sources.telemetry import Film, telemetry_of
 from ros_visualise.sources.video import Video
 from ros_visualise.sources.video_pixels import parse_size
 

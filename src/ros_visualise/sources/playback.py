@@ -1,35 +1,124 @@
-"""Playing a source: pause, step, seek, rate and loop, driven by page, command line and ROS."""
+"""Playing a source: pause, step, seek, rate, loop; driven by page, command line and ROS."""
 
 from __future__ import annotations
 
+import math
+import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import closing
-from typing import TypeVar
+from contextlib import closing, contextmanager
+from typing import NamedTuple, Protocol, TypeVar
 
-from ros_visualise.sources.playable import Playable, time_before
-from ros_visualise.sources.playback_controls import PlaybackControls
-from ros_visualise.sources.played_length import check_start
+from ros_visualise.core.errors import UsageError
+from ros_visualise.core.rate import Clock, WallClock
+from ros_visualise.sources.timeline import PlayedPart, Timeline
 
 T = TypeVar("T")
+T_co = TypeVar("T_co", covariant=True)
+
+_DEFAULT_PERIOD_NS = 33_333_333  # of a recording that holds a single message
+_ROUNDING_NS = 1_000
 
 
-class Playback(PlaybackControls):
-    """Decides when each message of a source is published; call it from any thread."""
+class Playable(Protocol[T_co]):
+    """A source that can be read again from any time on."""
+
+    @property
+    def duration_ns(self) -> int | None:
+        """Duration, if it is known; it may turn out to be wrong."""
+
+    def read(self, start_ns: int) -> Generator[tuple[int, T_co], None, None]:
+        """(Time since the start, item) in order of time, from the item shown at ``start_ns`` on.
+
+        That is the last one not after ``start_ns``; past the end it is the last one of all.
+        """
+
+
+class PlaybackState(NamedTuple):
+    """State of a playback as a page shows it; unknown times are None."""
+
+    position_s: float
+    duration_s: float | None
+    playing: bool
+    ended: bool
+    rate: float
+    loop: bool
+    part_s: tuple[float, float | None]
+
+
+class Playback:
+    """Decides when each message of a source is published; call it from any thread.
+
+    Args:
+        rate: playback speed, up to 100; 0: as fast as possible, and stamps start at zero.
+        loop: start again at the end; the stamps keep increasing.
+        start_s: where to start.
+        duration_s: how much to play in all, over loops and seeks.
+        frames: how many messages to play in all.
+        hold: at the end, wait for a seek or for `close`.
+        live_stamps: stamp each message with the clock's time at which it is due, as a camera would,
+            rather than with its place in the recording.
+        clock: measures time.
+
+    Attributes:
+        holds: it waits at the end.
+        closed: it was closed, so the source is to end.
+        epoch: number of seeks and restarts so far, known before the first message after one.
+        laps: number of loops so far; the stamps go on.
+        step_topics: topics of the source that can be stepped through, if it has several.
+        step_topic: a step shows the next message of this topic; empty: of any.
+
+    Raises:
+        ParameterError: the rate is not from 0 to 100.
+    """
+
+    def __init__(
+        self,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        start_s: float = 0.0,
+        duration_s: float | None = None,
+        frames: int | None = None,
+        hold: bool = False,
+        live_stamps: bool = False,
+        clock: Clock | None = None,
+    ) -> None:
+        self._clock = clock or WallClock()
+        self._changed = threading.Condition()
+        self._line = Timeline(self._clock, rate, live_stamps)
+        self._part = PlayedPart()
+        self._requests = _Requests()
+        self._quota = _Quota(duration_s, frames)
+        self._loop, self.holds = loop, hold
+        self.laps = self.epoch = 0
+        self.closed = self._suspended = False
+        self._ended = False  # all is read and nothing more requested
+        self._done = False  # the quota is used up
+        self._length_ns: int | None = None  # as the source declares it, until its end is seen
+        self._period_ns = 0
+        self._position_ns = round(start_s * 1e9)
+        self.step_topics: tuple[str, ...] = ()
+        self.step_topic = ""
+
+    @property
+    def state(self) -> PlaybackState:
+        """Present state."""
+        with self._changed:
+            target_ns, line = self._requests.target_ns, self._line
+            return PlaybackState(
+                (self._position_ns if target_ns is None else target_ns) / 1e9,
+                None if self._length_ns is None else self._length_ns / 1e9,
+                line.running and not self._ended,
+                self._ended,
+                line.rate,
+                self._loop,
+                self._part.span_s,
+            )
 
     @property
     def has_played(self) -> bool:
-        """At least one message was played."""
+        """True if at least one message was played."""
         return self._quota.frames > 0
-
-    @property
-    def epoch(self) -> int:
-        """How often a person sent it elsewhere, known before the first message from there."""
-        return self._epoch
-
-    @property
-    def laps(self) -> int:
-        """How often it has looped; the stamps go on."""
-        return self._laps
 
     def time_ns(self) -> int:
         """Time since the start of the source; while it plays, it goes on between messages."""
@@ -42,12 +131,81 @@ class Playback(PlaybackControls):
             return self._line.begin() + self._line.reached_ns
 
     def check_start(self, duration_ns: int | None) -> None:
-        """Check that the start lies within the source.
+        """Raise UsageError if the start lies after the end of the source."""
+        if duration_ns and self._position_ns > duration_ns:
+            start, end = self._position_ns / 1e9, duration_ns / 1e9
+            raise UsageError(f"cannot start at {start:g} s: it lasts {end:.2f} s")
+
+    def play(self) -> None:
+        """Go on; at the end, start again."""
+        with self._changing():
+            self._line.change(running=True)
+            self._requests.steps, self._requests.start_over = 0, self._ended
+
+    def pause(self) -> None:
+        """Stop at the present message."""
+        with self._changing():
+            self._line.change(running=False)
+
+    def toggle(self) -> None:
+        """Pause or go on."""
+        with self._changed:
+            self.pause() if self.state.playing else self.play()
+
+    def step(self, frames: int = 1) -> None:
+        """Pause, and show a number of messages more; a negative number goes back."""
+        with self._changing():
+            self.pause()
+            self._requests.step(frames)
+
+    def seek(self, time_s: float) -> None:
+        """Go to a time since the start; if it is paused, the message of that time is shown."""
+        with self._changing():
+            end_ns = math.inf if self._length_ns is None else self._length_ns
+            self._requests.seek(int(max(0, min(round(time_s * 1e9), end_ns))))
+
+    def set_rate(self, rate: float) -> None:
+        """Change the speed at once; raises ParameterError unless it is from 0 to 100."""
+        with self._changing():
+            self._line.change(rate=rate)
+
+    def set_loop(self, loop: bool) -> None:
+        """Start again at the end, or not."""
+        with self._changing():
+            self._loop = loop
+
+    def suspend(self, suspended: bool) -> None:
+        """Give no messages for now, whatever else is requested; what becomes due is dropped."""
+        with self._changing():
+            self._suspended = suspended
+
+    def set_part(self, begin_s: float = 0.0, end_s: float | None = None) -> None:
+        """Play what lies between two times, both included; seeking elsewhere stays possible.
 
         Raises:
-            UsageError: the start lies after the end.
+            ParameterError: the end does not come after the beginning.
         """
-        check_start(self._position_ns, duration_ns)
+        with self._changing():
+            end_ns = None if end_s is None else round(end_s * 1e9)
+            self._part.set(round(begin_s * 1e9), end_ns)
+            if not self._part.has(self._position_ns):
+                self._requests.seek(self._part.begin_ns)
+
+    def restart(self) -> None:
+        """End the present run, as the source is to be opened anew; see `take_restart`."""
+        with self._changing():
+            self._requests.reopen = True
+
+    def take_restart(self) -> bool:
+        """True if the run ended because of a `restart`; asking clears that."""
+        with self._changed:
+            reopen, self._requests.reopen = self._requests.reopen, False
+            return reopen and not self.closed
+
+    def close(self) -> None:
+        """End the source and every wait."""
+        with self._changing():
+            self.closed = True
 
     def run(
         self, recording: Playable[T], is_frame: Callable[[T], bool] = lambda _: True
@@ -56,7 +214,7 @@ class Playback(PlaybackControls):
 
         Args:
             recording: what is played.
-            is_frame: whether an item counts as a frame, for steps and for the number of frames;
+            is_frame: true for items that count as frames, for steps and for the number of frames;
                 the others pass between them.
         """
         start_ns = self._begin(recording)
@@ -72,16 +230,22 @@ class Playback(PlaybackControls):
         start_ns = self._clock.monotonic_ns()
         for item in items:
             live_ns = self._clock.monotonic_ns() - start_ns
-            if self._closed or self._asked.reopen or self._quota.ends_within(live_ns):
+            if self.closed or self._requests.reopen or self._quota.ends_within(live_ns):
                 break
             if item is not None and self._passes_live(live_ns):
                 yield item
-        self._ended = not self._asked.reopen
+        self._ended = not self._requests.reopen
+
+    @contextmanager
+    def _changing(self) -> Iterator[None]:
+        with self._changed:
+            yield
+            self._changed.notify_all()
 
     def _passes_live(self, live_ns: int) -> bool:
         with self._changed:
-            passes = not self._suspended and (self._line.running or self._asked.steps > 0)
-            self._asked.steps = max(0, self._asked.steps - 1)
+            passes = not self._suspended and (self._line.running or self._requests.steps > 0)
+            self._requests.steps = max(0, self._requests.steps - 1)
             self._position_ns = live_ns
             self._quota.use(0, passes)
             return passes
@@ -89,39 +253,39 @@ class Playback(PlaybackControls):
     def _begin(self, recording: Playable[T]) -> int | None:
         with self._changed:
             self._line.begin()
-            self._length.promised_ns, self._line.is_fresh = recording.duration_ns, True
-            return None if self._closed else self._position_ns
+            self._length_ns, self._line.is_fresh = recording.duration_ns, True
+            return None if self.closed else self._position_ns
 
     def _play_from(
         self, start_ns: int, recording: Playable[T], is_frame: Callable[[T], bool]
     ) -> Generator[tuple[int, T], None, bool]:
-        """Play; returns whether the end was reached, of the recording or of the part."""
+        """Play; returns true if the end was reached, of the recording or of the part."""
         with closing(recording.read(start_ns)) as items:
             for time_ns, item in items:
-                if not self._wait_turn(self._marks.place(time_ns), is_frame(item)):
-                    return self._marks.next_ns is not None
+                if not self._wait_turn(self._part.place(time_ns), is_frame(item)):
+                    return self._part.next_ns is not None
                 yield self._line.stamp_ns, item
         return True
 
     def _wait_turn(self, time_ns: int, is_frame: bool) -> bool:
-        """Wait until the message of that time is due; whether it may pass."""
+        """Wait until the message of that time is due; true if it may pass."""
         with self._changed:
             place_ns = self._line.place_ns(time_ns)
             gap_ns = self._line.gap_ns(place_ns)
             self._done = self._quota.ends_within(gap_ns)
             if self._done or not self._wait_until_due(place_ns, time_ns):
                 return False
-            self._marks.passed(time_ns)
-            self._asked.steps = max(0, self._asked.steps - is_frame)
+            self._part.passed(time_ns)
+            self._requests.steps = max(0, self._requests.steps - is_frame)
             if gap_ns and time_ns > self._position_ns:
-                self._length.pass_message(gap_ns)
+                self._period_ns = gap_ns
             self._quota.use(gap_ns, is_frame)
             self._position_ns = time_ns
             return True
 
     def _wait_until_due(self, place_ns: int, time_ns: int) -> bool:
         with self._line.awaiting(place_ns):
-            while not (self._closed or self._asked.lead_away or self._marks.end_before(time_ns)):
+            while not (self.closed or self._requests.lead_away or self._part.end_before(time_ns)):
                 now_ns = self._clock.monotonic_ns()
                 due_ns = self._due_ns(place_ns, now_ns)
                 if due_ns is not None and due_ns <= now_ns:
@@ -133,39 +297,119 @@ class Playback(PlaybackControls):
     def _due_ns(self, place_ns: int, now_ns: int) -> int | None:
         if self._suspended:
             return None
-        return now_ns if self._asked.steps else self._line.due_ns(place_ns, now_ns)
+        return now_ns if self._requests.steps else self._line.due_ns(place_ns, now_ns)
 
     def _next_start(self, recording: Playable[T], at_end: bool) -> int | None:
         """The time to read from next; None to end."""
         with self._changed:
             if at_end:
-                if self._marks.next_ns is None:
-                    self._length.end(self._position_ns)
+                if self._part.next_ns is None:
+                    self._correct_length()
                 self._wait_at_end()
-            self._ended = self._closed or self._done or not self._wants_more()
-            if self._ended or self._asked.reopen:
+            self._ended = self.closed or self._done or not self._wants_more()
+            if self._ended or self._requests.reopen:
                 return None
-            if not self._asked.lead_away:
+            if not self._requests.lead_away:
                 return self._begin_loop()
             self._line.is_fresh = True
-            self._epoch += 1
-            position_ns, frames_back = self._asked.take_place(self._position_ns)
-        start_ns = time_before(recording, position_ns, frames_back)
-        self._marks.enter(start_ns)
+            self.epoch += 1
+            position_ns, frames_back = self._requests.take_place(self._position_ns)
+        start_ns = _time_before(recording, position_ns, frames_back)
+        self._part.enter(start_ns)
         return start_ns
 
+    def _correct_length(self) -> None:
+        """Take the present position for the end, unless the declared length is about right."""
+        known_ns, period_ns = self._length_ns or 0, self._period_ns
+        if not 0 < known_ns - self._position_ns <= (2 * period_ns or known_ns):
+            self._length_ns = self._position_ns + (period_ns or _DEFAULT_PERIOD_NS)
+
     def _wait_at_end(self) -> None:
-        while self._hold and not (self._closed or self._done or self._wants_more()):
-            self._ended, self._asked.steps = True, 0
+        while self.holds and not (self.closed or self._done or self._wants_more()):
+            self._ended, self._requests.steps = True, 0
             self._clock.wait(self._changed, None)
 
     def _wants_more(self) -> bool:
-        loops = self._loop and (self._line.running or self._asked.steps > 0)
-        return self._asked.lead_away or (self.has_played and (self._asked.start_over or loops))
+        loops = self._loop and (self._line.running or self._requests.steps > 0)
+        starts = self._requests.start_over or loops
+        return self._requests.lead_away or (self.has_played and starts)
 
     def _begin_loop(self) -> int:
-        self._line.begin_loop(self._marks.begin_lap(self._length.promised_ns or 0))
-        self._epoch += self._asked.start_over
-        self._laps += not self._asked.start_over
-        self._line.is_fresh, self._asked.start_over = self._asked.start_over, False
-        return self._marks.begin_ns
+        self._line.begin_loop(self._part.begin_lap(self._length_ns or 0))
+        self.epoch += self._requests.start_over
+        self.laps += not self._requests.start_over
+        self._line.is_fresh, self._requests.start_over = self._requests.start_over, False
+        return self._part.begin_ns
+
+
+class _Requests:
+    """Steps, seeks and restarts that wait; its user holds a lock.
+
+    Attributes:
+        steps: how many more messages to show while paused.
+        target_ns: the time to seek, if any.
+        start_over: at the end, play from the start again.
+        reopen: open the source anew.
+    """
+
+    def __init__(self) -> None:
+        self.steps = 0
+        self.target_ns: int | None = None
+        self.start_over = self.reopen = False
+        self._steps_back = 0
+
+    @property
+    def lead_away(self) -> bool:
+        """True if something other than the next message is requested."""
+        return self.reopen or self.target_ns is not None or self._steps_back > 0
+
+    def step(self, frames: int) -> None:
+        if frames >= 0:
+            self.steps += frames
+        else:
+            self.steps, self._steps_back = 0, self._steps_back - frames
+
+    def seek(self, time_ns: int) -> None:
+        """Go to a time; this cancels all steps."""
+        self.target_ns = time_ns
+        self.steps = self._steps_back = 0
+
+    def take_place(self, position_ns: int) -> tuple[int, int]:
+        """The time to go to from a position, and the number of messages to go back from it."""
+        place = (position_ns if self.target_ns is None else self.target_ns), self._steps_back
+        self.target_ns, self._steps_back, self.start_over = None, 0, False
+        return place
+
+
+class _Quota:
+    """Limits of what is played in all, over loops and seeks; None: no limit.
+
+    Attributes:
+        frames: how many were played.
+    """
+
+    def __init__(self, duration_s: float | None, frames: int | None) -> None:
+        self.frames = 0
+        self._time_ns = 0
+        self._most_ns = None if duration_s is None else round(duration_s * 1e9)
+        self._most_frames = frames
+
+    def ends_within(self, more_ns: int) -> bool:
+        """True if the limit is reached, or will be within so much time."""
+        if self._most_frames is not None and self.frames >= self._most_frames:
+            return True
+        return self._most_ns is not None and self._time_ns + more_ns >= self._most_ns - _ROUNDING_NS
+
+    def use(self, time_ns: int, frames: int) -> None:
+        self._time_ns += time_ns
+        self.frames += frames
+
+
+def _time_before(source: Playable[object], time_ns: int, items_back: int) -> int:
+    """The time of the item a number of items before the one shown at a time; at least 0."""
+    for _ in range(items_back):
+        if time_ns <= 0:
+            break
+        with closing(source.read(max(0, time_ns - 1))) as items:
+            time_ns, _ = next(items, (0, None))
+    return time_ns

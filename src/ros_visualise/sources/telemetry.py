@@ -6,9 +6,11 @@ its name. There are fixes, and of GoPro's cameras accelerations and rates.
 
 from __future__ import annotations
 
+import heapq
 import logging
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,9 +22,10 @@ from ros_visualise.core.limits import check_file, check_text
 from ros_visualise.core.regular_files import open_file, read_file
 from ros_visualise.data import Floats, Header, Imu, NavSatFix
 from ros_visualise.sources.demux import open_container
-from ros_visualise.sources.logs.gpmf import Samples, is_whole, read_samples
-from ros_visualise.sources.logs.srt import begins_srt, decode_srt, parse_srt
+from ros_visualise.sources.logs.dji import begins_srt, decode_srt, parse_srt
+from ros_visualise.sources.logs.gopro import Samples, is_whole, read_samples
 from ros_visualise.sources.series import Series
+from ros_visualise.sources.video import Video
 
 log = logging.getLogger(__name__)
 
@@ -182,3 +185,48 @@ def _fix_series(
         return NavSatFix(latitude, longitude, altitude, status=status, header=header)
 
     return Series("fix", NavSatFix, np.asarray(stamps_ns, np.int64), fix)
+
+
+_IMAGE = "image"
+
+
+class Item(NamedTuple):
+    """A message, and the name of the output that it is for."""
+
+    output: str
+    message: Any
+
+
+class Film:
+    """The images of a video, and the messages of series by the time in it."""
+
+    def __init__(self, video: Video, series: Sequence[Series]) -> None:
+        self._video, self._series = video, series
+
+    @property
+    def duration_ns(self) -> int | None:
+        """That of the video."""
+        return self._video.duration_ns
+
+    def is_frame(self, item: Item) -> bool:
+        """Whether a person steps to it: images are what is stepped through."""
+        return item.output == _IMAGE
+
+    def read(self, start_ns: int = 0) -> Generator[tuple[int, Item], None, None]:
+        """(Time since the first frame, item), from the frame shown at ``start_ns`` on."""
+        with closing(self._video.read(start_ns)) as frames:
+            images = ((time_ns, Item(_IMAGE, image)) for time_ns, image in frames)
+            first = next(images, None)
+            if first is None:
+                return
+            yield first
+            parts = [_measured(one, max(first[0], start_ns)) for one in self._series]
+            yield from heapq.merge(images, *parts, key=lambda timed: timed[0])
+
+
+def _measured(series: Series, start_ns: int) -> Iterator[tuple[int, Item]]:
+    order = np.argsort(series.stamps_ns, kind="stable")
+    begin = int(np.searchsorted(series.stamps_ns[order], start_ns))
+    for index in order[begin:]:
+        time_ns = max(int(series.stamps_ns[index]), 0)
+        yield time_ns, Item(series.topic, series.make(int(index)))

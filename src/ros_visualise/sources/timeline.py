@@ -1,4 +1,4 @@
-"""The timeline of a playback: all loops of a recording, one after another."""
+"""The time of a playback: all loops of a recording on one line, and the part that is played."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Timeline:
     """Goes on at a rate, and stands still while paused; its user holds a lock.
 
     Args:
-        clock: its monotonic time drives the timeline, its wall time gives the stamps.
+        clock: the monotonic time drives the timeline, the wall time gives the stamps.
         rate: speed; with 0 nothing waits, and stamps start at zero.
         live_stamps: stamp messages with the wall time at which they are due, else with their
             place on the timeline.
@@ -112,7 +112,76 @@ class Timeline:
 
 def _checked(rate: float) -> float:
     if not 0 <= rate <= MAX_RATE:
-        raise ParameterError(
-            f"rate={rate:g}: must be from 0 to {MAX_RATE}; 0 is as fast as it goes"
-        )
+        raise ParameterError(f"rate={rate:g}: must be from 0 to {MAX_RATE}; 0 is unthrottled")
     return float(rate)
+
+
+class PlayedPart:
+    """The part of a recording that is played, between two times since its start, both included.
+
+    Its user holds a lock.
+
+    Attributes:
+        begin_ns: beginning of the part.
+        end_ns: end of the part; None: that of the recording.
+        next_ns: time of the first message after the end, once the end was reached; else None.
+    """
+
+    def __init__(self) -> None:
+        self.begin_ns = 0
+        self.end_ns: int | None = None
+        self.next_ns: int | None = None
+        self._floor_ns = self._last_ns = 0
+        self._is_first = True
+
+    @property
+    def span_s(self) -> tuple[float, float | None]:
+        """Beginning and end, in seconds."""
+        return self.begin_ns / 1e9, None if self.end_ns is None else self.end_ns / 1e9
+
+    def set(self, begin_ns: int, end_ns: int | None) -> None:
+        """Choose another part; raises ParameterError unless its end comes after its beginning."""
+        if begin_ns < 0 or (end_ns is not None and end_ns <= begin_ns):
+            raise ParameterError("the end of the part to be played has to come after its beginning")
+        self.begin_ns, self.end_ns = begin_ns, end_ns
+
+    def has(self, time_ns: int) -> bool:
+        """True if a time lies in the part."""
+        return self.begin_ns <= time_ns and (self.end_ns is None or time_ns <= self.end_ns)
+
+    def enter(self, start_ns: int) -> None:
+        """Begin to read somewhere, also outside of the part."""
+        self._last_ns, self._floor_ns, self.next_ns = start_ns, 0, None
+        self._is_first = True
+
+    def begin_lap(self, length_ns: int) -> int:
+        """Begin to read at the beginning again; returns the length of the lap that ends here.
+
+        The first message then takes the place of the one that would have come next.
+
+        Args:
+            length_ns: length of the recording.
+        """
+        lap_ns = (length_ns if self.next_ns is None else self.next_ns) - self.begin_ns
+        self.enter(self.begin_ns)
+        self._floor_ns = self.begin_ns
+        return max(lap_ns, 0)
+
+    def place(self, time_ns: int) -> int:
+        """Time at which a message is shown: not before the beginning of the lap."""
+        return max(time_ns, self._floor_ns)
+
+    def end_before(self, time_ns: int) -> bool:
+        """True if the end lies between the last message and the next one, at a time.
+
+        Never before the first one that is read: a part without messages shows that.
+        """
+        end_ns = None if self._is_first else self.end_ns
+        is_end = end_ns is not None and self._last_ns <= end_ns < time_ns
+        self.next_ns = time_ns if is_end else None
+        return is_end
+
+    def passed(self, time_ns: int) -> None:
+        """Note that a message was shown."""
+        self._last_ns = self._last_ns if self._is_first else time_ns
+        self._is_first = False

@@ -6,9 +6,9 @@ import zlib
 
 import pytest
 
-from ros_visualise.sources.kitti.cameras import check_png
 from ros_visualise.sources.kitti.files import list_files, read_lines
 from ros_visualise.sources.kitti.oxts import read_samples
+from ros_visualise.sources.kitti.sensors import check_png
 from ros_visualise.sources.series import DamagedFile
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.sources.recordings.gaps import PlayedTime
+from ros_visualise.sources.recordings.playing import PlayedTime
 
 S = 10**9
 HOUR = 3600 * S

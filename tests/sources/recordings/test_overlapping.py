@@ -10,7 +10,7 @@ from mcap.writer import CompressionType
 
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.recordings import merging
-from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.pieces import Shelf
 
 CHUNKS, PER_CHUNK = 50, 8
 COMPRESSIONS = [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD]

@@ -25,7 +25,7 @@ from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.trajectory import save
 from ros_visualise.sources import open_source
-from ros_visualise.sources.calibration_store import to_yaml
+from ros_visualise.sources.calibration import to_yaml
 from ros_visualise.sources.camera import Camera
 from ros_visualise.sources.live import is_live
 from ros_visualise.sources.opening import NoRecording

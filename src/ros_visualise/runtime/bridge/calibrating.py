@@ -10,8 +10,7 @@ from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.sinks.files import save_again
-from ros_visualise.sources.calibration import path_of
-from ros_visualise.sources.calibration_store import camera_name, check, save, to_yaml
+from ros_visualise.sources.calibration import camera_name, check, path_of, save, to_yaml
 
 log = logging.getLogger(__name__)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ros_visualise.sources.formats import Format
-from ros_visualise.sources.logs.srt import begins_srt
+from ros_visualise.sources.logs.dji import begins_srt
 from ros_visualise.sources.recordings import Recording
 
 

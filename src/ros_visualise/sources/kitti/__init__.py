@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ros_visualise.sources.kitti.folders import find_folder, find_whole, has_folder, is_sequence
+from ros_visualise.sources.kitti.files import find_folder, find_whole, has_folder, is_sequence
 from ros_visualise.sources.kitti.odometry import open_sequence
 from ros_visualise.sources.kitti.raw import open_drive
 from ros_visualise.sources.recordings.series import SeriesRecording

@@ -27,7 +27,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Floats
 from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti.files import read_lines
-from ros_visualise.sources.kitti.series import optical_frame
+from ros_visualise.sources.kitti.sensors import optical_frame
 from ros_visualise.sources.series import DamagedFile
 
 Matrices = dict[str, Floats]

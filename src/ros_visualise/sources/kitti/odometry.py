@@ -22,17 +22,24 @@ import numpy.typing as npt
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import Floats, Header, Odometry, PointCloud
 from ros_visualise.geometry import rotations, transforms
-from ros_visualise.sources.kitti import calibration, cameras, stamps
+from ros_visualise.sources.kitti import calibration, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
-from ros_visualise.sources.kitti.files import Files, add_damage, add_missing, list_files, read_lines
-from ros_visualise.sources.kitti.folders import CAMERAS, poses_file
+from ros_visualise.sources.kitti.files import (
+    CAMERAS,
+    Files,
+    add_damage,
+    add_missing,
+    list_files,
+    poses_file,
+    read_lines,
+)
 from ros_visualise.sources.kitti.raw import Places, camera_series
-from ros_visualise.sources.kitti.scanner import Scanner
-from ros_visualise.sources.kitti.series import (
+from ros_visualise.sources.kitti.sensors import (
     BASE,
     MAP,
     ODOM,
     VELODYNE,
+    Scanner,
     moving_transforms,
     optical_frame,
     path_series,
@@ -182,7 +189,7 @@ def _sensors(
         if not files:
             continue
         above = transforms.inverse(T_BASE_CAM0) if T_rect0_velodyne is None else T_rect0_velodyne
-        size = cameras.first_size(files)
+        size = sensors.first_size(files)
         camera = calibration.sequence_camera(number, calib, size, above, len(files))
         series += camera_series(number, "image_rect", files, times[f"image_{number}"], camera.info)
         if camera.T_velodyne_camera is None:

@@ -19,7 +19,7 @@ from ros_visualise.core.limits import check_numbers
 from ros_visualise.data import Floats, Header, Imu, NavSatFix, Odometry, TwistStamped
 from ros_visualise.geometry import geodesy, rotations, transforms
 from ros_visualise.sources.kitti.files import Files
-from ros_visualise.sources.kitti.series import (
+from ros_visualise.sources.kitti.sensors import (
     BASE,
     IMU,
     ODOM,

@@ -13,17 +13,24 @@ import numpy.typing as npt
 from ros_visualise.core.errors import OpenError
 from ros_visualise.data import CameraInfo, Floats, Header, Image, PointCloud, TimeReference
 from ros_visualise.geometry import transforms
-from ros_visualise.sources.kitti import calibration, cameras, oxts, stamps
+from ros_visualise.sources.kitti import calibration, oxts, sensors, stamps
 from ros_visualise.sources.kitti.calibration import CalibrationFile
-from ros_visualise.sources.kitti.files import Files, add_damage, add_missing, list_files
-from ros_visualise.sources.kitti.folders import CAMERAS, PARTS, is_unsynced
-from ros_visualise.sources.kitti.scanner import Scanner
-from ros_visualise.sources.kitti.series import (
+from ros_visualise.sources.kitti.files import (
+    CAMERAS,
+    PARTS,
+    Files,
+    add_damage,
+    add_missing,
+    is_unsynced,
+    list_files,
+)
+from ros_visualise.sources.kitti.sensors import (
     BASE,
     IMU,
     MAP,
     ODOM,
     VELODYNE,
+    Scanner,
     optical_frame,
     static_series,
 )
@@ -112,7 +119,7 @@ def _is_unsynced(drive: _Drive) -> bool:
     told = is_unsynced(drive.folder)
     if told is not None:
         return told
-    sizes = [cameras.first_size(files) for files in drive.images.values()]
+    sizes = [sensors.first_size(files) for files in drive.images.values()]
     return _RAW_SIZE in sizes
 
 
@@ -218,7 +225,7 @@ def camera_series(
 ) -> list[Series]:
     """A camera's images and, where it is calibrated, what goes with them."""
     room = f"/cam{number:02d}"
-    camera = cameras.Camera(files, stamps_ns, number >= 2, optical_frame(number), info)
+    camera = sensors.Camera(files, stamps_ns, number >= 2, optical_frame(number), info)
     series = [Series(f"{room}/{name}", Image, stamps_ns, camera.image, slow=True)]
     if info is not None:
         series.append(Series(f"{room}/camera_info", CameraInfo, stamps_ns, camera.info))
@@ -243,7 +250,7 @@ def _say_damage(drive: _Drive, file: CalibrationFile) -> None:
 def _check(drive: _Drive, number: int, camera: calibration.Camera) -> None:
     if camera.info is None:
         return
-    size = cameras.first_size(drive.images[number])
+    size = sensors.first_size(drive.images[number])
     calibrated = (camera.info.width, camera.info.height)
     if all(size) and size != calibrated:
         (w, h), (cw, ch) = size, calibrated

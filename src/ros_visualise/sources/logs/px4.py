@@ -28,12 +28,72 @@ from ros_visualise.data import (
 )
 from ros_visualise.data import Path as PathMessage
 from ros_visualise.geometry import rotations
-from ros_visualise.sources.logs.attitude import Attitude
-from ros_visualise.sources.logs.ned import to_enu, to_flu
 from ros_visualise.sources.logs.ulog import Log, Table, read_ulog
 from ros_visualise.sources.logs.uorb import uorb_series
 from ros_visualise.sources.recordings.series import SeriesRecording
 from ros_visualise.sources.series import Series, single
+
+_ENU_NED = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])  # half a turn about north-east
+_FRD_FLU = np.array([1.0, 0.0, 0.0, 0.0])  # half a turn about forward
+
+
+def to_enu(ned: npt.ArrayLike) -> Floats:
+    """Vectors (..., 3) of the world."""
+    north, east, down = np.moveaxis(np.asarray(ned, np.float64), -1, 0)
+    return np.stack([east, north, -down], axis=-1)
+
+
+def to_flu(frd: npt.ArrayLike) -> Floats:
+    """Vectors (..., 3) of the body."""
+    return np.asarray(frd, np.float64) * [1.0, -1.0, -1.0]
+
+
+def to_attitude(quat_wxyz: npt.ArrayLike) -> Floats:
+    """Quaternions x, y, z, w (..., 4) of FLU in ENU, of w, x, y, z of FRD in NED."""
+    quat_xyzw = np.roll(np.asarray(quat_wxyz, np.float64), -1, axis=-1)
+    turned = rotations.multiply(rotations.multiply(_ENU_NED, quat_xyzw), _FRD_FLU)
+    return rotations.normalise(turned)
+
+
+_HELD_US = 100_000
+
+
+class Attitude:
+    """The attitude at any time; it is held for a moment before the first sample and after the last.
+
+    Args:
+        table: ``vehicle_attitude``, or None where it was not logged.
+    """
+
+    def __init__(self, table: Table | None) -> None:
+        none = np.zeros(0, np.int64)
+        self.times_us = none if table is None else table.times_us
+        if table is not None:
+            quats = table.vector("q", 4)
+            norms = np.linalg.norm(quats, axis=1)
+            whole = (norms > 0.5) & (norms < 1.5)
+            self.times_us = self.times_us[whole]
+            self._quats = to_attitude(quats[whole])
+
+    def is_known(self, times_us: npt.NDArray[np.int64]) -> npt.NDArray[np.bool_]:
+        """(N,) whether it is known at these times."""
+        if not len(self.times_us):
+            return np.zeros(len(times_us), bool)
+        first, last = self.times_us[[0, -1]]
+        known: npt.NDArray[np.bool_] = np.logical_and(
+            times_us >= first - _HELD_US, times_us <= last + _HELD_US
+        )
+        return known
+
+    def at(self, times_us: npt.NDArray[np.int64]) -> Floats:
+        """(N, 4) x, y, z, w; where it is not known, that of the map."""
+        if not len(self.times_us):
+            return np.tile([0.0, 0.0, 0.0, 1.0], (len(times_us), 1))
+        places = np.interp(times_us, self.times_us, np.arange(len(self.times_us)))
+        before = places.astype(int)
+        after = np.minimum(before + 1, len(self.times_us) - 1)
+        return rotations.slerp(self._quats[before], self._quats[after], places - before)
+
 
 _TOPICS = (
     "vehicle_attitude",

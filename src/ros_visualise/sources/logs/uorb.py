@@ -18,7 +18,7 @@ from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.sources.logs.ulog import Table
-from ros_visualise.sources.logs.ulog_formats import Format
+from ros_visualise.sources.logs.ulog_records import Format
 from ros_visualise.sources.series import Series
 
 log = logging.getLogger(__name__)

@@ -15,10 +15,11 @@ from typing import NamedTuple
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema
 
 from ros_visualise.core.errors import TooLarge
-from ros_visualise.sources.recordings.chunk_piece import Place, Records
+from ros_visualise.sources.recordings import Extra
+from ros_visualise.sources.recordings.pieces import Place, Records
 from ros_visualise.sources.recordings.unpacking import DamagedData, unpack, unpack_all
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -192,3 +193,38 @@ def _whole_records(records: Records) -> Records:
             break
         following += HEAD_BYTES + HEAD.unpack_from(records, position)[1]
     return records[:position]
+
+
+_CRC = struct.Struct("<I")
+
+
+def parse_extra(record: bytes) -> Extra:
+    """An attachment or a record of metadata, of all its bytes.
+
+    Raises:
+        Damaged: it is neither, or not what its checksum says.
+    """
+    if len(record) < HEAD_BYTES or HEAD.unpack_from(record)[1] != len(record) - HEAD_BYTES:
+        raise Damaged("its length is damaged")
+    body = record[HEAD_BYTES:]
+    try:
+        if record[0] == Opcode.METADATA:
+            return _metadata(body)
+        if record[0] == Opcode.ATTACHMENT:
+            return _attachment(body)
+    except (McapError, struct.error, UnicodeDecodeError):
+        raise Damaged("it contradicts itself") from None
+    raise Damaged("it is something else")
+
+
+def _metadata(body: bytes) -> Metadata:
+    found: Metadata = Metadata.read(ReadDataStream(io.BytesIO(body)))
+    return found
+
+
+def _attachment(body: bytes) -> Attachment:
+    (crc,) = _CRC.unpack_from(body, len(body) - _CRC.size)
+    if crc and zlib.crc32(body[: -_CRC.size]) != crc:
+        raise Damaged("its data is not what its checksum says")
+    found: Attachment = Attachment.read(ReadDataStream(io.BytesIO(body)))
+    return found

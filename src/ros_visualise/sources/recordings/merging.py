@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+import re
 import threading
-from collections.abc import Callable, Collection, Generator, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
 from heapq import heappop, heappush
 from itertools import chain
 from pathlib import Path
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo
+from ros_visualise.core.errors import OpenError
+from ros_visualise.messages.qos import LATCHED, VOLATILE
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.sources.recordings import Entry, Extra, Loss, TopicInfo, left_out
 from ros_visualise.sources.recordings.calibrations import calibrated
-from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.pieces import Shelf
+from ros_visualise.sources.recordings.schemas import Schemas
 from ros_visualise.sources.recordings.storage import (
     LATEST_NS,
+    Channel,
     Piece,
     Query,
     Storage,
+    add_note,
 )
-from ros_visualise.sources.recordings.topics import Topics
 
 
 def merge(starts_ns: npt.NDArray[np.int64], open_piece: Callable[[int], Piece]) -> Iterator[Entry]:
@@ -150,3 +159,114 @@ class MergedRecording:
             return self._storages[file].open_piece(int(piece), query, shelf)
 
         return merge(np.concatenate([np.empty(0, np.int64), *starts_ns]), open_piece)
+
+
+class Topics:
+    """The topics of several files. Each is of one type, which can be read if any can.
+
+    Attributes:
+        by_name: in the order of their names.
+        chosen: of each, a channel of its type.
+    """
+
+    def __init__(self, storages: Sequence[Storage], loss: Loss) -> None:
+        self.by_name: dict[str, TopicInfo] = {}
+        self.chosen: dict[str, Channel] = {}
+        found: dict[str, list[tuple[Channel, int]]] = {}
+        connections: Counter[str] = Counter()
+        for storage in storages:
+            for number, channel in storage.channels.items():
+                found.setdefault(channel.topic, []).append((channel, storage.counts.get(number, 0)))
+            connections |= Counter(channel.topic for channel in storage.channels.values())
+        for topic in sorted(found):
+            self.by_name[topic] = self._add(topic, found[topic], connections[topic], loss)
+
+    def _add(
+        self, topic: str, channels: Sequence[tuple[Channel, int]], connections: int, loss: Loss
+    ) -> TopicInfo:
+        chosen, _ = min(channels, key=lambda pair: (bool(pair[0].unreadable), not pair[1]))
+        self.chosen[topic] = chosen
+        alike = [pair for pair in channels if pair[0].is_like(chosen)]
+        others = [pair for pair in channels if not pair[0].is_like(chosen)]
+        for name in dict.fromkeys(channel.type_name for channel, _ in others):
+            count = sum(count for channel, count in others if channel.type_name == name)
+            loss.messages += count
+            if count:
+                add_note(loss, left_out(topic, count, name, chosen.type_name))
+        return TopicInfo(
+            TopicType(
+                chosen.type_name,
+                chosen.definitions,
+                LATCHED if any(channel.latched for channel, _ in alike) else VOLATILE,
+                "\n".join(_told(channel.offered_qos.strip() for channel, _ in alike)),
+                _told(channel.callerid for channel, _ in alike),
+                tuple(dict(label for channel, _ in alike for label in channel.labels).items()),
+            ),
+            sum(count for _, count in alike),
+            chosen.digest,
+            connections,
+            chosen.unreadable,
+            {channel.type_name: channel.digest for channel, _ in others},
+        )
+
+
+def _told(texts: Iterable[str]) -> tuple[str, ...]:
+    """Each of them once, without empty ones."""
+    return tuple(dict.fromkeys(filter(None, texts)))
+
+
+S = TypeVar("S", bound=Storage)
+
+
+def natural(file: Path) -> list[Any]:
+    """Orders ``bag_10`` after ``bag_9``."""
+    return [
+        (int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", file.name)
+    ]
+
+
+def missing_parts(files: Sequence[Path]) -> list[str]:
+    """The names between those of a bag that was split: ``bag_1.db3`` of ``bag_0`` and ``bag_2``."""
+    parts = [re.fullmatch(r"(.*_)(\d+)(\..*)", file.name) for file in files]
+    numbers = {(part[1], part[3], int(part[2])) for part in parts if part}
+    if len(numbers) < len(files) or len({number[:2] for number in numbers}) != 1:
+        return []
+    [(stem, suffix, _), *_] = numbers
+    last = max(number for *_, number in numbers)
+    if last >= 2 * len(files):  # these count something else, such as days
+        return []
+    return [f"{stem}{n}{suffix}" for n in range(last) if (stem, suffix, n) not in numbers]
+
+
+def open_storages(
+    path: Path,
+    files: Sequence[Path],
+    open_file: Callable[[Path, Schemas, Loss, str], S],
+    loss: Loss,
+    stack: ExitStack,
+) -> list[S]:
+    """Open the files of a recording; those that cannot be opened are a loss.
+
+    Args:
+        path: of the recording.
+        open_file: opens one, as `SqliteFile` does it.
+        stack: closes them.
+
+    Raises:
+        OpenError: none can be opened.
+    """
+    schemas = Schemas()
+    storages: list[S] = []
+    failures: list[str] = []
+    for file in files:
+        try:
+            label = "" if file == path else f"{file.name}: "
+            storages.append(stack.enter_context(closing(open_file(file, schemas, loss, label))))
+        except OpenError as error:
+            failures.append(str(error))
+            add_note(loss, str(error).replace(f"{file}: ", f"{file.name}: "))
+            with suppress(OSError):  # a link to a file that is not there
+                loss.bytes += file.stat().st_size
+    if not storages:
+        raise OpenError(failures[0])
+    return storages

@@ -17,15 +17,17 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.sources.recordings import Entry, Extra, Loss
 from ros_visualise.sources.recordings.metadata import METADATA
+from ros_visualise.sources.recordings.pieces import Shelf
 from ros_visualise.sources.recordings.schemas import Schemas
-from ros_visualise.sources.recordings.shelf import Shelf
-from ros_visualise.sources.recordings.sqlite_cut import cut_rows, is_spilled, missing_bytes
 from ros_visualise.sources.recordings.sqlite_tables import (
     channels,
     connect,
+    cut_rows,
     damage_by_name,
     has_index,
+    is_spilled,
     left_beside,
+    missing_bytes,
 )
 from ros_visualise.sources.recordings.storage import (
     Channel,

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.sources.recordings import Entry, Extra, Loss
-from ros_visualise.sources.recordings.shelf import Shelf
+from ros_visualise.sources.recordings.pieces import Shelf
 
 LATEST_NS = 2**64
 """After every stamp that a file can hold."""

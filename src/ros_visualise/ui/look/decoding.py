@@ -14,7 +14,7 @@ from typing import Any
 from ros_visualise.core import supervision
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.sources.recordings import Recording
-from ros_visualise.sources.recordings.gaps import played_time
+from ros_visualise.sources.recordings.playing import played_time
 from ros_visualise.ui.look.curve import Curve
 from ros_visualise.ui.look.trees import fields_of
 

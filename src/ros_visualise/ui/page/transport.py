@@ -11,8 +11,7 @@ from typing import Any
 import viser
 
 from ros_visualise.core.rate import MAX_RATE
-from ros_visualise.sources.playable import PlaybackState
-from ros_visualise.sources.playback import Playback
+from ros_visualise.sources.playback import Playback, PlaybackState
 from ros_visualise.ui.page.controls import set_value, soon
 from ros_visualise.ui.page.part import Part
 from ros_visualise.ui.page.worker import Worker

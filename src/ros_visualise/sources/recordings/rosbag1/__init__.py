@@ -8,9 +8,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from ros_visualise.sources.recordings import Loss, Recording
-from ros_visualise.sources.recordings.merging import MergedRecording
+from ros_visualise.sources.recordings.merging import MergedRecording, open_storages
 from ros_visualise.sources.recordings.rosbag1.bag_file import BagFile
-from ros_visualise.sources.recordings.split_files import open_storages
 from ros_visualise.sources.recordings.storage import add_note
 
 _PART = re.compile(r"(.*?)(?:\d{4}(?:-\d\d){5})?_(\d+)\.bag(?:\.active)?")

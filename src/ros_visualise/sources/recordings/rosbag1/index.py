@@ -6,13 +6,13 @@ from typing import BinaryIO
 
 from ros_visualise.sources.recordings.rosbag1 import records
 from ros_visualise.sources.recordings.rosbag1.chunks import Chunk, ChunkReader
-from ros_visualise.sources.recordings.rosbag1.layout import (
+from ros_visualise.sources.recordings.rosbag1.records import Damaged, Op, Record
+from ros_visualise.sources.recordings.rosbag1.scan import (
     Layout,
+    Scan,
     parse_chunk_info,
     parse_connection,
 )
-from ros_visualise.sources.recordings.rosbag1.records import Damaged, Op, Record
-from ros_visualise.sources.recordings.rosbag1.scan import Scan
 
 _PROBES = 16  # chunks that are looked at before an index is believed
 

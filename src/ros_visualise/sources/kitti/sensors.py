@@ -6,6 +6,7 @@ import contextlib
 import struct
 import threading
 import zlib
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,9 +18,107 @@ import numpy.typing as npt
 from ros_visualise.core.errors import TooLarge
 from ros_visualise.core.limits import check_image
 from ros_visualise.core.regular_files import open_file
-from ros_visualise.data import CameraInfo, Deferred, Header, Image, Pixels
+from ros_visualise.data import (
+    CameraInfo,
+    Deferred,
+    Floats,
+    Header,
+    Image,
+    Pixels,
+    PointCloud,
+    Transforms,
+    TransformStamped,
+)
+from ros_visualise.data import (
+    Path as PathMessage,
+)
+from ros_visualise.geometry import transforms
 from ros_visualise.sources.kitti.files import Files
-from ros_visualise.sources.series import DamagedFile
+from ros_visualise.sources.series import DamagedFile, Series, single
+
+MAP, ODOM, BASE = "map", "odom", "base_link"
+IMU, VELODYNE = "imu_link", "velodyne"
+
+
+def optical_frame(camera: int) -> str:
+    """The optical frame of a camera."""
+    return f"cam{camera:02d}_optical"
+
+
+def static_series(start_ns: int, places: Sequence[tuple[str, str, Floats]]) -> Series:
+    """``/tf_static``: one message with all of (parent, child, T_parent_child)."""
+    sent = tuple(
+        TransformStamped(child, *transforms.to_pose(T), Header(start_ns, parent))
+        for parent, child, T in places
+    )
+    return single("/tf_static", Transforms(sent), start_ns)
+
+
+def path_series(
+    start_ns: int, stamps_ns: npt.NDArray[np.int64], positions_xyz: Floats, quats_xyzw: Floats
+) -> Series:
+    """``/path``: the whole way in one latched message at the start, so that a bag stays small."""
+    order = np.argsort(stamps_ns, kind="stable")
+    header = Header(start_ns, ODOM)
+    path = PathMessage(stamps_ns[order], positions_xyz[order], quats_xyzw[order], header)
+    return single("/path", path, start_ns)
+
+
+def moving_transforms(
+    stamps_ns: npt.NDArray[np.int64], positions_xyz: Floats, quats_xyzw: Floats
+) -> Series:
+    """``/tf``: where base_link is in odom."""
+
+    def make(index: int) -> Transforms:
+        header = Header(int(stamps_ns[index]), ODOM)
+        return Transforms(
+            (TransformStamped(BASE, positions_xyz[index], quats_xyzw[index], header),)
+        )
+
+    return Series("/tf", Transforms, stamps_ns, make)
+
+
+_POINT = np.dtype([(name, np.float32) for name in ("x", "y", "z", "intensity")])
+
+
+class Scanner:
+    """The scans, each stamped with the time at which the scanner looked ahead.
+
+    Points are in metres; intensity is 0 to 1. The times at which a turn began and ended are
+    published beside them. Points have no times of their own: KITTI's files do not keep their order.
+
+    Args:
+        files: of four 32-bit floats a point; or of text, as unsynced drives have them.
+        stamps_ns: (N,).
+    """
+
+    def __init__(self, files: Files, stamps_ns: npt.NDArray[np.int64], frame_id: str) -> None:
+        self._files, self._stamps_ns, self._frame_id = files, stamps_ns, frame_id
+
+    def cloud(self, index: int) -> PointCloud:
+        """One turn of the scanner.
+
+        Raises:
+            DamagedFile: it does not end with a whole point, or is no scan.
+        """
+        rows = self._rows(index)
+        header = Header(int(self._stamps_ns[index]), self._frame_id)
+        return PointCloud(rows.view(_POINT)[:, 0], bool(np.isfinite(rows).all()), header)
+
+    def _rows(self, index: int) -> npt.NDArray[np.float32]:
+        path, data = self._files.path(index), self._files.read(index)
+        if path.suffix == ".txt":
+            try:
+                numbers = np.array(data.split(), np.float32)
+            except ValueError:
+                raise DamagedFile(path, "holds more than numbers") from None
+            if numbers.size % 4:
+                raise DamagedFile(path, "cut off")
+            return numbers.reshape(-1, 4)
+        if len(data) % _POINT.itemsize:
+            raise DamagedFile(path, "cut off, or no scan: it does not end with a whole point")
+        return np.frombuffer(data, np.dtype("<f4")).reshape(-1, 4)
+
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _CHUNK = 12  # length, type and CRC around a chunk's data
