@@ -11,7 +11,7 @@ from pathlib import Path
 
 from throughput import SETTINGS, SIZES, make_video
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 

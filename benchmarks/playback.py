@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import page
 
-from ros_visualise.pipelines import recording_pipeline
+from ros_visualise.graph.pipelines import recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.sources.opening import open_recording

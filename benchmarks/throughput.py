@@ -25,7 +25,7 @@ from pathlib import Path
 import av
 import cv2
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.flyover import Flyover
 from ros_visualise.sources.playback import Playback

@@ -9,8 +9,8 @@ from collections import defaultdict
 import numpy as np
 
 from ros_visualise.data import Image
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.nodes import node
-from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Header, Image
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.nodes import action, find_node, param, source
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui import ViewOptions, open_view

@@ -16,8 +16,8 @@ from ros_visualise.core.errors import OpenError, RosVisualiseError
 from ros_visualise.core.params import Parameters, specs
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.data import CameraInfo
-from ros_visualise.executables.by_name import run
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.running.executables.by_name import run
 from ros_visualise.runtime.middleware import Listing, Managed, ParametersListener
 
 PATIENCE_S = 20.0

@@ -15,7 +15,7 @@ import pytest
 from documents import DOCUMENTS, PACKAGE, block, commands, prose
 
 from ros_visualise.commands import COMMANDS, _parser
-from ros_visualise.executables import names
+from ros_visualise.running.executables import names
 
 OTHERS = ("CONTRIBUTING.md", "benchmarks/README.md", "benchmarks/ros2/README.md")
 LINKED = (*DOCUMENTS, *(PACKAGE / name for name in (*OTHERS, "training/README.md")))

@@ -15,8 +15,8 @@ import pytest
 from ros_visualise.data import Odometry, PointCloud
 from ros_visualise.data.header import Header
 from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.nodes import choose
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 

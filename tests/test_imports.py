@@ -19,12 +19,11 @@ LAYERS = [
     {"simulation"},
     {"nodes"},
     {"graph"},
-    {"pipelines", "landmark_pipelines", "presets"},
     {"lessons"},
     {"runtime"},
     {"ui"},
-    {"jobs"},
-    {"commands", "executables"},
+    {"running"},
+    {"commands"},
     {"__main__"},
 ]
 RUNTIMES = [set[str](), {"bridge"}, {"remote"}, {"ros1", "ros2"}]
@@ -49,7 +48,7 @@ MIDDLEWARES = {
 }
 """A middleware's folder under ``runtime`` -> the packages that may be imported there alone."""
 
-CHOOSES = ROOT / "executables" / "__init__.py"
+CHOOSES = ROOT / "running" / "executables" / "__init__.py"
 """The only place that chooses a middleware."""
 
 
@@ -72,6 +71,12 @@ def imported_names(path: Path) -> set[str]:
         elif isinstance(node, ast.Call) and "import_module" in ast.unparse(node.func):
             names |= {str(one.value) for one in node.args if isinstance(one, ast.Constant)}
     return names
+
+
+def test_the_top_of_the_package_is_a_list_of_rooms():
+    rooms = {path.name for path in ROOT.iterdir() if path.name != "__pycache__"}
+    assert rooms - {"__init__.py", "__main__.py", "py.typed"} <= set().union(*LAYERS)
+    assert len(rooms) <= 20
 
 
 FILES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")

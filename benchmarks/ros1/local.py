@@ -9,7 +9,7 @@ import argparse
 import json
 import time
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 

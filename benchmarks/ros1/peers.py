@@ -4,7 +4,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 HERE = Path(__file__).parent
 LOW, HIGH = 200, 300

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 from ros_visualise.runtime.ros2.cyclone import configure
 
 HERE = Path(__file__).parent

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from processes import Process, end_all, free_port
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 _HERE = Path(__file__).parent
 _OURS = (sys.executable, "-m", "ros_visualise")

@@ -30,7 +30,7 @@ def main() -> int:
 
 
 def run_executable(name: str) -> None:
-    """Run a ROS executable; see `ros_visualise.executables`.
+    """Run a ROS executable; see `ros_visualise.running.executables`.
 
     When it is asked to end, however early, its exit status is 0: with another one a launch reports
     that it has died.
@@ -38,7 +38,7 @@ def run_executable(name: str) -> None:
     leave_at_once(DONE)
     ended = [1]  # after a bug, whose traceback is printed by then
     atexit.register(leave, ended)  # before all others, so that it is called after them
-    from ros_visualise.executables import run
+    from ros_visualise.running.executables import run
 
     try:
         run(name)

@@ -7,7 +7,7 @@ import pytest
 from played_bags import QUICK, image, images, write_bag
 
 from ros_visualise.graph import Graph
-from ros_visualise.pipelines import recording_pipeline
+from ros_visualise.graph.pipelines import recording_pipeline
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.ui.shown import first_shown
 

@@ -9,7 +9,7 @@ import pytest
 
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.signals import Wish
-from ros_visualise.jobs.interruptible import opened_within
+from ros_visualise.running.interruptible import opened_within
 
 PATH, LONG_S = Path("x.bag"), 1e6
 

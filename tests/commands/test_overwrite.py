@@ -14,8 +14,8 @@ from rosbags.highlevel import AnyReader
 
 from ros_visualise.commands import main
 from ros_visualise.data import Header, Odometry
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.playback import Playback

@@ -7,8 +7,8 @@ import pytest
 
 from ros_visualise.commands import main
 from ros_visualise.core.errors import UsageError
-from ros_visualise.jobs import play
-from ros_visualise.jobs.play import has_desktop
+from ros_visualise.running import play
+from ros_visualise.running.play import has_desktop
 
 
 class Seen:

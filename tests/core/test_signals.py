@@ -16,8 +16,8 @@ from mcap.reader import make_reader
 from rosbags.rosbag1 import Reader
 
 from ros_visualise.data import Header, Image
-from ros_visualise.executables import command_of
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.running.executables import command_of
 from ros_visualise.sinks import open_recorder
 
 COMMAND = [sys.executable, "-m", "ros_visualise"]
@@ -130,7 +130,7 @@ def test_an_executable_that_is_ended_while_it_begins_has_not_died(tmp_path, numb
         "ros_visualise.commands",
         "argparse",
         "ros_visualise.commands.demo",
-        "ros_visualise.jobs.play",
+        "ros_visualise.running.play",
         "numpy",
         "numpy.linalg",
         "cv2",

@@ -14,7 +14,7 @@ import msgspec
 from ui.page_client import CAMERA, TOKEN, Client
 from websockets.exceptions import WebSocketException
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page

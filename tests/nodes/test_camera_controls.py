@@ -12,7 +12,7 @@ from ros_visualise.commands import main
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import specs
 from ros_visualise.graph import Graph
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources import camera
 from ros_visualise.sources.live import Address, open_live, parse_address

@@ -24,10 +24,10 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry.frames import FrameTree
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.messages import from_message
 from ros_visualise.nodes import find_node
 from ros_visualise.nodes.path import PathNode, PathParams
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 
 EACH = PathParams(min_distance=0, min_angle=0, rate=0)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.graph import Graph
+from ros_visualise.graph.pipelines import alone, chain
 from ros_visualise.nodes import find
-from ros_visualise.pipelines import alone, chain
 
 PACKAGE = Path(__file__).parents[2]
 LAUNCH = PACKAGE / "launch"

@@ -7,8 +7,8 @@ import sys
 
 from launched import PACKAGE
 
-from ros_visualise.executables import names
 from ros_visualise.nodes import NODES
+from ros_visualise.running.executables import names
 
 
 def test_every_node_and_source_has_one():
@@ -17,7 +17,12 @@ def test_every_node_and_source_has_one():
 
 def test_their_names_need_nothing_but_python():
     done = subprocess.run(
-        [sys.executable, "-S", "-m", "ros_visualise.executables"],  # without packages of pip
+        [
+            sys.executable,
+            "-S",
+            "-m",
+            "ros_visualise.running.executables",
+        ],  # without packages of pip
         cwd=PACKAGE / "src",
         text=True,
         capture_output=True,

@@ -13,9 +13,15 @@ from launched import LAUNCH, NEEDED, OPTIONS, PIPELINE_OPTIONS, PLAYER_OPTIONS, 
 from ros2_launch import Launched, Refused, begun_without, full
 
 from ros_visualise.core.params import update
-from ros_visualise.executables import names
+from ros_visualise.graph.pipelines import (
+    IMAGE_NODES,
+    alone,
+    chain,
+    image_pipeline,
+    simulation_pipeline,
+)
 from ros_visualise.nodes import NODES, SourceType, find
-from ros_visualise.pipelines import IMAGE_NODES, alone, chain, image_pipeline, simulation_pipeline
+from ros_visualise.running.executables import names
 from ros_visualise.runtime.playing import playing_params
 
 FILES = sorted(path.name.removesuffix(".launch.xml") for path in LAUNCH.glob("*.launch.xml"))

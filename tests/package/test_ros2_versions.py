@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 from launched import PACKAGE
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 ROS2 = PACKAGE / "src" / "ros_visualise" / "runtime" / "ros2"
 EITHER = "qos_events.py"

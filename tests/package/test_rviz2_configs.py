@@ -10,7 +10,7 @@ import pytest
 import yaml
 from launched import PACKAGE
 
-from ros_visualise.pipelines import simulation_pipeline
+from ros_visualise.graph.pipelines import simulation_pipeline
 
 CONFIG = PACKAGE / "config"
 FILES = sorted(path.name for path in CONFIG.glob("*.rviz"))

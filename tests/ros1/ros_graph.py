@@ -12,7 +12,7 @@ from typing import Any
 from waiting import PATIENCE_S as PATIENCE_S
 from waiting import wait_for as wait_for
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 
 def free_port() -> int:

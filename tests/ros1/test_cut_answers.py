@@ -4,7 +4,7 @@ import subprocess
 
 from cutting_master import cutting
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 BEGINS = "filters: the ROS master does not answer: "
 

@@ -26,7 +26,7 @@ from ros_graph import Heard, Master, end, free_port, wait_for
 from rosgraph_msgs.msg import Clock, Log
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 FRAMES = 12
 ROOT = Path(__file__).parents[2]

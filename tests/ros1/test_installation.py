@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from catkin_workspace import PACKAGE
 
-from ros_visualise.executables import command_of, names
+from ros_visualise.running.executables import command_of, names
 
 ADVICE = (
     f"this OpenCV was not built for NumPy {np.__version__}: {sys.executable} -m pip install"

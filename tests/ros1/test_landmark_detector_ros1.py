@@ -14,7 +14,7 @@ from ros_graph import Heard, Master, wait_for
 from sensor_msgs.msg import Image
 
 from ros_visualise.data import Detections, VisionInfo
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 from ros_visualise.runtime.ros1.types import message_class
 
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")

@@ -22,9 +22,9 @@ from launched import (
 )
 
 from ros_visualise.core.params import specs, update
-from ros_visualise.executables import names
+from ros_visualise.graph.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
 from ros_visualise.nodes import SourceType, find, find_all
-from ros_visualise.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
+from ros_visualise.running.executables import names
 from ros_visualise.runtime.playing import playing_params
 
 FILES = sorted(path.name for path in LAUNCH.glob("*.launch"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from ros_graph import free_port, wait_for
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 VIDEO = Path("video") / "vtest.avi"
 STARTED = {"streamer": "/image_raw", "edge_detector": "/edges"}

@@ -13,7 +13,7 @@ from catkin_workspace import PACKAGE, Workspace
 from ros_graph import Master, end, wait_for
 from test_plugins import SAMPLE, Packages
 
-from ros_visualise.executables import command_of, names
+from ros_visualise.running.executables import command_of, names
 
 EXECUTABLES = names()
 SPACES = ("devel", "install")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from ros_graph import Master, end, free_port, wait_for
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 ROSLAUNCH_WAITS_S = 15  # and then ends a node by other means
 NODES = {"/streamer", "/fps_control", "/filters", "/edge_detector"}

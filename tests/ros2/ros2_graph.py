@@ -6,7 +6,7 @@ import os
 import subprocess
 from typing import Any
 
-from ros_visualise.executables import command_of
+from ros_visualise.running.executables import command_of
 
 _END_S = 20
 

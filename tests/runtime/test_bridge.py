@@ -35,11 +35,11 @@ from ros_visualise.data import (
 from ros_visualise.data import (
     Path as PathMessage,
 )
-from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.nodes.filters import FiltersParams
+from ros_visualise.running.executables.by_name import run
 from ros_visualise.runtime.bridge.inputs import ImageInput
 from ros_visualise.runtime.bridge.outputs import StaticFrames, StaticTransformsOutput
 from ros_visualise.runtime.queues import Packet
@@ -447,7 +447,7 @@ def test_who_is_asked_to_end_while_it_opens_something_ends(
         middleware.end("asked to")
         opening.wait(60)
 
-    monkeypatch.setattr("ros_visualise.executables.player.open_recording", open_long)
+    monkeypatch.setattr("ros_visualise.running.executables.player.open_recording", open_long)
     with pytest.raises(SystemExit) as ended:
         run("player", middleware)
     assert ended.value.code == 0

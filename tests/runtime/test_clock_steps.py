@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.core.rate import WallClock
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources import camera
 from ros_visualise.sources.opening import open_recording

@@ -12,7 +12,7 @@ from contract import FRAMES, NODES, Running, wait_for_pipeline
 from hub import Hub, HubMiddleware
 from made_videos import numbered
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime

@@ -15,11 +15,11 @@ from contract_of_faults import GARBAGE, GraphWorld, World, picture
 from hub import Hub, HubMiddleware, run_one
 
 from ros_visualise.data import Image, Text
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.messages import type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded, TopicType
 from ros_visualise.nodes import load
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet

@@ -14,8 +14,8 @@ from contract_of_nodes import GraphWorld, World
 from hub import Hub, HubMiddleware
 
 from ros_visualise.data import CameraInfo, Image
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.nodes import load
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.base import Subscription
 from ros_visualise.runtime.local import LocalRuntime
 

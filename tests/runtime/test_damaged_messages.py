@@ -1,10 +1,10 @@
 """What of a recording cannot be decoded: it is said with its topic, and the rest goes on."""
 
 from ros_visualise.core.params import Parameters
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.nodes import find
-from ros_visualise.pipelines import alone
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import Packet
 from ros_visualise.runtime.runner import NodeRunner

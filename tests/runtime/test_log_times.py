@@ -6,8 +6,8 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from ros_visualise.data import Header, Image, Odometry
+from ros_visualise.graph.pipelines import recording_pipeline
 from ros_visualise.messages.recorded import TopicType
-from ros_visualise.pipelines import recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sinks import open_recorder
 from ros_visualise.sources.opening import open_recording

@@ -16,9 +16,9 @@ from waiting import wait_for
 
 from ros_visualise.core.errors import OpenError, RosVisualiseError, UsageError
 from ros_visualise.data import Header, Image
-from ros_visualise.executables.by_name import run
 from ros_visualise.messages import type_name
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.running.executables.by_name import run
 from ros_visualise.runtime.middleware import Managed
 
 IMAGE = Image(np.zeros((4, 6), np.uint8), "mono8", Header(5, "camera"))

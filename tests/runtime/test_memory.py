@@ -6,7 +6,7 @@ import threading
 
 import pytest
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.memory import find_trim
 from ros_visualise.sources.playback import Playback

@@ -10,8 +10,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from ros_visualise.data import CameraInfo, Header, Image
 from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.graph.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.nodes import NoParams, source
-from ros_visualise.pipelines import image_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RecordingReport
 from ros_visualise.sources.opening import open_recording
@@ -208,7 +208,7 @@ def test_where_a_calibration_ends_the_camera_is_said_to_have_none(tmp_path, name
 
 def test_a_simulated_robots_camera_is_calibrated(tmp_path):
     pytest.importorskip("mujoco")
-    from ros_visualise.pipelines import simulation_pipeline
+    from ros_visualise.graph.pipelines import simulation_pipeline
 
     small = {"camera_width": 64, "camera_height": 48, "lidar": False, "world": "plane"}
     graph = simulation_pipeline("husky", mission="square", **small)

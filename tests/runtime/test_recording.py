@@ -10,9 +10,9 @@ import pytest
 from ros_visualise.core.errors import DamagedMessage, RecordingError, UsageError
 from ros_visualise.data import Header, Image, ParameterEvent
 from ros_visualise.graph import Graph, Node, SourceNode
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.fps_control import FpsControl, FpsParams
-from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.queues import END, Packet
 from ros_visualise.runtime.recording import RecorderThread

@@ -7,9 +7,9 @@ import numpy as np
 
 from ros_visualise.data import Header, Image
 from ros_visualise.graph import Graph, Node, SourceNode, place
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.nodes import NoParams, node, source
 from ros_visualise.nodes.fps_control import FpsControl
-from ros_visualise.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import NodeReport, RunReport, to_json
 from ros_visualise.sources.playback import Playback

@@ -15,7 +15,7 @@ from waiting import wait_for
 from ros_visualise.commands import main
 from ros_visualise.core.errors import OpenError, RecordingError, UsageError
 from ros_visualise.core.params import Parameters, param
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime import saving
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import live_parameters, load, of_node, save, save_anew

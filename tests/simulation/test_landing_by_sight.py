@@ -11,7 +11,7 @@ from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Header, Odometry
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_rpy
-from ros_visualise.landmark_pipelines import tags_of_world
+from ros_visualise.graph.landmarks import tags_of_world
 from ros_visualise.nodes.landing_target import LandingTarget, LandingTargetParams
 from ros_visualise.nodes.tag_detector import TagDetector, TagParams
 from ros_visualise.simulation.missions import Mission

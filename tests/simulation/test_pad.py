@@ -8,7 +8,7 @@ import pytest
 from simulated_runs import BLIND_QUADROTOR, collect
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.landmark_pipelines import tags_of_world
+from ros_visualise.graph.landmarks import tags_of_world
 from ros_visualise.landmarks.tags.known import read_known_tags
 from ros_visualise.simulation import worlds
 from ros_visualise.simulation.deck import PAD_TAGS

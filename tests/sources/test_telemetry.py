@@ -8,9 +8,9 @@ import pytest
 
 from ros_visualise.core import limits
 from ros_visualise.data import Image, Imu, NavSatFix
+from ros_visualise.graph.pipelines import film_pipeline
 from ros_visualise.nodes.streamer import StreamerParams
 from ros_visualise.nodes.streamer import film as film_source
-from ros_visualise.pipelines import film_pipeline
 from ros_visualise.sources import demux
 from ros_visualise.sources.logs.gopro import is_whole, read_samples
 from ros_visualise.sources.playback import Playback

@@ -10,7 +10,7 @@ import pytest
 import viser
 from page_client import TOKEN, VIEW_TOKEN, Client
 
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page

@@ -10,8 +10,8 @@ from page_client import Client
 
 from ros_visualise.data import Odometry, Twist
 from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.graph.pipelines import simulation_pipeline
 from ros_visualise.nodes import NoParams, source
-from ros_visualise.pipelines import simulation_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.page import Page

@@ -11,7 +11,7 @@ from scene_messages import odometry
 from scene_runtime import Told
 
 from ros_visualise.data import Image, Odometry
-from ros_visualise.pipelines import film_pipeline, recording_pipeline
+from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback

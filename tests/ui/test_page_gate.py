@@ -28,7 +28,7 @@ window.told = new Promise(tell => {{
 </script>"""
 SERVED = """
 import sys
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.core import supervision

@@ -15,7 +15,7 @@ from ros_visualise.commands import main
 COMMAND = [sys.executable, "-m", "ros_visualise"]
 HANGING = """
 import sys, threading
-from ros_visualise.jobs import play
+from ros_visualise.running import play
 from ros_visualise.__main__ import main
 
 def following(*_):

@@ -16,9 +16,9 @@ from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph, Node
+from ros_visualise.graph.pipelines import chain, image_pipeline
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.nodes.filters import FiltersParams
-from ros_visualise.pipelines import chain, image_pipeline
 from ros_visualise.runtime.remote.declaring import Told, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
 from ros_visualise.ui.colors import PALETTE

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from ros_visualise.graph import Graph
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.ui.watching import watch
 
 EMPTY, FULL = Graph(None, ()), image_pipeline("landscape")

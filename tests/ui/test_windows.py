@@ -13,7 +13,7 @@ import pytest
 HELPERS = """
 import os, subprocess, sys, time
 import cv2, numpy as np
-from ros_visualise.pipelines import image_pipeline
+from ros_visualise.graph.pipelines import image_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.windows import Windows

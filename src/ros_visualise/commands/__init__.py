@@ -24,7 +24,7 @@ from ros_visualise.core.printing import say, say_what_is_logged
 from ros_visualise.core.registry import Registry, holding
 from ros_visualise.core.signals import interrupt
 from ros_visualise.core.supervision import status_of
-from ros_visualise.jobs.options import MemoryOptions
+from ros_visualise.running.options import MemoryOptions
 
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.options import PlayingOptions, add_playing_options
+from ros_visualise.running.options import PlayingOptions, add_playing_options
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +52,8 @@ def add_topic_options(parser: ArgumentParser) -> None:
 
 def run(options: BagOptions) -> int:
     """Play the recording."""
-    from ros_visualise.jobs.graphs import recording
-    from ros_visualise.jobs.play import play
+    from ros_visualise.running.graphs import recording
+    from ros_visualise.running.play import play
 
     return play(recording(options.input, options.topics, options.image, options.odom), options)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from ros_visualise.commands import Command
 from ros_visualise.commands.video import VideoOptions
 from ros_visualise.core.errors import UsageError
-from ros_visualise.jobs.options import add_playing_options, add_size_option
+from ros_visualise.running.options import add_playing_options, add_size_option
 
 if TYPE_CHECKING:
     from ros_visualise.graph import Graph
@@ -29,9 +29,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: VideoOptions) -> int:
     """Show the camera until it is ended."""
-    from ros_visualise.jobs.graphs import Selection, sized_to
-    from ros_visualise.jobs.play import play
-    from ros_visualise.pipelines import image_pipeline
+    from ros_visualise.graph.pipelines import image_pipeline
+    from ros_visualise.running.graphs import Selection, sized_to
+    from ros_visualise.running.play import play
 
     def graph(_: object) -> Graph:
         if options.rate is not None or options.loop or options.start is not None:

@@ -6,7 +6,7 @@ from argparse import ArgumentParser
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.options import PlayingOptions, add_playing_options, add_size_option
+from ros_visualise.running.options import PlayingOptions, add_playing_options, add_size_option
 from ros_visualise.simulation.robots import ROBOTS
 
 
@@ -32,9 +32,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: DemoOptions) -> int:
     """Play the scene until it is ended."""
-    from ros_visualise.jobs.graphs import Selection
-    from ros_visualise.jobs.play import play
-    from ros_visualise.pipelines import demo_pipeline
+    from ros_visualise.graph.pipelines import demo_pipeline
+    from ros_visualise.running.graphs import Selection
+    from ros_visualise.running.play import play
     from ros_visualise.sources.video_pixels import parse_size
 
     landmarks, navigate = options.landmarks is not False, options.navigate is not None

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.printing import answer, answer_json, say
-from ros_visualise.jobs.options import PlayingOptions, add_playing_options
+from ros_visualise.running.options import PlayingOptions, add_playing_options
 from ros_visualise.simulation.robots import OURS, ROBOTS
 
 if TYPE_CHECKING:
     from ros_visualise.graph import Graph
-    from ros_visualise.jobs.graphs import Selection
     from ros_visualise.lessons.lesson import Lesson
+    from ros_visualise.running.graphs import Selection
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +51,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: ExplainOptions) -> int:
     """List the lessons, or give one; 1 if something was lost."""
-    from ros_visualise.jobs.play import play
     from ros_visualise.lessons import LESSONS
     from ros_visualise.lessons.handout import PAGE
+    from ros_visualise.running.play import play
 
     if options.topic is None:
         _list(options.json)
@@ -77,8 +77,8 @@ def run(options: ExplainOptions) -> int:
 
 def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> Selection:
     """A lesson on a file; on another one in its place it goes on."""
-    from ros_visualise.jobs.graphs import Selection
-    from ros_visualise.jobs.lesson_graphs import lesson_graph
+    from ros_visualise.running.graphs import Selection
+    from ros_visualise.running.lesson_graphs import lesson_graph
 
     def graph(undo: ExitStack) -> Graph:
         return lesson_graph(lesson, path, folder, at_end, undo)

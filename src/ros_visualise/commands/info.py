@@ -10,7 +10,7 @@ from typing import Any
 
 from ros_visualise.commands import Command
 from ros_visualise.core.printing import answer, answer_json, counted, shown, sized
-from ros_visualise.jobs.options import MemoryOptions, add_memory_option
+from ros_visualise.running.options import MemoryOptions, add_memory_option
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
@@ -38,7 +38,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(options: InfoOptions) -> int:
     """Print what a file holds; 1 if something of it is lost."""
     from ros_visualise import sources
-    from ros_visualise.jobs.interruptible import interruptible
+    from ros_visualise.running.interruptible import interruptible
 
     found = interruptible(lambda: sources.info(options.input, options.check))
     if options.json:

@@ -6,7 +6,7 @@ from argparse import ArgumentParser
 
 from ros_visualise.commands import Command
 from ros_visualise.commands.bag import BagOptions, add_topic_options, run
-from ros_visualise.jobs.options import add_playing_options
+from ros_visualise.running.options import add_playing_options
 
 
 def add_arguments(parser: ArgumentParser) -> None:

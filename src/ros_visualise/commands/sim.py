@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import UsageError
-from ros_visualise.jobs.options import (
+from ros_visualise.running.options import (
     PlayingOptions,
     WorldOptions,
     add_playing_options,
@@ -39,9 +39,9 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: SimOptions) -> int:
     """Run the robot until it is ended."""
-    from ros_visualise.jobs.graphs import Selection
-    from ros_visualise.jobs.play import play
-    from ros_visualise.pipelines import simulation_pipeline
+    from ros_visualise.graph.pipelines import simulation_pipeline
+    from ros_visualise.running.graphs import Selection
+    from ros_visualise.running.play import play
     from ros_visualise.sources.video_pixels import parse_size
 
     mission = options.mission or "none"

@@ -6,7 +6,7 @@ from argparse import ArgumentParser
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.options import PlayingOptions, add_playing_options, add_size_option
+from ros_visualise.running.options import PlayingOptions, add_playing_options, add_size_option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,8 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 def run(options: VideoOptions) -> int:
     """Play the film."""
-    from ros_visualise.jobs.graphs import film
-    from ros_visualise.jobs.play import play
+    from ros_visualise.running.graphs import film
+    from ros_visualise.running.play import play
 
     return play(film(options.input, options.size), options)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.argument_types import not_negative, positive
-from ros_visualise.jobs.options import MemoryOptions, add_memory_option
+from ros_visualise.running.argument_types import not_negative, positive
+from ros_visualise.running.options import MemoryOptions, add_memory_option
 
 if TYPE_CHECKING:
     from ros_visualise.sinks import Profile

@@ -22,8 +22,8 @@ from ros_visualise.core.errors import (
 )
 from ros_visualise.core.printing import answer_json, counted, say, sized
 from ros_visualise.core.signals import STOPPED, Wish, noticed
-from ros_visualise.jobs.interruptible import in_time, interruptible
 from ros_visualise.messages.recorded import TopicType
+from ros_visualise.running.interruptible import in_time, interruptible
 from ros_visualise.sinks import encoding_of, kind_of, open_recorder
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.sinks.names import check_targets, parse_target

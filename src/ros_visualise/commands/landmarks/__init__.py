@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.argument_types import tag_size
-from ros_visualise.jobs.options import (
+from ros_visualise.running.argument_types import tag_size
+from ros_visualise.running.options import (
     MemoryOptions,
     PartOptions,
     SettingOptions,

@@ -12,8 +12,7 @@ from ros_visualise.commands.landmarks import LandmarksOptions
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import Detections, Image, Imu, Odometry, Transforms
 from ros_visualise.graph import Graph, SourceNode
-from ros_visualise.jobs.graphs import with_settings
-from ros_visualise.landmark_pipelines import (
+from ros_visualise.graph.landmarks import (
     LOCALIZER,
     OBJECTS,
     RECORDED_TAGS,
@@ -21,10 +20,11 @@ from ros_visualise.landmark_pipelines import (
     tags_of_world,
     with_landmarks,
 )
+from ros_visualise.graph.pipelines import alone, made_topics
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.nodes.player import player
-from ros_visualise.pipelines import alone, made_topics
+from ros_visualise.running.graphs import with_settings
 from ros_visualise.simulation.robots import OURS, ROBOTS
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import NoRecording, is_recording, open_recording

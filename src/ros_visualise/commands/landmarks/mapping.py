@@ -21,7 +21,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.data.frames import is_static
 from ros_visualise.graph import Graph
-from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
+from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
 from ros_visualise.landmarks.localization.track import Track
 from ros_visualise.landmarks.mapping.gathering import Gathered
 from ros_visualise.landmarks.mapping.mapping import Map, map_of

@@ -16,11 +16,11 @@ from ros_visualise.core.printing import answer, answer_json, counted, say, shown
 from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.data import Header
 from ros_visualise.graph import Graph
-from ros_visualise.jobs.interruptible import in_a_second, in_time, interruptible
-from ros_visualise.landmark_pipelines import DETECTORS, LOCALIZER
+from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.shown import Shown
 from ros_visualise.nodes.landmark_localizer import check_map_name
+from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.report import RunReport
 from ros_visualise.sinks.files import TargetFile, write_file

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.commands import Command
-from ros_visualise.jobs.argument_types import not_negative
-from ros_visualise.jobs.options import MemoryOptions, add_memory_option
+from ros_visualise.running.argument_types import not_negative
+from ros_visualise.running.options import MemoryOptions, add_memory_option
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ from ros_visualise.commands.trajectory.report import figures, summary, table, to
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import answer, answer_json, say, shown
 from ros_visualise.geometry.planes import Plane, planes_of
-from ros_visualise.jobs.interruptible import interruptible
+from ros_visualise.running.interruptible import interruptible
 from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets, parse_target

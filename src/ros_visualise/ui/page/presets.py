@@ -8,7 +8,7 @@ from typing import Any
 import viser
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.presets import NAMES, chosen, preset
+from ros_visualise.graph.presets import NAMES, chosen, preset
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.runtime.saving import live_parameters
 from ros_visualise.ui.page.controls import set_value

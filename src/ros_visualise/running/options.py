@@ -14,7 +14,7 @@ from typing import Any
 
 from ros_visualise.core.limits import DEFAULT_MEMORY
 from ros_visualise.core.rate import MAX_RATE
-from ros_visualise.jobs.argument_types import (
+from ros_visualise.running.argument_types import (
     count,
     folder,
     memory,
@@ -235,7 +235,7 @@ def _add_nodes(parser: ArgumentParser) -> None:
 
 
 def _presets(**_: object) -> tuple[str, ...]:
-    from ros_visualise.presets import NAMES
+    from ros_visualise.graph.presets import NAMES
 
     return NAMES
 

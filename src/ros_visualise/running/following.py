@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.graph import Graph
-from ros_visualise.jobs.graphs import Selection, film, graph_of, recording
-from ros_visualise.jobs.options import PlayingOptions
+from ros_visualise.running.graphs import Selection, film, graph_of, recording
+from ros_visualise.running.options import PlayingOptions
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import is_recording
 

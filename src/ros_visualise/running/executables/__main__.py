@@ -1,5 +1,5 @@
 """Prints the names of the executables, a line each."""
 
-from ros_visualise.executables import names
+from ros_visualise.running.executables import names
 
 print(*names(), sep="\n")

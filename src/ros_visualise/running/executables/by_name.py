@@ -10,18 +10,18 @@ from functools import partial
 
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.supervision import status_of
-from ros_visualise.executables.managed import run_managed
-from ros_visualise.executables.options import (
+from ros_visualise.graph.pipelines import IMAGE_NODES, alone, chain
+from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
+from ros_visualise.running.executables.managed import run_managed
+from ros_visualise.running.executables.options import (
     OPTIONS,
     choose_image_transport,
     choose_memory,
     choose_view,
     switch,
 )
-from ros_visualise.executables.player import run_player
-from ros_visualise.executables.running import offer_saving, run_graph
-from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
-from ros_visualise.pipelines import IMAGE_NODES, alone, chain
+from ros_visualise.running.executables.player import run_player
+from ros_visualise.running.executables.running import offer_saving, run_graph
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.runtime.remote.runtime import RemoteRuntime
 from ros_visualise.runtime.saving import live_parameters

@@ -20,7 +20,7 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.graph import Graph, Node, SourceNode, place, place_source
-from ros_visualise.landmark_pipelines import TAGS, tags_of_world, with_landmarks
+from ros_visualise.graph.landmarks import TAGS, tags_of_world, with_landmarks
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NODES, NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player

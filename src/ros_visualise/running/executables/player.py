@@ -10,11 +10,11 @@ from functools import partial
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Image
-from ros_visualise.executables.options import OPTIONS, named_in
-from ros_visualise.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.graph import Graph, SourceNode
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.player import player
+from ros_visualise.running.executables.options import OPTIONS, named_in
+from ros_visualise.running.executables.running import announce_time, opened, publish_time, run_graph
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Middleware
 from ros_visualise.sources.opening import open_recording

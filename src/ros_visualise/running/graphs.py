@@ -13,17 +13,17 @@ from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.core.params import specs
 from ros_visualise.data import Detections, Image
 from ros_visualise.graph import Graph
-from ros_visualise.jobs.options import NodeOptions, SettingOptions
-from ros_visualise.landmark_pipelines import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
-from ros_visualise.nodes import choose_node
-from ros_visualise.nodes.path import PathParams
-from ros_visualise.pipelines import (
+from ros_visualise.graph.landmarks import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
+from ros_visualise.graph.pipelines import (
     IMAGE_NODES,
     film_pipeline,
     image_pipeline,
     recording_pipeline,
 )
-from ros_visualise.presets import preset
+from ros_visualise.graph.presets import preset
+from ros_visualise.nodes import choose_node
+from ros_visualise.nodes.path import PathParams
+from ros_visualise.running.options import NodeOptions, SettingOptions
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
 from ros_visualise.sources.opening import open_recording

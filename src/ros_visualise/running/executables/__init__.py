@@ -1,7 +1,7 @@
 """The ROS executables, one for each node and source of this package and a few more.
 
-``CMakeLists.txt`` asks for their names, by ``python -m ros_visualise.executables``, and writes a
-script for each. That needs nothing but Python: what pip brings may not be installed yet.
+``CMakeLists.txt`` asks for their names by ``python -m ros_visualise.running.executables``, and
+writes a script for each. That needs nothing but Python: what pip brings may not be installed yet.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def run(name: str) -> None:
             middleware = import_module("ros_visualise.runtime.ros2.middleware").Ros2()
         else:
             middleware = import_module("ros_visualise.runtime.ros1.middleware").Ros1()
-        import_module("ros_visualise.executables.by_name").run(name, middleware)
+        import_module("ros_visualise.running.executables.by_name").run(name, middleware)
     except RosVisualiseError as error:
         say(f"{name}: {error}")
         sys.exit(error.exit_status)

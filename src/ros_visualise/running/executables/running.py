@@ -17,15 +17,15 @@ from ros_visualise.core.errors import OpenError
 from ros_visualise.core.params import Parameters, update
 from ros_visualise.core.rate import Clock, WallClock
 from ros_visualise.data import Image
-from ros_visualise.executables.options import (
+from ros_visualise.graph import Graph, M
+from ros_visualise.messages.recorded import TopicType
+from ros_visualise.running.executables.options import (
     choose_image_transport,
     choose_jpeg_quality,
     choose_params,
     choose_view,
     seconds,
 )
-from ros_visualise.graph import Graph, M
-from ros_visualise.messages.recorded import TopicType
 from ros_visualise.runtime.bridge.process import Process
 from ros_visualise.runtime.middleware import Handle, Middleware
 from ros_visualise.runtime.playing import PlayingParams, playing_params

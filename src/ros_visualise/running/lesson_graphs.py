@@ -8,11 +8,11 @@ from typing import Any
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.graph.pipelines import alone
 from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.pipeline import lesson_pipeline
 from ros_visualise.nodes import find_source
 from ros_visualise.nodes.player import player
-from ros_visualise.pipelines import alone
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.sources.opening import is_recording, open_recording
 from ros_visualise.sources.pictures import is_pictures

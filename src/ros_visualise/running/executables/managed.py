@@ -12,8 +12,8 @@ from functools import partial
 from queue import Empty, SimpleQueue
 
 from ros_visualise.core.errors import Unreachable
-from ros_visualise.executables.running import Run, announce_time, publish_time, running
 from ros_visualise.graph import Graph
+from ros_visualise.running.executables.running import Run, announce_time, publish_time, running
 from ros_visualise.runtime.middleware import Middleware
 
 log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ def run_managed(middleware: Middleware, graph: Graph, namespaces: Mapping[str, s
     """Run a graph as its manager asks, until this process has to end; the exit status.
 
     Args:
-        middleware, graph, namespaces: as of `ros_visualise.executables.running.run_graph`.
+        middleware, graph, namespaces: as of `ros_visualise.running.executables.running.run_graph`.
 
     Raises:
         UsageError: the middleware has no managed nodes.
