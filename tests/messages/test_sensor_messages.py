@@ -9,6 +9,7 @@ from through import HEADER, assert_survives, through_ros1, through_ros2
 from ros_visualise.data import (
     FluidPressure,
     Imu,
+    JointState,
     LaserScan,
     MagneticField,
     NavSatFix,
@@ -54,6 +55,8 @@ SCAN = LaserScan(
         MagneticField(RNG.normal(size=3) * 1e-5, NOT_MEASURED, HEADER),
         FluidPressure(101325.25, 0.0, HEADER),
         FluidPressure(np.nan, -1.0, HEADER),
+        JointState(("a", "ä"), RNG.normal(size=2), RNG.normal(size=2), np.zeros(0), HEADER),
+        JointState((), np.zeros(0), header=HEADER),
         TimeReference(1_700_000_000_123_456_789, "gps", HEADER),
         SCAN,
         replace(SCAN, intensities=np.zeros(0, np.float32)),

@@ -26,6 +26,7 @@ from ros_visualise.data import (
     Hypothesis,
     Image,
     Imu,
+    JointState,
     LaserScan,
     Level,
     MagneticField,
@@ -90,6 +91,7 @@ DATA = [
     ),
     FluidPressure(101325.25, np.nan, HEADER),
     Imu(numbers(4), numbers(3), numbers(3), -np.ones((3, 3)), header=HEADER),
+    JointState(("left", "right"), numbers(2), efforts=numbers(2), header=HEADER),
     LaserScan(
         np.array([1.5, np.inf, np.nan], np.float32), -1.0, 1.0, 1.0, 0.125, 30.0, header=HEADER
     ),

@@ -337,11 +337,14 @@ def test_a_robot_s_links_follow_their_frames(scene, look):
         '<geometry><box size="1 2 3"/></geometry></visual></link></robot>'
     )
     draw(scene, robot_description=Text(urdf), tf=tf(transform("map", "base_link", [4, 0, 0])))
-    look("robot/base_link", lambda node: is_at([4, 0, 0])(node) and node.get("visible"))
-    box = look("robot/base_link/0", is_at([0, 0, 0.5]))
+    look(
+        "topics/robot_description/base_link",
+        lambda node: is_at([4, 0, 0])(node) and node.get("visible"),
+    )
+    box = look("topics/robot_description/base_link/0", is_at([0, 0, 0.5]))
     assert tuple(box["dimensions"]) == (1, 2, 3)
 
 
 def test_a_text_that_describes_no_robot_is_said(scene, caplog):
     draw(scene, robot_description=Text("<robot"))
-    assert "no URDF" in caplog.text
+    assert "not a valid URDF" in caplog.text

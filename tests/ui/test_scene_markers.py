@@ -7,7 +7,7 @@ from scene_messages import LEFT, LEVEL, S, draw, has, is_at, tf, transform
 from scene_runtime import Told
 
 from ros_visualise.data import Header, Marker, MarkerAction, MarkerArray, MarkerType, Odometry
-from ros_visualise.ui.scene.mesh_files import load_mesh
+from ros_visualise.ui.scene.meshes import load_mesh
 from ros_visualise.ui.scene.solids import mesh_of, solids_of
 from ros_visualise.ui.scene.thread import SceneThread
 
@@ -136,12 +136,13 @@ def test_a_mesh_is_drawn_in_its_size_and_color(scene, look, package):
 @pytest.mark.parametrize(
     ("name", "why"),
     [
-        ("package://robot/../secret.stl", "not in its package"),
-        ("package://robot/%2e%2e/secret.stl", "not in its package"),
-        ("package://robot/base.dae", "only meshes in .stl files"),
-        ("package://robot/torn.stl", "holds no mesh"),
+        ("package://robot/../secret.stl", "outside of its package"),
+        ("package://robot/%2e%2e/secret.stl", "outside of its package"),
+        ("package://robot/base.dae", "not a mesh|cannot be read"),
+        ("package://robot/base.glb", "supported: .stl, .obj, .dae"),
+        ("package://robot/torn.stl", "not a mesh"),
         ("package://robot/none.stl", "no such file"),
-        ("file:///dev/zero", "only meshes in .stl files"),
+        ("file:///dev/zero", "unsupported format"),
         ("http://127.0.0.1/a.stl", "package://PACKAGE/FILE"),
         ("", "package://PACKAGE/FILE"),
     ],
@@ -219,7 +220,10 @@ def test_a_marker_of_an_unknown_frame_is_said_and_drawn_when_that_is_there(scene
         (marker(99, id=1), "type 99"),
         (marker(xyz=[np.nan, 0, 0], id=1), "not a number"),
         (marker(MarkerType.TRIANGLE_LIST, id=1), "three points"),
-        (marker(MarkerType.MESH_RESOURCE, id=1, mesh_resource="package://no/a.stl"), "no is not"),
+        (
+            marker(MarkerType.MESH_RESOURCE, id=1, mesh_resource="package://no/a.stl"),
+            "package no not found",
+        ),
     ],
 )
 def test_a_marker_that_cannot_be_drawn_is_said_and_the_others_are_drawn(scene, look, wrong, said):

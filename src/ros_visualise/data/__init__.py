@@ -29,6 +29,7 @@ from ros_visualise.data.header import Pixels as Pixels
 from ros_visualise.data.hypotheses import Hypothesis as Hypothesis
 from ros_visualise.data.images import CompressedImage as CompressedImage
 from ros_visualise.data.images import Image as Image
+from ros_visualise.data.joints import JointState as JointState
 from ros_visualise.data.maps import OccupancyGrid as OccupancyGrid
 from ros_visualise.data.maps import PolygonStamped as PolygonStamped
 from ros_visualise.data.markers import Marker as Marker

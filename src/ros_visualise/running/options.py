@@ -80,6 +80,7 @@ class ViewingOptions:
     token: bool
     open: bool | None
     layout: Path | None
+    urdf: Path | None
     allow_origin: Sequence[str]
 
 
@@ -115,6 +116,12 @@ def _add_viewing(parser: ArgumentParser) -> None:
         type=Path,
         metavar="FILE.yaml",
         help="arrange the page as this file says; 'save layout' on the page writes one",
+    )
+    group.add_argument(
+        "--urdf",
+        type=Path,
+        metavar="FILE",
+        help="draw this robot in place of the one on /robot_description",
     )
     group.add_argument(
         "--allow-origin",

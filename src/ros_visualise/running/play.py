@@ -56,6 +56,7 @@ def play(selection: Selection, options: PlayingOptions) -> int:
         arrangement=read_arrangement(options.layout) if options.layout else {},
         shelf=shelf,
         token=options.token,
+        urdf=options.urdf,
     )
     graph = interruptible(lambda: graph_of(selection, options))
     view = open_view(options.view, view_options)

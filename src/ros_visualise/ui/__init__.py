@@ -52,6 +52,7 @@ class ViewOptions:
         browser: whether to open one.
         arrangement: how the page is arranged at first.
         place: where on the screen the windows open; see `ros_visualise.ui.windows.Windows`.
+        urdf: a file that describes the robot to draw.
         flag: how a person gives another of these: its name and its value go in.
 
     Raises:
@@ -69,6 +70,7 @@ class ViewOptions:
     flag: str = "--{} {}"
     shelf: Shelf | None = None
     token: bool = True
+    urdf: Path | None = None
 
     def __post_init__(self) -> None:
         record_folder(self.record_dir)
@@ -78,11 +80,12 @@ def open_view(name: str, options: ViewOptions) -> View:
     """The view called ``web``, ``windows`` or ``none``.
 
     Raises:
-        OpenError: the port is in use, or there is no screen for windows.
+        OpenError: the port is in use, the robot cannot be read, or there is no screen for windows.
         UsageError: there is no such view, place or origin.
     """
     if name == "web":
         from ros_visualise.ui.page import Page
+        from ros_visualise.ui.scene.urdf import read_urdf
 
         return Page(
             options.host,
@@ -95,6 +98,7 @@ def open_view(name: str, options: ViewOptions) -> View:
             arrangement=options.arrangement,
             shelf=options.shelf,
             token=options.token,
+            urdf=read_urdf(options.urdf) if options.urdf else "",
         )
     if name == "windows":
         from ros_visualise.ui.windows import Windows

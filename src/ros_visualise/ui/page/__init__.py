@@ -43,6 +43,7 @@ class Page:
         arrangement: how it is arranged at first.
         shelf: the files that can be opened from it; None: none.
         token: whether it opens by addresses with a token alone.
+        urdf: the robot to draw; empty: as topics describe it.
 
     Attributes:
         url: its address for a browser on this machine.
@@ -67,10 +68,12 @@ class Page:
         arrangement: Arrangement = MappingProxyType({}),
         shelf: Shelf | None = None,
         token: bool = True,
+        urdf: str = "",
     ) -> None:
         door = open_door(host, origins, token)
         if door.addresses and not token:
             log.warning("no token: whoever reaches %s can use the page", host)
+        self._urdf = urdf
         self._files, self._memory = Files(record_dir, shelf), Memory(arrangement)
         self._questions = Pool("page answers", _ANSWERING)
         self.url = url(host, port, door.token)
@@ -107,7 +110,9 @@ class Page:
 
     def _show(self, runtime: Runtime) -> None:
         self._looker = Looker(runtime)
-        self._desk = Desk(self._server, runtime, self._files, self._looker, self._memory)
+        self._desk = Desk(
+            self._server, runtime, self._files, self._looker, self._memory, self._urdf
+        )
 
     def _leave(self) -> None:
         """Take the present graph from the page; how it is arranged is remembered."""

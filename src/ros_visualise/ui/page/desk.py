@@ -58,6 +58,7 @@ class Desk:
         files: Files,
         looker: Looker,
         memory: Memory,
+        urdf: str = "",
     ) -> None:
         self._server, self._runtime, self._files = server, runtime, files
         self._looker, self._memory = looker, memory
@@ -69,7 +70,7 @@ class Desk:
         self._worker = Worker(self._notice.say, self._refresh, _PERIOD_S)
         self._driver = Worker(self._notice.say, self._drive, _DRIVE_PERIOD_S)
         self._actors: dict[str, Worker] = {}  # node -> who does its actions
-        self._scene = Scene(server)
+        self._scene = Scene(server, urdf=urdf)
         self._scene.view.onlookers = partial(viewers, server)
         self._scene.look = Look(names=is_tree(topics_of(self._graph)))
         robot = teller(self._graph)[0]

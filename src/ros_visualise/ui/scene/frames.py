@@ -23,12 +23,14 @@ class Frames:
 
     ``chosen`` is the fixed frame that a person asked for, or None: then it is the outermost one
     that REP 105 names, the root of the tree, or the frame of the first message. ``awaited`` is the
-    one before time jumped, and holds until it is known again; empty: none.
+    one before time jumped, and holds until it is known again; empty: none. ``joints`` holds the
+    newest positions of joints by name, in radians or metres.
     """
 
     def __init__(self) -> None:
         self.tree = FrameTree()
         self.links = Links()
+        self.joints: dict[str, float] = {}
         self.chosen: str | None = None
         self.awaited = ""
         self._seen: list[str] = []

@@ -8,6 +8,7 @@ from ros_visualise.data import (
     CameraInfo,
     Image,
     Imu,
+    JointState,
     Marker,
     MarkerArray,
     NavSatFix,
@@ -22,13 +23,13 @@ from ros_visualise.ui.scene.drawings import by_message
 DRAWINGS: Mapping[type, type[Drawing]] = by_message()
 """Type of messages -> what draws them."""
 CAMERAS = (Image, CameraInfo)
-HELD = (Text, Transforms, Marker, MarkerArray, NavSatFix)
+HELD = (Text, Transforms, JointState, Marker, MarkerArray, NavSatFix)
 """What counts later too: all of it is taken, whoever looked on when it came."""
 
 
 def is_spatial(kind: type) -> bool:
-    """Whether such messages need a view in 3D: images and their calibrations alone do not."""
-    return (kind in DRAWINGS and kind not in CAMERAS) or kind is Transforms
+    """Whether such messages need a view in 3D: neither images nor texts do."""
+    return (kind in DRAWINGS and kind not in (*CAMERAS, Text)) or kind is Transforms
 
 
 def is_track(kinds: Mapping[str, type]) -> bool:

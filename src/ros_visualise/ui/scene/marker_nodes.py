@@ -10,10 +10,13 @@ import trimesh
 import viser
 
 from ros_visualise.data import Floats, Marker, MarkerType, Pixels
-from ros_visualise.ui.scene.mesh_files import load_mesh
+from ros_visualise.ui.scene.meshes import add_mesh, load_mesh
 from ros_visualise.ui.scene.solids import colors_of
 
-_LOOKS = ("type", "scale_xyz", "color_rgba", "points_xyz", "colors_rgba", "text", "mesh_resource")
+_LOOKS = (
+    *("type", "scale_xyz", "color_rgba", "points_xyz", "colors_rgba", "text"),
+    *("mesh_resource", "mesh_use_embedded_materials"),
+)
 _NO_COLOR = np.array([0.6, 0.6, 0.6, 1])
 _HAIR_PX = 1.0  # of a line whose width is 0
 
@@ -108,19 +111,10 @@ def _add_triangles(scene: viser.SceneApi, name: str, marker: Marker) -> None:
 
 
 def _add_mesh(scene: viser.SceneApi, name: str, marker: Marker) -> None:
-    """A file, in the marker's colour; as rviz has it, one of black and clear is gray."""
-    vertices, faces = load_mesh(marker.mesh_resource)
+    """A file, in its colours or the marker's; as rviz has it, one of black and clear is gray."""
     rgba = marker.color_rgba if marker.color_rgba.any() else _NO_COLOR
-    red, green, blue, alpha = (float(value) for value in np.clip(rgba, 0, 1))
-    scene.add_mesh_simple(
-        name,
-        vertices * marker.scale_xyz,
-        faces,
-        color=(red, green, blue),
-        opacity=alpha if alpha < 1 else None,
-        side="double",
-        flat_shading=True,
-    )
+    parts, own_colors = load_mesh(marker.mesh_resource), marker.mesh_use_embedded_materials
+    add_mesh(scene, name, parts, marker.scale_xyz, rgba, own_colors)
 
 
 def _rgb(rgba: npt.NDArray[np.floating]) -> Pixels:

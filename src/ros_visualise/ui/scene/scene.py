@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 from ros_visualise.core.errors import NoTransform
-from ros_visualise.data import CameraInfo, Floats, Image, Text, Transforms
+from ros_visualise.data import CameraInfo, Floats, Image, JointState, Text, Transforms
 from ros_visualise.data.frames import is_static
 from ros_visualise.ui.colors import Color
 from ros_visualise.ui.scene.axes import Axes
@@ -23,8 +23,7 @@ from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import DRAWINGS
 from ros_visualise.ui.scene.picking import Ray, pick
 from ros_visualise.ui.scene.pins import Pins
-from ros_visualise.ui.scene.robots import Robot
-from ros_visualise.ui.scene.topics import Entry, Topics
+from ros_visualise.ui.scene.topics import URDF_FILE, Entry, Topics
 from ros_visualise.ui.scene.view import View
 
 log = logging.getLogger(__name__)
@@ -42,14 +41,18 @@ class Scene:
     Args:
         server: the page.
         clock: seconds.
+        urdf: a robot to draw in place of those that topics describe; empty: none.
     """
 
     def __init__(
-        self, server: viser.ViserServer, clock: Callable[[], float] = time.monotonic
+        self,
+        server: viser.ViserServer,
+        clock: Callable[[], float] = time.monotonic,
+        urdf: str = "",
     ) -> None:
         self.frames = Frames()
         self.calibrations: dict[str, CameraInfo] = {}
-        self._server, self._clock = server, clock
+        self._server, self._clock, self._urdf = server, clock, urdf
         self._topics = Topics(server.scene)
         self._look = Look()
         self._size_m, self._known = 1.0, 0  # of the robot, and of how many frames
@@ -58,7 +61,6 @@ class Scene:
         self._lock = threading.RLock()
         self.view = View(server, clock)
         self._axes = Axes(server.scene)
-        self._model = Robot(server.scene)
         self._pins = Pins(server.scene)
         self._places: dict[str, Floats] = {}
         self._forgot_s = 0.0
@@ -82,7 +84,10 @@ class Scene:
         """
         with self._lock:
             self.view.shown = bool(topics)
-            self._topics.follow(topics)
+            has_file = bool(self._urdf and topics)
+            self._topics.follow({**topics, URDF_FILE: Text} if has_file else topics)
+            if has_file and self._topics[URDF_FILE].message is None:
+                self._take(URDF_FILE, Text(self._urdf))
 
     def show(self, topic: str, message: Any) -> None:
         """Draw a message as soon as it can be said where."""
@@ -91,8 +96,8 @@ class Scene:
             if isinstance(message, Transforms):
                 for what in self.frames.add(message, is_static(topic)):
                     log.warning("%s: %s (said once)", topic, what)
-            elif isinstance(message, Text):
-                self._describe(message.text)
+            elif isinstance(message, JointState):
+                self.frames.joints.update(message.positions_by_name)
             else:
                 self._take(topic, message)
 
@@ -134,7 +139,6 @@ class Scene:
             self._places = self.frames.places()
             self._measure()
             self._axes.draw(self._places, self._look.for_robot(self._size_m))
-            self._model.place(self._places)
             self.view.update(self._robot(), partial(self._topics.extent, self._places))
 
     def pick(self, ray: Ray) -> Floats | None:
@@ -218,12 +222,6 @@ class Scene:
         with self._lock:
             return {name: entry.frame for name, entry in self._topics if entry.message is not None}
 
-    def _describe(self, text: str) -> None:
-        try:
-            self._model.describe(text)
-        except ValueError as error:
-            log.warning("%s", error)
-
     def _take(self, topic: str, message: Any) -> None:
         entry = self._topics.provide(topic, type(message))
         info = message if isinstance(message, CameraInfo) else None
@@ -231,7 +229,8 @@ class Scene:
             info = message.camera_info
         if info is not None:
             self.calibrations[message.header.frame_id] = info
-        self.frames.see(message.header.frame_id)
+        if entry.kind is not Text:
+            self.frames.see(message.header.frame_id)
         if DRAWINGS[entry.kind].gathers:
             self._topics.drawing(topic).gather(message, self.time.now_ns)
         if entry.wanted:

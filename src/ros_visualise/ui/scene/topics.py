@@ -21,6 +21,7 @@ from ros_visualise.data import (
     Odometry,
     PoseStamped,
     PoseWithCovarianceStamped,
+    Text,
     Transforms,
 )
 from ros_visualise.geometry import transforms
@@ -32,6 +33,8 @@ from ros_visualise.ui.scene.drawings.sensors import Fix
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import CAMERAS, DRAWINGS, is_beside_image
 
+URDF_FILE = "--urdf"
+"""The name of the robot description in a file, beside the topics."""
 _TELLS_ROBOT = (Odometry, PoseStamped, PoseWithCovarianceStamped, NavSatFix)
 
 
@@ -158,6 +161,8 @@ class Topics:
         if entry.kind is Detections3D and entry.message is not None:
             names = {one.id for one in entry.message.detections}
             return bool(names) and names <= self._texts()
+        if entry.kind is Text:
+            return topic != URDF_FILE and URDF_FILE in self._entries
         if entry.kind not in CAMERAS or entry.message is None:
             return False
         cameras = {name: one for name, one in self if one.kind in CAMERAS and one.visible}

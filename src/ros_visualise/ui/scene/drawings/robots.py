@@ -1,0 +1,122 @@
+"""A robot's model: its links follow their frames, or else its joints."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import viser
+
+from ros_visualise.core.errors import NoTransform
+from ros_visualise.data import Floats, Text
+from ros_visualise.ui.colors import Color
+from ros_visualise.ui.scene.drawing import Drawing, Look, move
+from ros_visualise.ui.scene.frames import Frames
+from ros_visualise.ui.scene.meshes import add_mesh, load_mesh
+from ros_visualise.ui.scene.urdf import RobotModel, Shape, read_model
+
+_MOST_TRIANGLES = 3_000_000
+
+
+class RobotDrawing(Drawing):
+    """A robot description, a URDF in a `Text`.
+
+    A link without a transform hangs below its parent, by the newest position of its joint. All of
+    it stays as time jumps: a description comes once.
+    """
+
+    draws = (Text,)
+
+    stays = True
+    gathers: ClassVar[bool] = True
+
+    def __init__(self, scene: viser.SceneApi, name: str, color: Color) -> None:
+        super().__init__(scene, name, color)
+        self._text, self._problem = "", ""
+        self._model = RobotModel((), (), {})
+        self._links: dict[str, viser.FrameHandle] = {}
+        self._triangles = 0
+
+    def draw(self, message: Any, look: Look) -> None:
+        if message.text == self._text:
+            return
+        self._text, self._problem, self._triangles = message.text, "", 0
+        for link in self._links.values():
+            link.remove()
+        self._links = {}
+        try:
+            self._model = read_model(message.text)
+            self._add_all()
+        except ValueError as error:
+            self._problem = str(error)
+            raise
+
+    def frame_of(self, message: Any, frames: Frames) -> str:
+        """The fixed one: each link has a frame of its own."""
+        return ""
+
+    def extent(self) -> npt.NDArray[np.floating]:
+        return np.zeros((0, 3))
+
+    def update(self, frames: Frames, now_ns: int) -> str:
+        """Move the links; those without a place are hidden."""
+        places: dict[str, Floats] = {}
+        for name in self._model.links:
+            place = self._place(name, frames, places)
+            if place is not None:
+                places[name] = place
+            if name in self._links:
+                self._links[name].visible = place is not None
+                if place is not None:
+                    move(self._links[name], place)
+        return self._problem
+
+    def _place(self, link: str, frames: Frames, places: dict[str, Floats]) -> Floats | None:
+        """T_fixed_link, 4x4; ``places`` are those of its parents."""
+        joint = self._model.joints.get(link)
+        if joint is None:
+            frames.see(link)  # where nothing else is known, the robot itself stays put
+        try:
+            return frames.locate(link, 0)
+        except NoTransform:
+            if joint is None or joint.parent not in places:
+                return None
+            return places[joint.parent] @ joint.child_pose(frames.joints)
+
+    def _add_all(self) -> None:
+        failed: dict[str, str] = {}
+        for number, shape in enumerate(self._model.shapes):
+            if shape.mesh in failed:
+                continue
+            try:
+                self._add(number, shape)
+            except ValueError as error:
+                failed[shape.mesh] = str(error)
+        if failed:
+            meshes = {shape.mesh for shape in self._model.shapes if shape.mesh}
+            why = next(iter(failed.values()))
+            raise ValueError(f"{len(failed)} of {len(meshes)} meshes are missing: {why}")
+
+    def _add(self, number: int, shape: Shape) -> None:
+        link = f"{self._name}/{shape.link.replace('/', '.')}"
+        if shape.link not in self._links:
+            self._links[shape.link] = self._scene.add_frame(link, show_axes=False, visible=False)
+        name, scene = f"{link}/{number}", self._scene
+        red, green, blue = (round(255 * c) for c in shape.rgba[:3])
+        color = red, green, blue
+        handle: viser.SceneNodeHandle
+        if shape.kind == "box":
+            handle = scene.add_box(name, color, np.array(shape.size))
+        elif shape.kind == "cylinder":
+            handle = scene.add_cylinder(name, shape.size[0], shape.size[1], color=color)
+        elif shape.kind == "sphere":
+            handle = scene.add_icosphere(name, shape.size[0], color)
+        else:
+            parts = load_mesh(shape.mesh)
+            self._triangles += sum(len(part.faces) for part in parts)
+            if self._triangles > _MOST_TRIANGLES:
+                raise ValueError(f"more than {_MOST_TRIANGLES} triangles in all")
+            handle = scene.add_frame(name, show_axes=False)
+            add_mesh(scene, f"{name}/mesh", parts, shape.size, shape.rgba, own_colors=True)
+        move(handle, shape.T_link_shape)
