@@ -21,7 +21,7 @@ from metrics import Found, average_precision, gather, match, recall_at
 from running import run
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.landmarks.networks.candidates import Candidates, Choice
+from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules
 from ros_visualise.landmarks.networks.network import Network
 
 Array = npt.NDArray[np.float64]
@@ -52,7 +52,7 @@ class Result(NamedTuple):
 
 def detect_all(network: Network, cases: Iterator[Case]) -> list[Result]:
     """Run the network on all pictures."""
-    doubtful = Choice(min_score=0.02)
+    doubtful = SelectionRules(min_score=0.02)
     return [Result(each.rows, network.detect(each.picture, "BGR", doubtful)) for each in cases]
 
 
@@ -166,7 +166,7 @@ def report_nothing(network: Network, path: Path, step: int) -> None:
     """Print how many things are found where there are none but perhaps vehicles."""
     count, tally = 0, np.zeros(len(network.names), int)
     for picture in frames(path, step):
-        found = network.detect(picture, "BGR", Choice(min_score=0.5))
+        found = network.detect(picture, "BGR", SelectionRules(min_score=0.5))
         tally += np.bincount(found.classes, minlength=len(tally))
         count += 1
     told = ", ".join(f"{name} {tally[number]}" for number, name in network.names.items())

@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.networks.candidates import Choice
+from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 
@@ -38,7 +38,7 @@ def measure(networks: dict[str, Network], pictures: list[Pixels]) -> list[tuple[
     for picture in pictures:
         for name, least in turns:
             start_ns = time.perf_counter_ns()
-            networks[name].detect(picture, "BGR", Choice(min_score=least))
+            networks[name].detect(picture, "BGR", SelectionRules(min_score=least))
             times[name, least].append((time.perf_counter_ns() - start_ns) / 1e6)
     return [(name, least, statistics.median(each)) for (name, least), each in times.items()]
 

@@ -14,11 +14,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ros_visualise.landmarks.calibration.boards import Kind, board_of, points_xy
+from ros_visualise.landmarks.calibration.boards import BoardKind, board_of, points_xy
 from ros_visualise.landmarks.calibration.calibrating import calibrate
 from ros_visualise.landmarks.calibration.finding import find_board
 from ros_visualise.landmarks.calibration.lenses import Lens
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 
 SETS = (
     ("opencv left*.jpg", "calib/opencv/left*.jpg", (9, 6)),
@@ -31,9 +31,9 @@ Result = tuple[int, float, float, float]
 
 
 def ours(pictures: Sequence[np.ndarray], size: Size) -> Result:
-    board = board_of(Kind.CHESSBOARD, f"{size[0]}x{size[1]}")
+    board = board_of(BoardKind.CHESSBOARD, f"{size[0]}x{size[1]}")
     found = [(find_board(picture, board), picture.shape[::-1]) for picture in pictures]
-    views = [View("", board, points, shape) for points, shape in found if points is not None]
+    views = [BoardView("", board, points, shape) for points, shape in found if points is not None]
     result = calibrate(views, Lens.PINHOLE)
     assert result.halves is not None
     apart = 100 * result.halves.difference
@@ -66,7 +66,7 @@ def opencv(find: Callable[[np.ndarray, Size], np.ndarray | None]) -> Callable[..
     """cv2.calibrateCamera, by corners that are found in some way."""
 
     def run(pictures: Sequence[np.ndarray], size: Size) -> Result:
-        flat = points_xy(board_of(Kind.CHESSBOARD, f"{size[0]}x{size[1]}"))
+        flat = points_xy(board_of(BoardKind.CHESSBOARD, f"{size[0]}x{size[1]}"))
         xyz = np.column_stack([flat, np.zeros(len(flat))]).astype(np.float32)
         seen = [corners for one in pictures if (corners := find(one, size)) is not None]
 

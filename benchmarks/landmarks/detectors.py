@@ -10,7 +10,7 @@ import numpy as np
 import pyapriltags
 
 from ros_visualise.landmarks.tags import TagFinder, family
-from ros_visualise.landmarks.tags.search import Search
+from ros_visualise.landmarks.tags.search import TagSearch
 
 Found = list[tuple[int, np.ndarray]]
 """Id and corners (4, 2), origin at the centre of the top-left pixel, lower left first."""
@@ -25,7 +25,7 @@ class Detector:
 
 
 def ours(name: str, every: int = 1, **settings: float) -> Detector:
-    finder, search = TagFinder([family(name)], **settings), Search()
+    finder, search = TagFinder([family(name)], **settings), TagSearch()
 
     def find(gray: np.ndarray) -> Found:
         return [(tag.id, tag.corners_uv) for tag in search.find(finder, gray, every)]

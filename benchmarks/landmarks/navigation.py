@@ -32,24 +32,24 @@ from flights import GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, lawn_mower
 
 from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.landmarks.localization.seen import turn_between
-from ros_visualise.landmarks.navigation.chart import Mode, Rules
-from ros_visualise.landmarks.navigation.inertial import ImuNoise, Mounting
-from ros_visualise.landmarks.navigation.landmark import Known, told_covariance
+from ros_visualise.landmarks.navigation.camera_view import view_of
+from ros_visualise.landmarks.navigation.gps import GpsNoise
+from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark, told_covariance
+from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
 from ros_visualise.landmarks.navigation.navigator import Navigator
-from ros_visualise.landmarks.navigation.past import Noise
-from ros_visualise.landmarks.navigation.points import Plane
-from ros_visualise.landmarks.navigation.satellites import GpsNoise
-from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.landmarks.navigation.sights import view_of
+from ros_visualise.landmarks.navigation.points import GroundPlane
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 LEVEL = float(np.radians(0.5))
-NOISE = Noise(
+NOISE = SensorNoise(
     OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0),
     ImuNoise(3e-4, 2e-3, 5e-3, 0.05, 2e-5, 2e-4),
     GpsNoise(slow=0.966, origin=GPS_ORIGIN),
 )
-IN_THE_MIDDLE = Mounting(np.eye(3), np.zeros(3))
+IN_THE_MIDDLE = ImuMounting(np.eye(3), np.zeros(3))
 SPREAD = np.repeat([0.01, 0.01], 3)  # of the given map: metres, radians
 SETTLED = 125  # odometries in 5 s
 
@@ -57,7 +57,7 @@ SETTLED = 125  # odometries in 5 s
 class Case(NamedTuple):
     """What is flown over, and with."""
 
-    mode: Mode
+    mode: MapMode
     tags: int
     imu: bool
     gps: bool
@@ -65,17 +65,17 @@ class Case(NamedTuple):
 
 
 CASES = (
-    Case(Mode.FROZEN, 56, False, False),
-    Case(Mode.FROZEN, 56, True, False),
-    Case(Mode.BUILD, 56, False, False),
-    Case(Mode.BUILD, 56, True, False),
-    Case(Mode.FROZEN, 4, False, False),
-    Case(Mode.FROZEN, 4, False, True),
-    Case(Mode.FROZEN, 4, True, True),
-    Case(Mode.BUILD, 0, False, False, 100),
-    Case(Mode.BUILD, 0, True, False, 100),
+    Case(MapMode.FROZEN, 56, False, False),
+    Case(MapMode.FROZEN, 56, True, False),
+    Case(MapMode.BUILD, 56, False, False),
+    Case(MapMode.BUILD, 56, True, False),
+    Case(MapMode.FROZEN, 4, False, False),
+    Case(MapMode.FROZEN, 4, False, True),
+    Case(MapMode.FROZEN, 4, True, True),
+    Case(MapMode.BUILD, 0, False, False, 100),
+    Case(MapMode.BUILD, 0, True, False, 100),
 )
-GROUND = Plane(0.0, 0.1)
+GROUND = GroundPlane(0.0, 0.1)
 
 
 def main() -> None:
@@ -91,14 +91,14 @@ def main() -> None:
 
 def print_rows(case: Case, rows: Floats) -> None:
     ate, aligned, odo, nees, marks, marks_aligned, marks_nees, *times = rows.T
-    name = "map given" if case.mode is Mode.FROZEN else "map built"
+    name = "map given" if case.mode is MapMode.FROZEN else "map built"
     helped = f"IMU {case.imu}, GPS {case.gps}"
     over = f"{case.posts} posts" if case.posts else f"{case.tags} tags"
     print(f"{name}, {over}, {helped}, {len(rows)} flights")
     print(f"  ATE (m): mean {ate.mean():.3f}, worst {ate.max():.3f}; aligned {aligned.mean():.3f}")
     print(f"  of the odometry {odo.mean():.2f}: {(odo / ate).min():.0f} times as much at least")
     print(f"  NEES of the robot: mean {nees.mean():.2f}, from {nees.min():.1f} to {nees.max():.1f}")
-    if case.mode is Mode.BUILD:
+    if case.mode is MapMode.BUILD:
         print(
             f"  landmarks, RMS (m): {marks.mean():.3f}; aligned {marks_aligned.mean():.3f},", end=""
         )
@@ -120,8 +120,8 @@ def fly(seed: int, case: Case, metres: float) -> tuple[float, ...]:
         poses_of=5,
         posts=feet,
     )
-    known = {} if case.mode is Mode.BUILD else given(flight, random)
-    navigator = Navigator(Settings(Rules(case.mode, plane=GROUND), NOISE, LEVEL), known)
+    known = {} if case.mode is MapMode.BUILD else given(flight, random)
+    navigator = Navigator(NavigatorSettings(MapRules(case.mode, plane=GROUND), NOISE, LEVEL), known)
     imu = flight.imu() if case.imu else []
     gps = flight.gps() if case.gps else []
     there, truth, odometry, nees = [], [], [], []
@@ -167,21 +167,21 @@ def feel(navigator: Navigator, imu: list[Imu], gps: list[NavSatFix], stamp_ns: i
         navigator.fix(fix.header.stamp_ns, place, fix.covariance, np.zeros(3))
 
 
-def given(flight: Flight, random: np.random.Generator) -> dict[str, Known]:
+def given(flight: Flight, random: np.random.Generator) -> dict[str, KnownLandmark]:
     """The map, with the errors that its covariance tells of."""
     known = {}
     for id, tag in flight.tags.items():
         off = random.normal(0, SPREAD)
         R = cv2.Rodrigues(-off[3:])[0] @ tag.T[:3, :3]
         spread = np.diag(SPREAD**2)
-        known[f"tag36h11_{id}"] = Known.of(R, tag.T[:3, 3] - off[:3], spread, tag.side_m)
+        known[f"tag36h11_{id}"] = KnownLandmark.of(R, tag.T[:3, 3] - off[:3], spread, tag.side_m)
     return known
 
 
 def landmarks(navigator: Navigator, flight: Flight) -> tuple[float, float, float]:
     """RMS of their positions in metres, the same aligned, and their NEES."""
     state, used = navigator.state, [o for o in navigator.chart.landmarks.values() if o.is_used]
-    if navigator.settings.rules.mode is Mode.FROZEN:
+    if navigator.settings.rules.mode is MapMode.FROZEN:
         return np.nan, np.nan, np.nan
     at, true, nees = [], [], []
     for one in used:

@@ -30,12 +30,12 @@ import onnxruntime
 from onnx import TensorProto, helper, numpy_helper
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.networks.candidates import Choice
+from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.preparation import prepare
 
 SIDE, CLASSES, STRIDES = 640, 80, (8, 16, 32)
-CHOICE = Choice(min_score=0.25, max_overlap=0.45, most=300)
+CHOICE = SelectionRules(min_score=0.25, max_overlap=0.45, most=300)
 
 
 def made_network(path: str) -> str:

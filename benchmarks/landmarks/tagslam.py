@@ -36,11 +36,11 @@ from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Detections, Floats, Hypothesis
 from ros_visualise.geometry.transforms import from_pose, inverse
 from ros_visualise.landmarks.localization.seen import cross, sighting_of
-from ros_visualise.landmarks.localization.track import Track, begin
+from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
 from ros_visualise.landmarks.mapping.outward import outward_steps
-from ros_visualise.landmarks.mapping.problem import Problem, Sighting, TagPrior
+from ros_visualise.landmarks.mapping.problem import Problem, TagPrior, TagSighting
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Noise, Prior
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, MeasurementNoise, SharedPrior
 from ros_visualise.landmarks.pose import PoseEstimate, squares_poses
 
 WEIGHTS = (0.5, 0.1, 1.0), (0.5, 0.1, None), (0.03, 0.02, None)
@@ -137,13 +137,15 @@ def single(positions: list[dict[int, Floats]]) -> dict[Pair, list[float]]:
 
 def combined(views: list[View]) -> dict[Pair, list[float]]:
     """The distance of each pair from all images, for each image in which it is."""
-    tracks: dict[Pair, Track] = {}
+    tracks: dict[Pair, LandmarkTrack] = {}
     for number, view in enumerate(views):
         for a, b in combinations(sorted(view), 2):
             T_a_camera, covariance = _from_tag(view[a][0])
             sightings = [sighting_of(_hypothesis(one), T_a_camera) for one in view[b]]
             if (a, b) not in tracks:
-                tracks[a, b] = Track("tag", b, True, begin(sightings, covariance, None), number)
+                tracks[a, b] = LandmarkTrack(
+                    "tag", b, True, begin(sightings, covariance, None), number
+                )
                 continue
             track = tracks[a, b]
             track.carry(np.zeros((6, 6)), covariance)
@@ -182,7 +184,7 @@ def smoothed(
     several = [(k, view) for k, view in enumerate(views) if len(view) > 1]
     names = sorted({n for _, view in several for n in view})
     sightings = [
-        Sighting(
+        TagSighting(
             number,
             names.index(n),
             recorded.images[k][n],
@@ -199,9 +201,9 @@ def smoothed(
         if n in names
     ]
     stamps_ns = np.arange(len(several), dtype=np.int64)
-    larger_px = 0.0 if recorded.is_shrunk else Prior.larger_px
-    prior = Prior(larger_px=larger_px, printed=0.01)
-    noise = None if corners_px is None else Noise(extra_px=corners_px)
+    larger_px = 0.0 if recorded.is_shrunk else SharedPrior.larger_px
+    prior = SharedPrior(larger_px=larger_px, printed=0.01)
+    noise = None if corners_px is None else MeasurementNoise(extra_px=corners_px)
     found = smooth(Problem(stamps_ns, names, sightings, surveyed=known), noise, prior)
     assert found is not None
     larger, printed = found.shared[LARGER], 100 * found.shared[PRINTED]

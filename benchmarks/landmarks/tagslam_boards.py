@@ -12,9 +12,9 @@ import numpy as np
 
 from ros_visualise.core.yaml_files import load_yaml
 from ros_visualise.data import CameraInfo, Hypothesis
-from ros_visualise.landmarks.mapping.problem import Problem, Sighting
-from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, Prior
+from ros_visualise.landmarks.mapping.problem import Problem, TagSighting
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
+from ros_visualise.landmarks.mapping.unknowns import LARGER, SharedPrior
 from ros_visualise.landmarks.pose import squares_poses
 from ros_visualise.sources import open_source
 
@@ -46,8 +46,8 @@ def pitch_table(folder: Path) -> None:
         single = np.concatenate([lengths for lengths, _ in pairs])
         off, one_off = (np.median(np.abs(v - PITCH_M)) * 1e3 for v in (means, single))
         print(f"| {name} | {len(single)} | {off:.2f} | {one_off:.2f} |")
-    for larger_px, title in ((0.0, ""), (Prior.larger_px, ", how much too large estimated")):
-        found = _smoothed(frames[::THINNED], info, Prior(larger_px=larger_px))
+    for larger_px, title in ((0.0, ""), (SharedPrior.larger_px, ", how much too large estimated")):
+        found = _smoothed(frames[::THINNED], info, SharedPrior(larger_px=larger_px))
         spots = {
             id: (t, np.eye(3)) for id, t in zip(found.problem.names, found.tags.t, strict=True)
         }
@@ -56,7 +56,7 @@ def pitch_table(folder: Path) -> None:
         print(f"| all views at once{title} ({larger:.2f} px) | {len(lengths)} | {off:.2f} | - |")
 
 
-def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: Prior) -> Smoothed:
+def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: SharedPrior) -> SmoothedMap:
     """The map of all tags by all views at once."""
     names = sorted({id for tags in frames for id in tags})
     sightings = []
@@ -68,7 +68,7 @@ def _smoothed(frames: Sequence[Corners], info: CameraInfo, prior: Prior) -> Smoo
                 for p in poses
             ]
             if told and len(tags) > 1:
-                sightings.append(Sighting(view, names.index(id), tags[id], SIZE_M, info, told))
+                sightings.append(TagSighting(view, names.index(id), tags[id], SIZE_M, info, told))
     stamps_ns = np.arange(len(frames), dtype=np.int64)
     found = smooth(Problem(stamps_ns, names, sightings), prior=prior)
     assert found is not None

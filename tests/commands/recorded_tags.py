@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.transforms import from_parts, inverse
-from ros_visualise.landmarks.mapping.unknowns import Noise
+from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
 FOUND = "apriltag_msgs/msg/ApriltagArrayStamped"
 TAG, FRAMES = "apriltag_msgs/msg/Apriltag", "tf2_msgs/msg/TFMessage"
@@ -54,7 +54,7 @@ class Flight:
         random = self._random = np.random.default_rng(seed)
         self.T_map_tag = floor(random, tags, width)
         self.T_map_camera = flight(random, views, width)
-        noise = Noise(way_m=0.005, tilt_rad=5e-4, heading_rad=1e-3)
+        noise = MeasurementNoise(way_m=0.005, tilt_rad=5e-4, heading_rad=1e-3)
         self.T_told_camera = drifting(random, self.T_map_camera, noise)
         self.stamps_ns = FIRST_NS + PERIOD_NS * np.arange(views)
         self.off = np.zeros(3)

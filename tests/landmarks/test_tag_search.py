@@ -4,7 +4,7 @@ import drawn_tags
 import numpy as np
 
 from ros_visualise.landmarks.tags import TagFinder, draw_cells, family
-from ros_visualise.landmarks.tags.search import Search
+from ros_visualise.landmarks.tags.search import TagSearch
 
 FAMILY = family("tag36h11")
 
@@ -31,7 +31,7 @@ def film(count, places):
 
 
 def followed(images, every):
-    finder, search = Counting([FAMILY]), Search()
+    finder, search = Counting([FAMILY]), TagSearch()
     return [search.find(finder, image, every) for image in images], finder.wholes
 
 
@@ -68,7 +68,7 @@ def test_of_several_tags_of_one_number_none_is_lost():
 
 
 def test_nothing_is_remembered_after_a_reset():
-    finder, search = Counting([FAMILY]), Search()
+    finder, search = Counting([FAMILY]), TagSearch()
     (image,) = film(1, lambda n: {0: (20, 60)})
     search.find(finder, image, 10)
     search.reset()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Image
-from ros_visualise.lessons.lesson import Shown
+from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.methods.camera import calibrate, camera_matrix, distort, project
 from ros_visualise.lessons.methods.homography import apply, ellipse, homography
 from ros_visualise.lessons.topics import landmarks
@@ -61,9 +61,9 @@ def test_an_ellipse_lies_as_many_deviations_out():
 
 def test_a_tag_that_is_drawn_is_found_where_it_was_drawn():
     bgr = np.full((480, 640, 3), (60, 120, 90), np.uint8)
-    image = Shown(bgr, "bgr8", work=bgr)
+    image = StepResult(bgr, "bgr8", work=bgr)
     for tilt, turn, distance in ((0, 0, 1.0), (30, 20, 0.8), (-25, 40, 1.2)):
-        params = landmarks.TagParams(tilt=tilt, turn=turn, distance=distance)
+        params = landmarks.TagLessonParams(tilt=tilt, turn=turn, distance=distance)
         seen = landmarks.tag(image, params)["image"].work
         assert seen.name == "tag36h11_7"
         assert np.abs(seen.corners - seen.truth).max() < 0.1
@@ -71,12 +71,12 @@ def test_a_tag_that_is_drawn_is_found_where_it_was_drawn():
 
 def test_a_tag_of_ones_own_is_taken_and_none_is_said():
     bgr = np.full((480, 640, 3), 128, np.uint8)
-    drawn = landmarks.tag(Shown(bgr, "bgr8", work=bgr), landmarks.TagParams(distance=1))
+    drawn = landmarks.tag(StepResult(bgr, "bgr8", work=bgr), landmarks.TagLessonParams(distance=1))
     own = drawn["image"].work.picture
-    again = landmarks.tag(Shown(own, "bgr8", work=own), landmarks.TagParams(distance=50))
+    again = landmarks.tag(StepResult(own, "bgr8", work=own), landmarks.TagLessonParams(distance=50))
     assert again["image"].work.truth is None
     assert "found in your picture" in again["text"].text
-    none = landmarks.tag(Shown(bgr, "bgr8", work=bgr), landmarks.TagParams(distance=50))
+    none = landmarks.tag(StepResult(bgr, "bgr8", work=bgr), landmarks.TagLessonParams(distance=50))
     assert "no tag" in none["text"].text
     for step in (landmarks.corners, landmarks.plane, landmarks.poses):
         answer = step(none["image"], landmarks.CornerParams())

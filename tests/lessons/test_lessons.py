@@ -12,7 +12,7 @@ import pytest
 from ros_visualise.commands import main
 from ros_visualise.data import MarkerType
 from ros_visualise.lessons import LESSONS
-from ros_visualise.lessons.lesson import Shown
+from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.lessons.topics import color
 
@@ -104,7 +104,7 @@ def test_the_gradient_is_told_along_the_row_of_the_pixel_that_is_chosen(picture,
 
 
 def test_a_pixel_stands_in_the_cube_where_its_colour_says(landscape):
-    image = Shown(landscape, "bgr8", work=landscape)
+    image = StepResult(landscape, "bgr8", work=landscape)
     markers = color.cube(image, color.CubeParams())["markers"].markers
     dots = next(one for one in markers if one.type == MarkerType.POINTS)
     assert (dots.points_xyz / color._SIDE + 0.5) * 255 == pytest.approx(

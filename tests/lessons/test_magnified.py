@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Image
-from ros_visualise.lessons.lesson import Drawn
+from ros_visualise.lessons.lesson import FigureImage
 from ros_visualise.lessons.magnifier import PixelParams, magnified, pixel_at
 
 
@@ -18,7 +18,7 @@ def test_each_pixel_is_found_where_it_is_drawn(shape):
     picture[chosen[1], chosen[0]] = 255
     figure, zoom = magnified([picture, picture], chosen, 3)
     zoom.draw(picture)
-    image = Image(Drawn(figure), "bgr8")
+    image = Image(FigureImage(figure), "bgr8")
     is_white = (image.pixels == 255).all(axis=2)
     edge = round(image.width * zoom.place(chosen[0] - 3.5, 0)[0] / figure.width)
     is_white[:, edge - 18 : edge + 2] = False  # the gap, and the page
@@ -37,7 +37,7 @@ def test_each_pixel_is_found_where_it_is_drawn(shape):
 def test_a_pixel_beside_the_one_enlarged_can_be_chosen_and_none_beyond_the_picture():
     figure, zoom = magnified([np.zeros((40, 40), np.uint8)], (20, 10), 3)
     zoom.draw(np.zeros((40, 40), np.uint8))
-    image = Image(Drawn(figure), "bgr8")
+    image = Image(FigureImage(figure), "bgr8")
     for x, y in [(17, 7), (23, 13), (20, 12)]:
         place = zoom.place(x, y) / [figure.width, figure.height]
         assert pixel_at(image, *place) == (x, y)

@@ -9,7 +9,7 @@ from ros_visualise.lessons.methods.colors import to_gray, to_hsv
 from ros_visualise.lessons.methods.quality import entropy, mean_square, psnr, quantize
 from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
 from ros_visualise.lessons.methods.thresholds import between_classes, otsu, tone_curves
-from ros_visualise.lessons.topics.noise import Noise, add_noise
+from ros_visualise.lessons.topics.noise import NoiseModel, add_noise
 
 
 @pytest.fixture(scope="module")
@@ -124,15 +124,15 @@ def test_k_bits_are_two_to_the_k_levels(bits):
 
 def test_noise_is_as_strong_as_it_says():
     gray = np.full((300, 400), 120, np.uint8)
-    gaussian = add_noise(gray, Noise.GAUSSIAN, 12, 1).astype(float)
+    gaussian = add_noise(gray, NoiseModel.GAUSSIAN, 12, 1).astype(float)
     assert gaussian.mean() == pytest.approx(120, abs=0.2)
     assert gaussian.std() == pytest.approx(12, rel=0.02)
-    poisson = add_noise(gray, Noise.POISSON, 20, 1).astype(float)
+    poisson = add_noise(gray, NoiseModel.POISSON, 20, 1).astype(float)
     assert poisson.std() == pytest.approx(20 * np.sqrt(120 / 255), rel=0.02)
-    peppered = add_noise(gray, Noise.SALT_AND_PEPPER, 10, 1)
+    peppered = add_noise(gray, NoiseModel.SALT_AND_PEPPER, 10, 1)
     assert (peppered == 0).mean() == pytest.approx(0.05, rel=0.05)
     assert (peppered == 255).mean() == pytest.approx(0.05, rel=0.05)
-    for model in Noise:
+    for model in NoiseModel:
         assert (add_noise(gray, model, 0, 1) == gray).all()
         assert (add_noise(gray, model, 9, 1) == add_noise(gray, model, 9, 1)).all()
 

@@ -15,7 +15,7 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_rpy
-from ros_visualise.lessons.lesson import Shown
+from ros_visualise.lessons.lesson import StepResult
 from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
 from ros_visualise.lessons.topics import frames, graph, sensors
 
@@ -86,7 +86,7 @@ def test_the_tree_tells_what_tf_answers():
 
 def test_an_imu_is_told_by_its_numbers():
     random = np.random.default_rng(0)
-    measured, allan = (one.declared.make(None) for one in (sensors.Measured, sensors.Allan))
+    measured, allan = (one.declared.make(None) for one in (sensors.ImuReadings, sensors.Allan))
     for number in range(3000):
         turn, force = random.normal(0, 0.02, 3), random.normal((0, 0, 9.81), 0.3)
         imu = Imu(UP, turn, force, header=stamped(number / 100))
@@ -99,7 +99,7 @@ def test_an_imu_is_told_by_its_numbers():
 
 
 def test_an_imu_of_a_few_measurements_says_how_many_are_needed():
-    measured, allan = (one.declared.make(None) for one in (sensors.Measured, sensors.Allan))
+    measured, allan = (one.declared.make(None) for one in (sensors.ImuReadings, sensors.Allan))
     for number in range(5):
         imu = Imu(UP, np.zeros(3), UP[:3], header=stamped(number / 10))
         said = measured.step(imu, sensors.MeasuredParams()), allan.step(imu, None)
@@ -140,7 +140,7 @@ def test_a_slow_node_counts_what_it_did_not_get():
     slow = graph.Slow.declared.make(None)
     pixels = np.zeros((4, 4), np.uint8)
     for number in (5, 6, 9, 14):
-        image = Shown(pixels, "mono8", work=graph._Counted(number))
+        image = StepResult(pixels, "mono8", work=graph._Counted(number))
         text = slow.step(image, graph.SlowParams(busy_ms=0))["text"].text
     assert "10 messages it took 4; 6 (60 %) were dropped" in " ".join(text.split())
 
@@ -151,7 +151,7 @@ def test_a_rate_is_told_by_stamps_and_by_the_clock(monkeypatch):
     rate = graph.Rate.declared.make(None)
     pixels = np.zeros((4, 4), np.uint8)
     for number in range(11):
-        image = Shown(pixels, "mono8", stamped(number / 20))
+        image = StepResult(pixels, "mono8", stamped(number / 20))
         text = rate.step(image, None)["text"].text
     assert "20.00 a second, every 50.0 ± 0.0 ms" in text
     assert "10.00 a second, every 100.0 ± 0.0 ms" in text

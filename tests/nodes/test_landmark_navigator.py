@@ -23,8 +23,8 @@ from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.rotations import from_matrix
 from ros_visualise.landmarks.localization import map_file
 from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.landmarks.navigation.chart import Mode
+from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.navigation.landmark_map import MapMode
 from ros_visualise.landmarks.navigation.params import NavigatorParams
 from ros_visualise.nodes.landmark_navigator import LandmarkNavigator
 
@@ -59,7 +59,7 @@ def test_it_begins_where_a_frame_says_that_odom_started():
 def written_map(path, common=None):
     sigma2 = np.eye(6) * 1e-6 + (np.zeros((6, 6)) if common is None else common)
     tracks = [
-        Track(
+        LandmarkTrack(
             f"tag36h11_{id}",
             id,
             True,
@@ -115,7 +115,7 @@ def run(node, params, corners=True, count=20):
 @pytest.fixture
 def params(tmp_path):
     path = written_map(tmp_path / "map.yaml")
-    return NavigatorParams(mode=Mode.FROZEN, map=path, level_sigma=0.1)
+    return NavigatorParams(mode=MapMode.FROZEN, map=path, level_sigma=0.1)
 
 
 @pytest.mark.parametrize("corners", [True, False], ids=["corners", "poses"])
@@ -135,7 +135,7 @@ def test_map_to_odom_and_the_pose_are_stamped_as_the_odometry(params, corners):
 def test_what_a_whole_map_is_off_the_robot_is_off_too(tmp_path):
     common = np.diag([0.3, 0.2, 0.1, 0, 0, 0]) ** 2
     path = written_map(tmp_path / "map.yaml", common)
-    params = NavigatorParams(mode=Mode.FROZEN, map=path, level_sigma=0.1)
+    params = NavigatorParams(mode=MapMode.FROZEN, map=path, level_sigma=0.1)
     answers = run(LandmarkNavigator(params), params)
     sigma = np.sqrt(np.diag([a for a in answers if "pose" in a][-1]["pose"].covariance)[:3])
     np.testing.assert_allclose(sigma, [0.3, 0.2, 0.1], rtol=0.1)
@@ -189,7 +189,7 @@ def test_a_map_is_built_saved_and_navigated_by(tmp_path, caplog):
     assert sorted(track.name for track in tracks) == ["tag36h11_3", "tag36h11_4"]
     # the map begins where the odometry does
     np.testing.assert_allclose(tracks[0].best.position_xyz, [1, 1, -5], atol=0.1)
-    frozen = NavigatorParams(mode=Mode.FROZEN, map=str(path), level_sigma=0.1)
+    frozen = NavigatorParams(mode=MapMode.FROZEN, map=str(path), level_sigma=0.1)
     last = [a for a in run(LandmarkNavigator(frozen), frozen) if "pose" in a][-1]
     np.testing.assert_allclose(last["pose"].position_xyz, [0.95, 0, 0], atol=0.1)
 
@@ -201,7 +201,7 @@ def test_other_parameters_hold_at_once_and_another_map_begins_anew(params, tmp_p
     slower = replace(params, delay=1.0)
     node.step(slower, odometry=odometry(3.0, 1.0), frames=tree())
     assert node.report()["landmarks"] == 2
-    other = replace(params, mode=Mode.BUILD)
+    other = replace(params, mode=MapMode.BUILD)
     node.step(other, odometry=odometry(3.1, 1.05), frames=tree())
     assert node.report()["landmarks"] == 0
 
@@ -215,7 +215,7 @@ def test_a_camera_whose_place_is_not_known_is_said(params):
 
 def test_without_a_map_only_a_new_one_can_be_built():
     with pytest.raises(OpenError, match="mode frozen needs a map: give its file as map"):
-        LandmarkNavigator(NavigatorParams(mode=Mode.FROZEN))
+        LandmarkNavigator(NavigatorParams(mode=MapMode.FROZEN))
 
 
 def test_after_a_jump_of_time_it_begins_where_the_odometry_began():

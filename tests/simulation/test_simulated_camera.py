@@ -18,7 +18,7 @@ from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots.husky.settings import HuskyParams
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.sensors import camera
-from ros_visualise.simulation.sensors.camera import Camera
+from ros_visualise.simulation.sensors.camera import CameraSensor
 from ros_visualise.simulation.simulator import Simulation
 
 
@@ -35,8 +35,8 @@ def husky() -> Simulation:
 
 
 @cache
-def camera_of(simulation: Simulation) -> Camera:
-    return Camera(simulation.settings, 0, simulation._model)
+def camera_of(simulation: Simulation) -> CameraSensor:
+    return CameraSensor(simulation.settings, 0, simulation._model)
 
 
 def look(simulation: Simulation, position_xyz: np.ndarray, R: np.ndarray) -> Image:

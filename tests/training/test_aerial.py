@@ -8,7 +8,7 @@ from pictures import render_world
 from worlds import CLASSES
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.landmarks.networks.candidates import Choice
+from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
 from ros_visualise.simulation.rendering import choose_backend
 
@@ -41,7 +41,7 @@ def matched(network, views):
     """For each landmark that is large and all in view: what it is, and what was found of it."""
     pairs = []
     for picture, seen in views:
-        found = network.detect(picture, "RGB", Choice(min_score=0.3))
+        found = network.detect(picture, "RGB", SelectionRules(min_score=0.3))
         for one in seen:
             if one.share > 0.95 and (one.box[2:] - one.box[:2]).max() >= _LEAST_PX:
                 mine = found.take(found.classes == one.kind)
@@ -65,8 +65,8 @@ def test_what_is_not_wanted_changes_nothing_else(network, views):
     """Who wants sure things alone gets those that all others would get, too."""
     count = 0
     for picture, _ in views:
-        every = network.detect(picture, "RGB", Choice(min_score=0.02))
-        sure = network.detect(picture, "RGB", Choice(min_score=0.6))
+        every = network.detect(picture, "RGB", SelectionRules(min_score=0.02))
+        sure = network.detect(picture, "RGB", SelectionRules(min_score=0.6))
         among = every.take(every.scores >= 0.6)
         np.testing.assert_allclose(sure.boxes_xyxy, among.boxes_xyxy, atol=0.01)
         np.testing.assert_allclose(sure.scores, among.scores, atol=1e-4)
@@ -95,7 +95,7 @@ def test_real_helipads_are_found(network, recordings):
         size = np.array(picture.shape[1::-1])
         x, y, w, h = np.loadtxt(path, ndmin=2)[0, 1:5]
         box = np.array([x - w / 2, y - h / 2, x + w / 2, y + h / 2]) * np.tile(size, 2) - 0.5
-        mine = network.detect(picture, "BGR", Choice(min_score=0.4))
+        mine = network.detect(picture, "BGR", SelectionRules(min_score=0.4))
         mine = mine.take(mine.classes == _HELIPAD)
         found.append((iou(box, mine.boxes_xyxy) > 0.5).any())
     assert len(photos) > 8
@@ -106,4 +106,4 @@ def test_it_finds_nothing_on_plain_ground(network):
     random = np.random.default_rng(0)
     for level in (0, 80, 160, 255):
         picture = np.clip(random.normal(level, 6, (480, 640, 3)), 0, 255).astype(np.uint8)
-        assert len(network.detect(picture, "RGB", Choice(min_score=0.4))) == 0
+        assert len(network.detect(picture, "RGB", SelectionRules(min_score=0.4))) == 0

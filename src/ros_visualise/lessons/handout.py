@@ -14,7 +14,7 @@ import cv2
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.paths import may_replace
 from ros_visualise.data import Image, Message, Text
-from ros_visualise.lessons.lesson import Drawn, Lesson
+from ros_visualise.lessons.lesson import FigureImage, Lesson
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.nodes import NoParams, action, node
 from ros_visualise.sinks.figure import Figure
@@ -104,7 +104,7 @@ def _figure(folder: Path, name: str, image: Image) -> str:
     """Write the image of a step in both formats; what shows it on the page."""
     _, png = cv2.imencode(".png", image.pixels)
     write_file(folder / f"{name}.png", bytes(png), may_replace())
-    if isinstance(image.data, Drawn):
+    if isinstance(image.data, FigureImage):
         figure, shown = image.data.figure, "svg"
     else:
         figure, shown = Figure(image.width, image.height), "png"

@@ -64,7 +64,7 @@ class Lesson:
     in_time: bool = False
 
 
-class Drawn(Deferred):
+class FigureImage(Deferred):
     """The pixels of a figure, which can be had as lines too."""
 
     def __init__(self, figure: Figure) -> None:
@@ -73,7 +73,7 @@ class Drawn(Deferred):
 
 
 @dataclass(frozen=True, eq=False)
-class Shown(Image):
+class StepResult(Image):
     """The image of a step, and what it was computed from, for the steps after it."""
 
     work: Any = None
@@ -99,9 +99,9 @@ def show_at(
     header: Header, seen: Pixels | Figure, text: str, work: Any = None, **filled: Any
 ) -> dict[str, Message]:
     """The same of a step that is given no image, but something else with a header."""
-    data = Drawn(seen) if isinstance(seen, Figure) else seen
+    data = FigureImage(seen) if isinstance(seen, Figure) else seen
     encoding = "mono8" if len(data.shape) == 2 else "bgr8"
-    shown = Shown(data, encoding, header, work=work)
+    shown = StepResult(data, encoding, header, work=work)
     return {"image": shown, "text": Text(fill(text, filled), header)}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Pixels
 from ros_visualise.lessons.drawing import YELLOW, frame
-from ros_visualise.lessons.lesson import Drawn
+from ros_visualise.lessons.lesson import FigureImage
 from ros_visualise.sinks.figure import Box, Color, Figure
 
 _LEFT, _SIDE = 240, 400  # width of the pictures on the left, and of the pixels on the right
@@ -46,7 +46,7 @@ def pixel_at(image: Image, across: float, down: float) -> tuple[int, int] | None
         image: of the step.
         across, down: shares of its width and height, 0 to 1.
     """
-    if isinstance(image.data, Drawn):
+    if isinstance(image.data, FigureImage):
         figure = image.data.figure
         return figure.pixel_at(across * figure.width, down * figure.height)
     return int(across * image.width), int(down * image.height)

@@ -12,12 +12,12 @@ import numpy as np
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Image
-from ros_visualise.landmarks.calibration.boards import Kind, board_of
-from ros_visualise.landmarks.calibration.calibrating import Calibration, calibrate
-from ros_visualise.landmarks.calibration.collecting import Collector, to_gray_8
+from ros_visualise.landmarks.calibration.boards import BoardKind, board_of
+from ros_visualise.landmarks.calibration.calibrating import CameraCalibration, calibrate
+from ros_visualise.landmarks.calibration.collecting import ViewCollector, to_gray_8
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.progress import draw_progress
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
 from ros_visualise.sources.calibration import path_of, to_yaml
@@ -29,7 +29,7 @@ log = logging.getLogger(__name__)
 class CalibratorParams:
     """Parameters of `Calibrator`."""
 
-    pattern: Kind = param(Kind.CHESSBOARD, "what the board shows")
+    pattern: BoardKind = param(BoardKind.CHESSBOARD, "what the board shows")
     board: str = param(
         "9x6",
         "COLUMNSxROWS: inner corners of a chessboard, squares of a ChArUco board, tags of"
@@ -65,10 +65,10 @@ class Calibrator:
 
     def __init__(self, params: CalibratorParams) -> None:
         self._params = params
-        self._found: Calibration | None = None
+        self._found: CameraCalibration | None = None
         self._notice = ""
         self._latest: Image | None = None
-        self._view: View | None = None
+        self._view: BoardView | None = None
         self._begin(params)
 
     def step(self, image: Image, params: CalibratorParams) -> Image:
@@ -126,7 +126,7 @@ class Calibrator:
         board = board_of(
             params.pattern, params.board, None, params.share or None, params.dictionary or None
         )
-        self._collector = Collector(board)
+        self._collector = ViewCollector(board)
         self._found = self._view = None
 
     def _say(self, notice: str) -> Image | None:

@@ -21,8 +21,8 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.landmarks.landing.relative import Axes, relative_to
-from ros_visualise.landmarks.landing.tracking import Estimate, Motion, Tracker
+from ros_visualise.landmarks.landing.relative import BodyAxes, relative_to
+from ros_visualise.landmarks.landing.tracking import TargetEstimate, TargetMotion, TargetTracker
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 from ros_visualise.nodes import node
 
@@ -44,8 +44,8 @@ class LandingTargetParams:
     timeout: float = param(
         1.0, "seconds after which a target that is not seen is lost", min=0.05, max=60
     )
-    axes: Axes = param(
-        Axes.FLU, "axes of the body: FLU as in REP 103, or FRD as in MAVLink and PX4"
+    axes: BodyAxes = param(
+        BodyAxes.FLU, "axes of the body: FLU as in REP 103, or FRD as in MAVLink and PX4"
     )
     frame: str = param("base_link", "frame of the body; with FRD, _frd is added to its name")
     fixed_frame: str = param("odom", "frame in which the target stands still or moves steadily")
@@ -119,7 +119,7 @@ class LandingTarget:
     """
 
     def __init__(self, params: LandingTargetParams) -> None:
-        self._tracker = Tracker()
+        self._tracker = TargetTracker()
         self._told_ns = 0
         self._answers = self._losses = 0
 
@@ -184,7 +184,7 @@ class LandingTarget:
         self._answers += 1
         sigma = math.radians(params.attitude_sigma)
         pose = relative_to(T_fixed_body, estimate, sigma, params.axes)
-        frame = params.frame + ("_frd" if params.axes is Axes.FRD else "")
+        frame = params.frame + ("_frd" if params.axes is BodyAxes.FRD else "")
         header = Header(stamp_ns, frame)
         return {
             "landing_target": PoseWithCovarianceStamped(*pose, header),
@@ -201,11 +201,11 @@ class LandingTarget:
         log.warning("landing_target: %s is lost: not seen for %g s", params.target, params.timeout)
 
 
-def _motion(p: LandingTargetParams) -> Motion:
-    return Motion(p.speed, p.acceleration)
+def _motion(p: LandingTargetParams) -> TargetMotion:
+    return TargetMotion(p.speed, p.acceleration)
 
 
-def _odometry(estimate: Estimate, header: Header) -> Odometry:
+def _odometry(estimate: TargetEstimate, header: Header) -> Odometry:
     """The target's own odometry; its velocity is in its own axes, as that of all odometry."""
     R = estimate.R
     twist: Floats = np.zeros((6, 6))

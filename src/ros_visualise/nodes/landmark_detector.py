@@ -12,12 +12,12 @@ from ros_visualise.core.errors import OpenError, UncalibratedCamera, Unsupported
 from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Detection, Detections, Image, VisionInfo
 from ros_visualise.landmarks.drawing import draw_detections
-from ros_visualise.landmarks.networks.candidates import Candidates, Choice
-from ros_visualise.landmarks.networks.finding import Place, Stand, to_detections
+from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules
+from ros_visualise.landmarks.networks.finding import GroundPoint, GroundPointRule, to_detections
 from ros_visualise.landmarks.networks.names import load_names, numbers_of
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
-from ros_visualise.landmarks.remarks import Remarks
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
 from ros_visualise.vision.threads import fit_threads
@@ -58,8 +58,8 @@ class LandmarkParams:
     max_detections: int = param(
         100, "most detections in one image; the best are kept", min=1, max=1_000, slider=(1, 300)
     )
-    stands_on: Place = param(
-        Place.BOTTOM,
+    stands_on: GroundPoint = param(
+        GroundPoint.BOTTOM,
         "which point of a box is on the ground, for networks that tell none: the middle "
         "of its lower side, or its centre, which fits a view from above",
         group="direction",
@@ -111,7 +111,7 @@ class LandmarkDetector:
     """Finds objects by a neural network (ONNX), and their directions if calibrated."""
 
     def __init__(self, params: LandmarkParams) -> None:
-        self._remarks = Remarks("landmark_detector")
+        self._remarks = OnceLog("landmark_detector")
         self._opened: tuple[str | int | Provider, ...] = ()
         self._told: dict[int, str] | None = None
         self._version = 0
@@ -147,7 +147,9 @@ class LandmarkDetector:
             self._opened = opened
         self._names = load_names(params.names) if params.names else self._network.names
         classes = numbers_of(params.classes, self._names)
-        self._choice = Choice(params.min_score, params.max_overlap, params.max_detections, classes)
+        self._choice = SelectionRules(
+            params.min_score, params.max_overlap, params.max_detections, classes
+        )
 
     def _tell_names(self, image: Image) -> VisionInfo | None:
         """Once, and again when they have changed."""
@@ -163,7 +165,7 @@ class LandmarkDetector:
     def _locate(self, found: Candidates, image: Image) -> tuple[Detection, ...]:
         """With directions, or once a word that tells why there are none."""
         params, info = self._params, image.camera_info
-        stand = Stand(params.stands_on, params.box_sigma)
+        stand = GroundPointRule(params.stands_on, params.box_sigma)
         if info and (info.width, info.height) != (image.width, image.height):
             size, of_info = f"{image.width}x{image.height}", f"{info.width}x{info.height}"
             self._remarks.say(f"no directions in images of {size} with a calibration for {of_info}")

@@ -22,11 +22,11 @@ from ros_visualise.data import (
 )
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.localizer import Localizer, Rules
+from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
+from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, at_camera
 from ros_visualise.landmarks.localization.seen import Ground
-from ros_visualise.landmarks.localization.shown import Shown
-from ros_visualise.landmarks.localization.track import Track
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 from ros_visualise.landmarks.map_params import MapParams
 from ros_visualise.nodes import action, node
 from ros_visualise.sinks.files import save_again
@@ -105,7 +105,7 @@ class LandmarkLocalizer:
 
     def __init__(self, params: LocalizerParams) -> None:
         self._params = params
-        self._known: list[Track] = []
+        self._known: list[LandmarkTrack] = []
         if params.map:
             frame_id, self._known, _ = map_file.load(Path(params.map))
             if frame_id != params.fixed_frame:
@@ -121,7 +121,7 @@ class LandmarkLocalizer:
     def reset(self) -> None:
         """Begin anew with the landmarks of the map: time jumped."""
         self._localizer = Localizer(copy.deepcopy(self._known))
-        self._shown, self._anew = Shown(), True
+        self._shown, self._anew = LandmarkMessages(), True
         self._odom = None
 
     @action("write the landmarks to the file save_to")
@@ -157,7 +157,7 @@ class LandmarkLocalizer:
         header = detections.header
         T_fixed_camera = self._place(frames, header)
         robot = self._robot_covariance(frames, header.stamp_ns, T_fixed_camera[:3, 3])
-        rules = Rules(
+        rules = LocalizerRules(
             params.min_sightings,
             _errors(params),
             self._ground(frames, header.stamp_ns),
@@ -197,7 +197,7 @@ class LandmarkLocalizer:
                 log.warning("there is no frame %s; landmarks are told in %s", _MAP, fixed)
             self._frame = fixed
             self._localizer = Localizer(copy.deepcopy(self._known))
-            self._shown, self._anew = Shown(), True
+            self._shown, self._anew = LandmarkMessages(), True
         return T_fixed_camera
 
     def _ground(self, frames: FrameTree, stamp_ns: int) -> Ground | None:

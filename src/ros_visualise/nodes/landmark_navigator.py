@@ -29,16 +29,16 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rigid, transforms
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.track import Track
-from ros_visualise.landmarks.navigation import told
-from ros_visualise.landmarks.navigation.chart import Mode
-from ros_visualise.landmarks.navigation.doubts import Doubts
-from ros_visualise.landmarks.navigation.inertial import Mounting
-from ros_visualise.landmarks.navigation.landmark import Known
-from ros_visualise.landmarks.navigation.navigator import Navigator, Now
+from ros_visualise.landmarks.localization.track import LandmarkTrack
+from ros_visualise.landmarks.navigation import messages
+from ros_visualise.landmarks.navigation.camera_view import view_of
+from ros_visualise.landmarks.navigation.imu import ImuMounting
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark
+from ros_visualise.landmarks.navigation.landmark_map import MapMode
+from ros_visualise.landmarks.navigation.navigator import Navigator, RobotEstimate
 from ros_visualise.landmarks.navigation.params import NavigatorParams
-from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.landmarks.navigation.sights import view_of
+from ros_visualise.landmarks.navigation.rejections import Rejections
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 from ros_visualise.nodes import action, node
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.sinks.files import save_again
@@ -91,9 +91,9 @@ class LandmarkNavigator:
 
     def _open(self, params: NavigatorParams) -> None:
         self._params, self._settings = params, params.settings()
-        self._given: dict[str, Track] = {}
+        self._given: dict[str, LandmarkTrack] = {}
         self._frame, self._common = _MAP, np.zeros((6, 6))
-        if params.mode is Mode.BUILD:
+        if params.mode is MapMode.BUILD:
             return
         if not params.map:
             raise OpenError(f"mode {params.mode.value} needs a map: give its file as map")
@@ -105,17 +105,17 @@ class LandmarkNavigator:
         """Begin anew: time jumped."""
         self._navigator: Navigator | None = None
         self._odom_frame = self._base_frame = ""
-        self._now: Now | None = None
+        self._now: RobotEstimate | None = None
         self._told_ns: int | None = None
         self._said = ""
-        self._mounted: dict[str, Mounting | None] = {}
-        self._doubts = Doubts()
+        self._mounted: dict[str, ImuMounting | None] = {}
+        self._doubts = Rejections()
 
     @action("write the landmarks to the file save_to")
     def save_map(self) -> None:
         """Write the map; its own file of before is replaced when all of it is written."""
         tracks, common = (
-            told.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
+            messages.tracks_of(self._navigator, self._given) if self._navigator else ([], None)
         )
         if not tracks:
             log.warning("there is no landmark yet: nothing is written")
@@ -176,14 +176,14 @@ class LandmarkNavigator:
         known = gps.covariance if gps.covariance_type else np.zeros((3, 3))
         navigator.fix(gps.header.stamp_ns, geodetic, known, mounting.p)
 
-    def _mounting(self, header: Header, frames: FrameTree) -> Mounting | None:
+    def _mounting(self, header: Header, frames: FrameTree) -> ImuMounting | None:
         """Where a sensor is on the robot; None, and said once, where nobody tells it."""
         name = header.frame_id
         if name not in self._mounted:
             self._mounted[name] = None
             try:
                 T = frames.lookup(self._base_frame, name, header.stamp_ns)
-                self._mounted[name] = Mounting(T[:3, :3], T[:3, 3])
+                self._mounted[name] = ImuMounting(T[:3, :3], T[:3, 3])
             except NoTransform as error:
                 log.warning("%s is left out: %s", name or "a sensor without a frame", error)
         return self._mounted[name]
@@ -257,32 +257,32 @@ class LandmarkNavigator:
         if not is_due and said == self._said:
             return {}
         self._told_ns, self._said = at.stamp_ns, said
-        answer: dict[str, Any] = {"diagnostics": told.diagnostics_of(navigator, self._now, at)}
+        answer: dict[str, Any] = {"diagnostics": messages.diagnostics_of(navigator, self._now, at)}
         if self._now is not None:
-            answer["landmarks"] = told.landmarks_of(navigator, at)
-            answer["markers"] = told.markers_of(navigator, self._now, at)
+            answer["landmarks"] = messages.landmarks_of(navigator, at)
+            answer["markers"] = messages.markers_of(navigator, self._now, at)
         return answer
 
 
-def _named(tracks: Iterable[Track]) -> dict[str, Track]:
+def _named(tracks: Iterable[LandmarkTrack]) -> dict[str, LandmarkTrack]:
     """By name; of points, which may be several of a class, it ends in a number."""
     numbered = (replace(one, number=n) for n, one in enumerate(tracks, 1))
     return {one.name: one for one in numbered}
 
 
-def _on(settings: Settings, common: Floats) -> Settings:
+def _on(settings: NavigatorSettings, common: Floats) -> NavigatorSettings:
     """Over a map that may be tilted by as much as this covariance (6, 6) says."""
     tilt = float(np.sqrt(common[[3, 4], [3, 4]].max()))
     return replace(settings, level_rad=float(np.hypot(settings.level_rad, tilt)))
 
 
-def _known(tracks: Mapping[str, Track], common: Floats) -> dict[str, Known]:
+def _known(tracks: Mapping[str, LandmarkTrack], common: Floats) -> dict[str, KnownLandmark]:
     """The landmarks of a map, with what each is off beside what is common."""
     return {name: _known_one(one, common) for name, one in tracks.items()}
 
 
-def _known_one(one: Track, common: Floats) -> Known:
+def _known_one(one: LandmarkTrack, common: Floats) -> KnownLandmark:
     at, R = one.best.position_xyz, one.best.R_fixed_landmark
     if one.turned:
-        return Known.of(R, at, one.covariance, float(one.size_xyz[:2].mean()), common)
-    return Known.point(at, one.covariance, one.class_id, one.class_number)
+        return KnownLandmark.of(R, at, one.covariance, float(one.size_xyz[:2].mean()), common)
+    return KnownLandmark.point(at, one.covariance, one.class_id, one.class_number)

@@ -10,7 +10,7 @@ import numpy as np
 from ros_visualise.core.synchronizer import Exact
 from ros_visualise.data import Number, Odometry, PoseWithCovarianceStamped
 from ros_visualise.geometry.consistency import NEES_BAND, nees, pose_error
-from ros_visualise.landmarks.remarks import Remarks
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.nodes import NoParams, node
 
 
@@ -29,7 +29,7 @@ class PoseError:
     """
 
     def __init__(self, params: NoParams) -> None:
-        self._remarks = Remarks("pose_error")
+        self._remarks = OnceLog("pose_error")
         self.reset()
 
     def reset(self) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import Deferred, Detection, Detections, Image
 from ros_visualise.landmarks.drawing import draw_detections
-from ros_visualise.landmarks.remarks import Remarks
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.tags import Tag, TagFinder, parse_families
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
 from ros_visualise.landmarks.tags.pose_params import PoseParams
-from ros_visualise.landmarks.tags.search import Search
+from ros_visualise.landmarks.tags.search import TagSearch
 from ros_visualise.nodes import node
 from ros_visualise.vision import color
 from ros_visualise.vision.depth import to_8_bit
@@ -81,8 +81,8 @@ class TagDetector:
     """Finds AprilTag and ArUco tags, with their poses where the camera is calibrated."""
 
     def __init__(self, params: TagParams) -> None:
-        self._search = Search()
-        self._remarks = Remarks("tag_detector")
+        self._search = TagSearch()
+        self._remarks = OnceLog("tag_detector")
         self._prepare(params)
 
     def reset(self) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ros_visualise.data import Detection, Detections
-from ros_visualise.landmarks.remarks import Remarks
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.tags import Tag
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.landmarks.tags.locating import locate_or_remark
@@ -23,7 +23,7 @@ class TagPoses:
     """Adds poses to recorded tags, by their corners and the calibration that comes with them."""
 
     def __init__(self, params: PoseParams) -> None:
-        self._remarks = Remarks("tag_poses")
+        self._remarks = OnceLog("tag_poses")
         self._path = ""
         self._known = KnownTags()
         self._read(params)

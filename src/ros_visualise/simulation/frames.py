@@ -30,7 +30,7 @@ from ros_visualise.simulation.model import (
     site_position,
     standing_height,
 )
-from ros_visualise.simulation.sensors.camera import CameraParams
+from ros_visualise.simulation.sensors.camera import CameraSensorParams
 
 MAP, ODOM, ODOM_START, DECK = "map", "odom", "odom_start", "pad_deck"
 _LEVEL = (1.0, 0.0, 0.0, 0.0)
@@ -47,7 +47,7 @@ class CameraMount:
         gimbal: the camera stays level while the body rolls and pitches.
     """
 
-    def __init__(self, model: Any, params: CameraParams, gimbal: bool) -> None:
+    def __init__(self, model: Any, params: CameraSensorParams, gimbal: bool) -> None:
         self.gimbal = gimbal
         self._position = site_position(model, "camera_link")
         pitch = math.radians(params.camera_pitch)

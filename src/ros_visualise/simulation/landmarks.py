@@ -16,7 +16,7 @@ CELLS = 8
 
 
 @dataclass(frozen=True)
-class Landmark:
+class SimulatedLandmark:
     """A landmark and its pose in the frame ``map``.
 
     ``kind`` is ``tag`` (AprilTag 36h11), ``helipad`` or ``post``. Seen from the front, a tag's axes

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats
-from ros_visualise.simulation.landmarks import CELLS, Landmark
+from ros_visualise.simulation.landmarks import CELLS, SimulatedLandmark
 from ros_visualise.simulation.textures import BOARD_CELLS, draw_tag
 
 Canvas = npt.NDArray[np.uint8]
@@ -41,7 +41,7 @@ class WorldBuilder:
     def __init__(self, pictures: bool) -> None:
         self._pictures = pictures
         self.assets: dict[str, bytes] = {}
-        self.landmarks: list[Landmark] = []
+        self.landmarks: list[SimulatedLandmark] = []
         self.starts: dict[str, tuple[float, float, float]] = {}
         self.path_xy: list[tuple[float, float]] = []
         self._definitions: list[str] = []
@@ -109,13 +109,13 @@ class WorldBuilder:
 
         Args:
             position: middle of the tag.
-            R: R_map_landmark, see `Landmark`.
+            R: R_map_landmark, see `SimulatedLandmark`.
         """
         half = self.print_tag(tag_id, position, R, size)
         behind = np.asarray(position) - R[:, 2] * (PRINT_THICKNESS + _BOARD_THICKNESS / 2)
         rim = half + 0.02
         self.add("box", (rim, rim, _BOARD_THICKNESS / 2), behind, "0.45 0.32 0.2", SOLID, R)
-        self.landmarks.append(Landmark(f"tag_{tag_id}", "tag", position, R, size, tag_id))
+        self.landmarks.append(SimulatedLandmark(f"tag_{tag_id}", "tag", position, R, size, tag_id))
 
     def print_tag(
         self, tag_id: int, position: Sequence[float] | Floats, R: Floats, size: float

@@ -11,10 +11,10 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.simulation.deck import add_pad
 from ros_visualise.simulation.engine import load_mujoco
-from ros_visualise.simulation.landmarks import Landmark
+from ros_visualise.simulation.landmarks import SimulatedLandmark
 from ros_visualise.simulation.mjcf import WorldBuilder
 from ros_visualise.simulation.robots import ROBOTS
-from ros_visualise.simulation.sensors.camera import CameraParams, vertical_fov
+from ros_visualise.simulation.sensors.camera import CameraSensorParams, vertical_fov
 from ros_visualise.simulation.worlds import WORLDS
 
 BASE = "base_link"
@@ -33,11 +33,11 @@ class BuiltWorld:
     name: str
     mjcf: str
     assets: dict[str, bytes]
-    landmarks: tuple[Landmark, ...]
+    landmarks: tuple[SimulatedLandmark, ...]
     starts: dict[str, Pose2]
     path_xy: tuple[tuple[float, float], ...]
 
-    def landmark(self, name: str) -> Landmark | None:
+    def landmark(self, name: str) -> SimulatedLandmark | None:
         """The landmark of that name, or None."""
         return next((each for each in self.landmarks if each.name == name), None)
 
@@ -69,7 +69,7 @@ def build_world(
     return BuiltWorld(name, scene.mjcf(), assets, landmarks, scene.starts, tuple(scene.path_xy))
 
 
-def compile_model(robot: str, world: BuiltWorld, params: CameraParams) -> Any:
+def compile_model(robot: str, world: BuiltWorld, params: CameraSensorParams) -> Any:
     """The ``mjModel`` of a robot in a world."""
     mujoco = load_mujoco()
     name = f"{robot}.xml"

@@ -12,7 +12,7 @@ Make = Callable[[int, int], Measured]
 """(stamp_ns, number of the measurement) -> (output, message) of one measurement."""
 
 
-class Stream:
+class SensorStream:
     """Measurements at a rate: each at the first step at or after its due time."""
 
     def __init__(self, rate_hz: float, make: Make, output: str, always: bool) -> None:
@@ -28,18 +28,20 @@ class Stream:
         return index
 
 
-def streams_of(fitting: Fitting) -> list[Stream]:
+def streams_of(fitting: Fitting) -> list[SensorStream]:
     """The sensors that the robot's settings turn on, in the order of equal stamps."""
     settings = fitting.settings
     sensors = [one for one in SENSORS.all() if isinstance(settings, one.params)]
     return [
-        Stream(getattr(settings, one.rate), one.fit(fitting), next(iter(one.outputs)), one.always)
+        SensorStream(
+            getattr(settings, one.rate), one.fit(fitting), next(iter(one.outputs)), one.always
+        )
         for one in sensors
         if not one.switch or getattr(settings, one.switch)
     ]
 
 
-class Output(NamedTuple):
+class SensorOutput(NamedTuple):
     """A message of the simulation."""
 
     stamp_ns: int
@@ -55,11 +57,11 @@ class Schedule:
             measure all the same, so that no data depends on who listens.
     """
 
-    def __init__(self, streams: list[Stream], wants: Callable[[str], bool]) -> None:
+    def __init__(self, streams: list[SensorStream], wants: Callable[[str], bool]) -> None:
         self._streams, self._wants = streams, wants
         self.due_ns = 0
 
-    def take(self, stamp_ns: int) -> Iterator[Output]:
+    def take(self, stamp_ns: int) -> Iterator[SensorOutput]:
         """The messages of all measurements due at that time."""
         for stream in self._streams:
             if stream.due_ns > stamp_ns:
@@ -67,5 +69,5 @@ class Schedule:
             index = stream.pass_on()
             if stream.always or self._wants(stream.output):
                 for name, message in stream.make(stamp_ns, index):
-                    yield Output(stamp_ns, name, message)
+                    yield SensorOutput(stamp_ns, name, message)
         self.due_ns = min(stream.due_ns for stream in self._streams)

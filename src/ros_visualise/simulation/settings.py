@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from ros_visualise.simulation.missions import SHAPES
 from ros_visualise.simulation.sensors import setting
-from ros_visualise.simulation.sensors.camera import CameraParams
+from ros_visualise.simulation.sensors.camera import CameraSensorParams
 from ros_visualise.simulation.sensors.gps import GpsParams
 from ros_visualise.simulation.sensors.imu import ImuParams
 from ros_visualise.simulation.sensors.lidar import LidarParams
@@ -41,7 +41,7 @@ class RobotParams(
     OdometryParams,
     GpsParams,
     ImuParams,
-    CameraParams,
+    CameraSensorParams,
     TruthParams,
     _CommonParams,
 ):

@@ -26,7 +26,7 @@ from ros_visualise.simulation.pad import Pad, PadParams, place_pad
 from ros_visualise.simulation.robot import Robot
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.simulation.scenery import scenery
-from ros_visualise.simulation.schedule import Output, Schedule, streams_of
+from ros_visualise.simulation.schedule import Schedule, SensorOutput, streams_of
 from ros_visualise.simulation.sensors import Fitting
 from ros_visualise.simulation.settings import RobotParams
 from ros_visualise.simulation.worlds import WORLDS
@@ -136,14 +136,14 @@ class Simulation:
         """Names of all outputs with these settings."""
         return (*LATCHED, "status", "tf", *(stream.output for stream in self._streams))
 
-    def run(self) -> Generator[Output, None, None]:
+    def run(self) -> Generator[SensorOutput, None, None]:
         """The messages as (stamp_ns, name, message), without end; call it from one thread.
 
         Those that are `LATCHED` come first; ``status``, what the robot does, whenever that changes.
         Called again after it was closed, it goes on from that time.
         """
         for name, message in zip(LATCHED, self._latched, strict=True):
-            yield Output(0, name, message)
+            yield SensorOutput(0, name, message)
         step, model, data = load_mujoco().mj_step, self._model, self._data
         control, schedule, orders = self._robot.control, self._schedule, self._orders
         try:
@@ -162,10 +162,10 @@ class Simulation:
         finally:
             self.close()
 
-    def _tell_change(self, stamp_ns: int) -> Iterator[Output]:
+    def _tell_change(self, stamp_ns: int) -> Iterator[SensorOutput]:
         if self.doing != self._told:
             self._told = self.doing
-            yield Output(stamp_ns, "status", Text(self._told))
+            yield SensorOutput(stamp_ns, "status", Text(self._told))
 
     def command(self, twist: Twist) -> None:
         """Follow a velocity until ``command_timeout`` has passed; this ends a mission.

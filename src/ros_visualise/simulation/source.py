@@ -20,7 +20,7 @@ from ros_visualise.data import (
     Twist,
 )
 from ros_visualise.simulation.prefix import prefixed
-from ros_visualise.simulation.schedule import Output
+from ros_visualise.simulation.schedule import SensorOutput
 from ros_visualise.simulation.sensors import equipped, outputs_of
 from ros_visualise.simulation.settings import RobotParams, ScenarioParams
 from ros_visualise.simulation.simulator import LATCHED, Simulation
@@ -48,7 +48,7 @@ _NO_MISSION = "none"
 _REST_NS = 3_000_000_000  # between a mission and the next
 _FRAME = "image"  # what a person steps through
 
-Batch = tuple[Output, ...]
+Batch = tuple[SensorOutput, ...]
 """Messages that pass together."""
 
 
@@ -138,7 +138,7 @@ class SimulatedRobot:
         """
         start_ns -= self._origin_ns
         simulation, self._over_ns = self._begin(start_ns), None
-        shown: dict[str, Output] = {}
+        shown: dict[str, SensorOutput] = {}
         for output in simulation.run():
             if output.stamp_ns <= start_ns:
                 shown[output.name] = output
@@ -174,7 +174,7 @@ class SimulatedRobot:
             if failure:
                 log.warning("%s", failure)
 
-    def _show(self, shown: dict[str, Output]) -> Iterator[tuple[int, Batch]]:
+    def _show(self, shown: dict[str, SensorOutput]) -> Iterator[tuple[int, Batch]]:
         """Yield the messages that were held back."""
         batch = sorted(shown.values(), key=lambda output: (output.name == _FRAME, output.stamp_ns))
         shown.clear()

@@ -6,14 +6,14 @@ import pytest
 from board_pictures import poses_of
 
 from ros_visualise.landmarks.calibration.adjustment import adjust, begin
-from ros_visualise.landmarks.calibration.boards import Kind, board_of, points_xy
+from ros_visualise.landmarks.calibration.boards import BoardKind, board_of, points_xy
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
-from ros_visualise.landmarks.calibration.finding import Points
+from ros_visualise.landmarks.calibration.finding import BoardPoints
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, project
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 
 SIZE = (640, 480)
-BOARD = board_of(Kind.CHESSBOARD, "7x5", 0.03)
+BOARD = board_of(BoardKind.CHESSBOARD, "7x5", 0.03)
 CAMERAS = {
     Lens.PINHOLE: [510, 512, 322, 236, -0.25, 0.08, 0.001, -0.0005, 0],
     Lens.RATIONAL: [510, 512, 322, 236, 0.4, 0.2, 0.001, -0.0005, 0.02, 0.7, 0.3, 0.05],
@@ -29,7 +29,7 @@ def make_views(lens, seed, count=10, noise=0.1, **how):
     for number, pose in enumerate(poses_of(BOARD, count, random, 0.9, **how)):
         uv, _, _ = project(xyz, pose, np.array(CAMERAS[lens], float), MODELS[lens])
         uv += random.normal(0, noise, uv.shape)
-        made.append(View(f"{number}", BOARD, Points(np.arange(35), uv), SIZE))
+        made.append(BoardView(f"{number}", BOARD, BoardPoints(np.arange(35), uv), SIZE))
     return made
 
 
@@ -75,7 +75,7 @@ def test_errors_are_as_large_as_their_covariance_says(lens):
 def test_a_bad_view_is_named_and_left_out():
     views = make_views(Lens.PINHOLE, 3)
     worse = views[4].points.uv + np.random.default_rng(0).normal(0, 3, (35, 2))
-    views[4] = View("blurred", BOARD, Points(np.arange(35), worse), SIZE)
+    views[4] = BoardView("blurred", BOARD, BoardPoints(np.arange(35), worse), SIZE)
     found = calibrate(views, Lens.PINHOLE)
     assert [view.name for view, _ in found.outliers] == ["blurred"]
     assert found.fit.rms == pytest.approx(0.14, abs=0.02)

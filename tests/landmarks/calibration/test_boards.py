@@ -9,20 +9,25 @@ import pytest
 from board_pictures import Studio, poses_of
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.landmarks.calibration.boards import Kind, board_of, marker_corners, points_xy
+from ros_visualise.landmarks.calibration.boards import (
+    BoardKind,
+    board_of,
+    marker_corners,
+    points_xy,
+)
 from ros_visualise.landmarks.calibration.calibrating import calibrate
-from ros_visualise.landmarks.calibration.finder import Finder
+from ros_visualise.landmarks.calibration.finder import BoardFinder
 from ros_visualise.landmarks.calibration.finding import find_board
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, project
 from ros_visualise.landmarks.calibration.sheet import lay_out, rasterise, to_pdf, to_svg
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 
 SIZE = (480, 360)
 CAMERA = np.array([390, 391, 241, 178, -0.2, 0.06, 0.001, -0.0005, 0])
 MODEL = MODELS[Lens.PINHOLE]
-CHESSBOARD = board_of(Kind.CHESSBOARD, "7x5")
-CHARUCO = board_of(Kind.CHARUCO, "7x6")
-APRILGRID = board_of(Kind.APRILGRID, "5x4")
+CHESSBOARD = board_of(BoardKind.CHESSBOARD, "7x5")
+CHARUCO = board_of(BoardKind.CHARUCO, "7x6")
+APRILGRID = board_of(BoardKind.APRILGRID, "5x4")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +64,7 @@ def test_points_are_found_to_a_fraction_of_a_pixel(pictures, board):
 def test_the_camera_lies_within_its_own_deviations(pictures):
     """By pictures, not by points: the mean of 9 squared errors, each of variance 1."""
     seen = [find_board(picture, APRILGRID) for picture, _ in pictures(APRILGRID, 9)]
-    views = [View("", APRILGRID, points, SIZE) for points in seen if points is not None]
+    views = [BoardView("", APRILGRID, points, SIZE) for points in seen if points is not None]
     assert len(views) >= 7
     found = calibrate(views, Lens.PINHOLE)
     error = found.fit.numbers - CAMERA
@@ -80,7 +85,7 @@ def test_the_camera_lies_within_its_own_deviations(pictures):
     ],
 )
 def test_other_readings_of_the_counts_are_tried(pictures, board, said):
-    finder = Finder(board_of(board.kind, said))
+    finder = BoardFinder(board_of(board.kind, said))
     for picture, _ in pictures(board, 2):
         assert finder.look(picture, "") is not None
     assert finder.board == board
@@ -112,7 +117,7 @@ def rasterised(svg: bytes, per_mm: float) -> np.ndarray:
     return page
 
 
-@pytest.mark.parametrize("kind", [*Kind], ids=lambda one: one.value)
+@pytest.mark.parametrize("kind", [*BoardKind], ids=lambda one: one.value)
 @pytest.mark.parametrize("page", ["A4", "Letter"])
 def test_what_is_printed_is_found_to_scale(kind, page):
     sheet = lay_out(board_of(kind, "6x5"), page, None)
@@ -143,9 +148,9 @@ def test_boards_are_found_with_the_systems_opencv_too(pictures, tmp_path, run_on
         cv2.imwrite(str(tmp_path / f"{board.kind.value}.png"), pictures(board, 1)[0][0])
     code = (
         "import sys, cv2\n"
-        "from ros_visualise.landmarks.calibration.boards import Kind, board_of\n"
+        "from ros_visualise.landmarks.calibration.boards import BoardKind, board_of\n"
         "from ros_visualise.landmarks.calibration.finding import find_board\n"
-        "for kind, counts in zip(Kind, sys.argv[2:]):\n"
+        "for kind, counts in zip(BoardKind, sys.argv[2:]):\n"
         "    gray = cv2.imread(f'{sys.argv[1]}/{kind.value}.png', 0)\n"
         "    found = find_board(gray, board_of(kind, counts))\n"
         "    print(len(found.numbers), *found.uv.mean(axis=0))\n"
@@ -169,7 +174,7 @@ def test_a_fisheye_is_calibrated_by_a_board_of_tags():
         find_board(studio.take(pose, random), APRILGRID)
         for pose in poses_of(APRILGRID, 9, random, 0.7, spread=0.6)
     ]
-    views = [View("", APRILGRID, points, SIZE) for points in seen if points is not None]
+    views = [BoardView("", APRILGRID, points, SIZE) for points in seen if points is not None]
     found = calibrate(views, Lens.FISHEYE)
     error = found.fit.numbers - true
     assert abs(error[:2]).max() < 0.4

@@ -8,13 +8,13 @@ import pytest
 
 from ros_visualise.data import Hypothesis
 from ros_visualise.geometry.rotations import from_matrix, from_rpy, to_matrix
-from ros_visualise.landmarks.landing.relative import Axes, relative_to
-from ros_visualise.landmarks.landing.tracking import Estimate, Motion, Tracker
+from ros_visualise.landmarks.landing.relative import BodyAxes, relative_to
+from ros_visualise.landmarks.landing.tracking import TargetEstimate, TargetMotion, TargetTracker
 from ros_visualise.landmarks.localization.seen import Ground, sighting_of
 
 S = 1_000_000_000
 DOWN = np.diag([1.0, -1.0, -1.0])
-STANDING = Motion(speed=0.0)
+STANDING = TargetMotion(speed=0.0)
 GROUND = Ground(np.array([0.0, 0, 1]), 0.0, 0.5)
 
 
@@ -46,7 +46,7 @@ def seen(tracker, time_s, *readings, motion=STANDING, ground=None):
 
 
 def test_views_of_a_target_that_stands_add_up():
-    tracker, camera = Tracker(), camera_at(0, 0, 5)
+    tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     for number in range(4):
         seen(tracker, number, pose((1, 2, 0), camera, 0.02))
     assert tracker.estimate.position_xyz == pytest.approx([1, 2, 0])
@@ -55,7 +55,7 @@ def test_views_of_a_target_that_stands_add_up():
 
 def test_two_kinds_of_target_join_by_their_covariances():
     """As two independent measurements of one place do: weighed by the inverse of each."""
-    tracker, camera = Tracker(), camera_at(0, 0, 5)
+    tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     seen(tracker, 0, pose((0.0, 0, 0), camera, 0.04))
     seen(tracker, 0, direction((0.05, 0, 0), camera, 0.02 / 5))
     weights = 1 / 0.04**2, 1 / 0.02**2
@@ -64,7 +64,7 @@ def test_two_kinds_of_target_join_by_their_covariances():
 
 
 def test_a_direction_begins_where_it_meets_the_ground():
-    tracker = Tracker()
+    tracker = TargetTracker()
     seen(tracker, 0, direction((2, -1, 0), camera_at(0, 0, 10)))
     assert tracker.estimate is None
     seen(tracker, 0, direction((2, -1, 0), camera_at(0, 0, 10)), ground=GROUND)
@@ -73,7 +73,7 @@ def test_a_direction_begins_where_it_meets_the_ground():
 
 
 def test_what_moves_evenly_is_followed_and_known_ahead():
-    tracker, motion = Tracker(), Motion(speed=1.0, acceleration=0.3)
+    tracker, motion = TargetTracker(), TargetMotion(speed=1.0, acceleration=0.3)
     random = np.random.default_rng(2)
     for step in range(40):
         time_s = step / 10
@@ -85,7 +85,7 @@ def test_what_moves_evenly_is_followed_and_known_ahead():
 
 
 def test_what_is_not_seen_is_less_and_less_sure():
-    tracker, motion = Tracker(), Motion()
+    tracker, motion = TargetTracker(), TargetMotion()
     for step in range(10):
         seen(tracker, step / 10, pose((0, 0, 0), camera_at(0, 0, 5)), motion=motion)
     sizes = [np.trace(tracker.at(round(t * S), motion).covariance) for t in (0.9, 1.2, 1.6, 2.4)]
@@ -95,9 +95,9 @@ def test_what_is_not_seen_is_less_and_less_sure():
 
 def test_the_filter_is_as_sure_as_it_is_right():
     """Mean squared distance of 6 numbers, 60 runs of a target that it describes: near 6."""
-    random, motion, distances = np.random.default_rng(4), Motion(1.0, 0.5), []
+    random, motion, distances = np.random.default_rng(4), TargetMotion(1.0, 0.5), []
     for _ in range(60):
-        tracker, camera = Tracker(), camera_at(0, 0, 5)
+        tracker, camera = TargetTracker(), camera_at(0, 0, 5)
         place, velocity = np.zeros(3), random.standard_normal(3)
         for step in range(20):
             seen(
@@ -121,7 +121,7 @@ _NOISE = np.array([[0.1**3 / 3, 0.1**2 / 2], [0.1**2 / 2, 0.1]])
 
 
 def test_a_sighting_that_contradicts_is_refused():
-    tracker, camera = Tracker(), camera_at(0, 0, 5)
+    tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     for time_s, x in enumerate((0, 0, 3.0, 0)):
         seen(tracker, time_s, pose((x, 0, 0), camera))
     assert tracker.refused == 1
@@ -129,7 +129,7 @@ def test_a_sighting_that_contradicts_is_refused():
 
 
 def test_of_two_readings_the_level_one_is_taken():
-    tracker, camera = Tracker(), camera_at(0, 0, 5)
+    tracker, camera = TargetTracker(), camera_at(0, 0, 5)
     tilted = pose((0, 0, 0.1), camera, R=to_matrix(from_rpy([0.6, 0, 0])), score=0.55)
     seen(tracker, 0, tilted, pose((0, 0, 0), camera, score=0.45))
     assert pytest.approx(np.eye(3), abs=1e-6) == tracker.estimate.R
@@ -140,12 +140,12 @@ def test_in_the_bodys_axes_it_is_where_it_is():
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = to_matrix(from_rpy([0, 0, math.pi / 2])), [10, 20, 5]
     known = np.diag([0.01, 0.04, 0.09, 1e-4, 2e-4, 3e-4, 1, 1, 1])
-    target = Estimate(np.array([11.0, 22, 0]), T[:3, :3], np.zeros(3), known)
-    place, quat, covariance = relative_to(T, target, 0.0, Axes.FLU)
+    target = TargetEstimate(np.array([11.0, 22, 0]), T[:3, :3], np.zeros(3), known)
+    place, quat, covariance = relative_to(T, target, 0.0, BodyAxes.FLU)
     assert place == pytest.approx([2, -1, -5])
     assert quat == pytest.approx([0, 0, 0, 1])
     assert np.diag(covariance) == pytest.approx([0.04, 0.01, 0.09, 2e-4, 1e-4, 3e-4])
-    place, quat, turned = relative_to(T, target, 0.0, Axes.FRD)
+    place, quat, turned = relative_to(T, target, 0.0, BodyAxes.FRD)
     assert place == pytest.approx([2, 1, 5])
     assert quat == pytest.approx([0, 0, 0, 1])
     flip = np.kron(np.eye(2), np.diag([1, -1, -1]))
@@ -153,15 +153,15 @@ def test_in_the_bodys_axes_it_is_where_it_is():
 
 
 def test_a_target_turned_to_the_left_has_a_yaw_that_is_negative_about_an_axis_that_points_down():
-    target = Estimate(np.zeros(3), to_matrix(from_rpy([0, 0, 0.3])), np.zeros(3), np.eye(9))
-    quat = relative_to(np.eye(4), target, 0.0, Axes.FRD).quat_xyzw
+    target = TargetEstimate(np.zeros(3), to_matrix(from_rpy([0, 0, 0.3])), np.zeros(3), np.eye(9))
+    quat = relative_to(np.eye(4), target, 0.0, BodyAxes.FRD).quat_xyzw
     assert quat == pytest.approx(from_rpy([0, 0, -0.3]))
 
 
 def test_an_error_of_the_cameras_attitude_counts_by_the_distance():
-    sure = Estimate(np.array([0.0, 0, -8]), np.eye(3), np.zeros(3), np.zeros((9, 9)))
-    covariance = relative_to(np.eye(4), sure, 0.01, Axes.FLU).covariance
+    sure = TargetEstimate(np.array([0.0, 0, -8]), np.eye(3), np.zeros(3), np.zeros((9, 9)))
+    covariance = relative_to(np.eye(4), sure, 0.01, BodyAxes.FLU).covariance
     assert np.sqrt(np.diag(covariance)) == pytest.approx([0.08, 0.08, 0, 0.01, 0.01, 0.01])
     assert np.linalg.eigvalsh(covariance).min() > -1e-12
     below = replace(sure, position_xyz=np.array([0.0, 0, -0.1]))
-    assert relative_to(np.eye(4), below, 0.01, Axes.FLU).covariance[0, 0] == pytest.approx(1e-6)
+    assert relative_to(np.eye(4), below, 0.01, BodyAxes.FLU).covariance[0, 0] == pytest.approx(1e-6)

@@ -15,7 +15,7 @@ from made_passes import (
     turn,
 )
 
-from ros_visualise.landmarks.localization.localizer import Localizer, Rules
+from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
 from ros_visualise.landmarks.localization.robot_error import ErrorModel
 from ros_visualise.landmarks.localization.seen import Ground, turn_between
 
@@ -28,7 +28,7 @@ GROUND = Ground(np.array([0, 0, 1.0]), 0.0, 0.1)
 
 def passed(random, views=12, tag=False, model=MODEL, redraw_every=0):
     """The error of a landmark (6,) and its covariance, after a pass with one error of the robot."""
-    localizer, rules = Localizer(), Rules(errors=model, ground=GROUND)
+    localizer, rules = Localizer(), LocalizerRules(errors=model, ground=GROUND)
     error = DEVIATIONS * random.standard_normal(6)
     R = turn(0.3 * random.standard_normal(3))
     position = np.array([2.0, 1, 0 if tag else GROUND.sigma_m * random.standard_normal()])

@@ -10,13 +10,13 @@ from made_passes import DOWN, detections, direction_seen, looking, tag_noise, ta
 from ros_visualise.data import Header
 from ros_visualise.data.markers import MarkerAction
 from ros_visualise.geometry.transforms import from_parts
-from ros_visualise.landmarks.localization.localizer import Localizer, Rules
+from ros_visualise.landmarks.localization.localizer import Localizer, LocalizerRules
+from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError, at_camera
 from ros_visualise.landmarks.localization.seen import Ground
-from ros_visualise.landmarks.localization.shown import Shown
 
 SURE = ErrorModel(1e-3, 1e-4)
-RULES = Rules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 0.1))
+RULES = LocalizerRules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 0.1))
 TAG = np.array([0.0, 0, 0]), np.eye(3)
 
 
@@ -138,7 +138,7 @@ def test_what_is_surely_apart_stays_two_and_what_may_be_one_becomes_one():
 @pytest.mark.parametrize("height_wrong", [0.0, 0.5])
 def test_parallax_tells_the_height_where_the_ground_is_not_sure(height_wrong):
     localizer = Localizer()
-    rules = Rules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 1.0))
+    rules = LocalizerRules(errors=SURE, ground=Ground(np.array([0, 0, 1.0]), 0.0, 1.0))
     at = np.array([0.0, 0, height_wrong])
     for number in range(30):
         T = looking([-6 + 0.4 * number, -3, 5.0], at)
@@ -154,7 +154,9 @@ def test_without_a_ground_or_above_it_a_direction_gives_no_landmark():
     for number in range(4):
         see(localizer, T, number / 10, np.array([5.0, 0, 4]))
         localizer.observe(
-            detections(number / 10, [direction_seen(above(0), [0, 0, 0], 0.01)]), above(0), Rules()
+            detections(number / 10, [direction_seen(above(0), [0, 0, 0], 0.01)]),
+            above(0),
+            LocalizerRules(),
         )
     assert not localizer.landmarks
     assert localizer.left_out == {"not on the ground": 8}
@@ -188,7 +190,7 @@ def test_errors_that_grow_along_the_way_stay_in_what_comes_and_corrected_ones_go
 
 
 def test_the_shapes_of_a_landmark_that_is_no_more_are_deleted():
-    localizer, shown = Localizer(), Shown()
+    localizer, shown = Localizer(), LandmarkMessages()
     for number in range(4):
         see(localizer, above(0), number / 10, np.zeros(3), np.array([1.0, 0, 0]))
     header = Header(1, "map")

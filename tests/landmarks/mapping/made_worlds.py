@@ -10,7 +10,7 @@ import numpy as np
 from ros_visualise.data import CameraInfo, Hypothesis
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.transforms import from_parts, inverse
-from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting
+from ros_visualise.landmarks.mapping.problem import CameraPath, Problem, TagSighting
 from ros_visualise.landmarks.pose import squares_poses
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
@@ -83,10 +83,10 @@ def world(
                 [poses] = squares_poses(corners[None], [SIZE], INFO, [max(sigma_px, 0.05)])
                 if poses:
                     hypotheses = [hypothesis(pose) for pose in poses]
-                    sightings.append(Sighting(view, tag, corners, SIZE, INFO, hypotheses))
+                    sightings.append(TagSighting(view, tag, corners, SIZE, INFO, hypotheses))
     names = [f"tag36h11_{number}" for number in range(len(tags))]
     stamps = 10**9 + 10**8 * np.arange(len(cameras))
-    told = None if odometry is None else Odometry(odometry)
+    told = None if odometry is None else CameraPath(odometry)
     return Problem(stamps, names, sightings, told)
 
 

@@ -8,10 +8,10 @@ from ros_visualise.geometry.transforms import from_parts
 from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.priors import FIRST
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import Noise
+from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
 SEEDS = 16
-NOISE = Noise(extra_px=0.2)
+NOISE = MeasurementNoise(extra_px=0.2)
 
 
 def begun_wrong(random, told):

@@ -13,7 +13,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry.transforms import from_parts
-from ros_visualise.landmarks.mapping.gathering import Gathered
+from ros_visualise.landmarks.mapping.mapping_data import MappingData
 from ros_visualise.landmarks.pose import squares_poses
 
 DOWN = np.diag([1.0, -1, -1])
@@ -39,7 +39,7 @@ def moving(stamp_ns, x):
 
 
 def test_the_camera_is_where_the_frames_say():
-    gathered = Gathered()
+    gathered = MappingData()
     for number in range(4):
         gathered.add_frames(moving(number * 10**8, 0.1 * number), static=False)
         gathered.add_found(found_at(number * 10**8, 0.1 * number))
@@ -52,7 +52,7 @@ def test_the_camera_is_where_the_frames_say():
 
 def test_the_way_to_the_first_tag_counts():
     """So far the odometry has gone: what it was wrong by then, the map is."""
-    gathered = Gathered()
+    gathered = MappingData()
     for number in range(4):
         gathered.add_frames(moving(number * 10**8, 0.1 * number), static=False)
         found = found_at(number * 10**8, 0.1 * number)
@@ -63,7 +63,7 @@ def test_the_way_to_the_first_tag_counts():
 
 
 def test_without_frames_images_of_several_tags_alone_tell_where_they_are():
-    gathered = Gathered()
+    gathered = MappingData()
     gathered.add_found(found_at(0, 0.0, ("tag36h11_3", "tag36h11_4")))
     gathered.add_found(found_at(1, 0.1))
     problem = gathered.problem(lambda _: SIZE, "")
@@ -72,7 +72,7 @@ def test_without_frames_images_of_several_tags_alone_tell_where_they_are():
 
 
 def test_tags_of_unknown_size_are_left_out_and_counted():
-    gathered = Gathered()
+    gathered = MappingData()
     gathered.add_found(found_at(0, 0.0))
     assert not gathered.problem(lambda _: 0.0, "").sightings
     assert gathered.left_out["tags without a pose"] == 1

@@ -9,9 +9,9 @@ from ros_visualise.landmarks.mapping.mapping import map_of
 from ros_visualise.landmarks.mapping.motions import logarithms, relative
 from ros_visualise.landmarks.mapping.mounting import Gyro, camera_mounting, imu_mounting
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import Noise
+from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
-NOISE = Noise(extra_px=0.1, way_m=0.005, tilt_rad=5e-4, heading_rad=1e-3)
+NOISE = MeasurementNoise(extra_px=0.1, way_m=0.005, tilt_rad=5e-4, heading_rad=1e-3)
 DOWN = np.diag([1.0, -1, -1])
 OFF = np.deg2rad([2.0, -1.5, 1.6])  # 3 degrees
 

@@ -8,9 +8,9 @@ from ros_visualise.landmarks.mapping.mapping import map_of
 from ros_visualise.landmarks.mapping.outliers import other_size
 from ros_visualise.landmarks.mapping.sizes import larger
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import Noise
+from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise
 
-NOISE = Noise(extra_px=0.2, way_m=0.01)
+NOISE = MeasurementNoise(extra_px=0.2, way_m=0.01)
 COUNT = 4
 
 

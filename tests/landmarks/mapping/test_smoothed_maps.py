@@ -12,10 +12,10 @@ from ros_visualise.landmarks.mapping.motions import logarithm
 from ros_visualise.landmarks.mapping.outliers import outliers
 from ros_visualise.landmarks.mapping.problem import DistancePrior, TagPrior
 from ros_visualise.landmarks.mapping.smoothing import smooth
-from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, Noise, Prior
+from ros_visualise.landmarks.mapping.unknowns import LARGER, PRINTED, MeasurementNoise, SharedPrior
 
 TAGS, VIEWS, SIGMA_PX = 7, 30, 0.2
-NOISE = Noise(extra_px=SIGMA_PX)
+NOISE = MeasurementNoise(extra_px=SIGMA_PX)
 
 
 @pytest.fixture
@@ -76,7 +76,7 @@ def test_odometry_ties_tags_that_are_never_seen_together(random, cameras, tags):
 
 
 def test_noise_is_estimated(random, cameras, tags):
-    told = drifting(random, cameras, Noise(way_m=0.06, tilt_rad=0.004, heading_rad=0.02))
+    told = drifting(random, cameras, MeasurementNoise(way_m=0.06, tilt_rad=0.004, heading_rad=0.02))
     found = smooth(world(random, cameras, tags, 0.3, odometry=told))
     assert found.noise.extra_px == pytest.approx(0.3, abs=0.1)
     assert found.noise.way_m == pytest.approx(0.06, rel=0.5)
@@ -84,9 +84,9 @@ def test_noise_is_estimated(random, cameras, tags):
 
 
 def test_tags_that_are_seen_too_large_are_noticed(random, cameras, tags):
-    told = drifting(random, cameras, Noise(way_m=1e-3))
+    told = drifting(random, cameras, MeasurementNoise(way_m=1e-3))
     problem = world(random, cameras, tags, 0.05, odometry=told, larger_px=0.4)
-    found = smooth(problem, Noise(extra_px=0.05, way_m=1e-3))
+    found = smooth(problem, MeasurementNoise(extra_px=0.05, way_m=1e-3))
     sigma = np.sqrt(found.shared_covariance[LARGER, LARGER])
     assert found.shared[LARGER] == pytest.approx(0.4, abs=3 * sigma)
     assert sigma < 0.1
@@ -106,7 +106,7 @@ def test_a_survey_tells_how_large_tags_were_printed(random, cameras, tags):
     problem = world(random, cameras, tags, 0.1, size_of=lambda _: 1.02 * SIZE)
     known = [TagPrior(n, tags[n][:3, 3], np.full(3, 1e-3)) for n in (0, 2, 4, 6)]
     measured = type(problem)(*_parts(problem), None, known)
-    found = smooth(measured, Noise(extra_px=0.1), Prior(printed=0.05))
+    found = smooth(measured, MeasurementNoise(extra_px=0.1), SharedPrior(printed=0.05))
     assert found.shared[PRINTED] == pytest.approx(0.02, abs=0.005)
 
 

@@ -4,28 +4,28 @@ import cv2
 import numpy as np
 import pytest
 
-from ros_visualise.landmarks.navigation.carried import Carried
-from ros_visualise.landmarks.navigation.inertial import ImuNoise, Part, by_imu
+from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.landmarks.navigation.imu import ImuInterval, ImuNoise, by_imu
 from ros_visualise.landmarks.navigation.measuring import Pair, measure
-from ros_visualise.landmarks.navigation.robot import CORE, Robot
-from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.propagation import Propagation
+from ros_visualise.landmarks.navigation.robot import CORE, RobotState
+from ros_visualise.landmarks.navigation.state import FilterState
 
 DOWN = np.diag([1.0, -1.0, -1.0])
 
 
 def seen_post(ray):
     """A post ahead and below of a robot, seen in a direction (3,) by a camera that looks down."""
-    state = State(Robot(p=np.array([1.0, 2, 10])), np.eye(CORE) * 1e-4)
+    state = FilterState(RobotState(p=np.array([1.0, 2, 10])), np.eye(CORE) * 1e-4)
     state.add("post", np.eye(3), np.array([4.0, 1, 0]), np.eye(6) * 1e-2)
     ray = np.asarray(ray) / np.linalg.norm(ray)
     along = np.multiply.outer(ray, ray)
     covariance = np.eye(6) * 1e6
     covariance[:3, :3] = 1e-6 * (np.eye(3) - along) + 1e6 * along
-    sight = Sight(
-        "post", 7, 0.0, None, np.zeros((8, 8)), (SeenPose(None, ray, covariance, 0.9, False),)
+    sight = Sighting(
+        "post", 7, 0.0, None, np.zeros((8, 8)), (ObservedPose(None, ray, covariance, 0.9, False),)
     )
-    return View(0, DOWN, np.zeros(3), (sight,), {}, b""), Pair(sight, "post"), state
+    return CameraView(0, DOWN, np.zeros(3), (sight,), {}, b""), Pair(sight, "post"), state
 
 
 def test_noise_of_a_direction_is_in_no_jacobian():
@@ -54,7 +54,7 @@ def test_a_direction_tells_of_a_landmark_what_moving_it_changes():
 
 def test_measurements_of_an_imu_joined_are_those_one_by_one():
     random = np.random.default_rng(1)
-    robot = Robot(
+    robot = RobotState(
         R=cv2.Rodrigues(random.normal(size=3))[0],
         p=random.normal(size=3) * 20,
         v=random.normal(size=3) * 3,
@@ -62,11 +62,12 @@ def test_measurements_of_an_imu_joined_are_those_one_by_one():
         accel=random.normal(size=3) * 0.1,
     )
     spread = random.normal(size=(CORE, CORE))
-    state, noise = State(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
+    state, noise = FilterState(robot, spread @ spread.T), ImuNoise(gyro_walk=0, accel_walk=0)
     parts = [
-        Part(0.01 + 0.002 * n, random.normal(size=3), random.normal(size=3) * 3) for n in range(5)
+        ImuInterval(0.01 + 0.002 * n, random.normal(size=3), random.normal(size=3) * 3)
+        for n in range(5)
     ]
-    joined, alone = Carried(state), Carried(state)
+    joined, alone = Propagation(state), Propagation(state)
     by_imu(joined, parts, noise)
     for part in parts:
         by_imu(alone, [part], noise)

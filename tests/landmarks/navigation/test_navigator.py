@@ -12,18 +12,18 @@ from made_passes import mean_band
 from ros_visualise.geometry import rigid
 from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.chart import Mode, Rules
-from ros_visualise.landmarks.navigation.landmark import Known
+from ros_visualise.landmarks.navigation.camera_view import view_of
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark
+from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
 from ros_visualise.landmarks.navigation.navigator import Navigator
-from ros_visualise.landmarks.navigation.past import Noise
-from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.landmarks.navigation.sights import view_of
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 LEVEL = np.radians(0.5)
-NOISE = Noise(OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0))
-FROZEN = Settings(Rules(Mode.FROZEN), NOISE, LEVEL)
-BUILD = Settings(Rules(Mode.BUILD), NOISE, LEVEL)
+NOISE = SensorNoise(OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0))
+FROZEN = NavigatorSettings(MapRules(MapMode.FROZEN), NOISE, LEVEL)
+BUILD = NavigatorSettings(MapRules(MapMode.BUILD), NOISE, LEVEL)
 EXACT = np.eye(6) * 1e-8
 
 
@@ -38,7 +38,7 @@ def flight(seed=1, length_m=60.0):
 
 def known(tags, sigma=0.0):
     return {
-        f"tag36h11_{id}": Known.of(
+        f"tag36h11_{id}": KnownLandmark.of(
             tag.T[:3, :3], tag.T[:3, 3], EXACT + np.eye(6) * sigma**2, tag.side_m
         )
         for id, tag in tags.items()
@@ -239,10 +239,10 @@ def test_map_to_odom_takes_the_odometry_to_the_robot():
     assert now is not None
 
 
-@pytest.mark.parametrize("mode", [Mode.FROZEN, Mode.EXTEND])
+@pytest.mark.parametrize("mode", [MapMode.FROZEN, MapMode.EXTEND])
 def test_without_a_landmark_nothing_is_known_of_the_place(mode):
     one, told = flight()
-    navigator = Navigator(replace(FROZEN, rules=Rules(mode)), known(one.tags))
+    navigator = Navigator(replace(FROZEN, rules=MapRules(mode)), known(one.tags))
     assert all(navigator.odometry(stamp, pose) is None for _, stamp, pose, _ in told)
 
 
@@ -275,7 +275,7 @@ def test_a_map_is_built_in_one_pass():
 def test_a_map_is_extended_by_the_tags_that_it_lacks():
     one, told = flight()
     some = dict(list(known(one.tags).items())[::2])
-    navigator = Navigator(replace(FROZEN, rules=Rules(Mode.EXTEND)), some)
+    navigator = Navigator(replace(FROZEN, rules=MapRules(MapMode.EXTEND)), some)
     errors, _ = fly(navigator, one, told)
     assert ate(errors) < 0.1
     found, true = positions(navigator, one)

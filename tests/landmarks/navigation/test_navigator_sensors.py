@@ -9,16 +9,16 @@ from flights import DRIFT, GPS_ORIGIN, T_BASE_CAMERA, Flight, field_of_tags, law
 
 from ros_visualise.geometry import rigid
 from ros_visualise.landmarks.localization.seen import turn_between
-from ros_visualise.landmarks.navigation.chart import Mode, Rules
-from ros_visualise.landmarks.navigation.inertial import ImuNoise, Mounting
-from ros_visualise.landmarks.navigation.landmark import Known
+from ros_visualise.landmarks.navigation.camera_view import view_of
+from ros_visualise.landmarks.navigation.gps import GpsNoise
+from ros_visualise.landmarks.navigation.imu import ImuMounting, ImuNoise
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark
+from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
 from ros_visualise.landmarks.navigation.navigator import Navigator
-from ros_visualise.landmarks.navigation.past import Noise
-from ros_visualise.landmarks.navigation.points import Plane
-from ros_visualise.landmarks.navigation.satellites import GpsNoise
-from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.landmarks.navigation.sights import view_of
+from ros_visualise.landmarks.navigation.points import GroundPlane
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 LEVEL = np.radians(0.5)
 ODOMETRY = OdometryNoise(0.01, 0.0, 0.02, 0.003, 0.0, 0.0, 0.0)
@@ -31,8 +31,8 @@ IMU = ImuNoise(
     DRIFT.accel_walk,
 )
 GPS = GpsNoise(slow=0.966, origin=GPS_ORIGIN)
-BUILD = Settings(Rules(Mode.BUILD), Noise(ODOMETRY, IMU, GPS), LEVEL)
-IN_THE_MIDDLE = Mounting(np.eye(3), np.zeros(3))
+BUILD = NavigatorSettings(MapRules(MapMode.BUILD), SensorNoise(ODOMETRY, IMU, GPS), LEVEL)
+IN_THE_MIDDLE = ImuMounting(np.eye(3), np.zeros(3))
 
 
 @cache
@@ -50,7 +50,7 @@ def flight(length_m=60.0, tags=6, posts=0):
 def known(tags):
     exact = np.eye(6) * 1e-8
     return {
-        f"tag36h11_{id}": Known.of(tag.T[:3, :3], tag.T[:3, 3], exact, tag.side_m)
+        f"tag36h11_{id}": KnownLandmark.of(tag.T[:3, :3], tag.T[:3, 3], exact, tag.side_m)
         for id, tag in tags.items()
     }
 
@@ -130,7 +130,7 @@ def test_an_imu_carries_the_robot_through_three_seconds_without_odometry():
     elsewhere = (7.0, -3.0, 1.0, 0.0, 0.0, 0.0, 1.0)
     last = len(told) - 40
     after = [(n, s, rigid.compose(elsewhere, pose), None) for n, s, pose, _ in told[last + 30 :]]
-    navigator = Navigator(replace(BUILD, rules=Rules(Mode.FROZEN)), known(one.tags))
+    navigator = Navigator(replace(BUILD, rules=MapRules(MapMode.FROZEN)), known(one.tags))
     errors, covariances = fly(navigator, one, (*told[:last], *after), imu)
     assert np.linalg.norm(errors[-1]) < 0.3
     assert navigator.counts["losses"] == 0
@@ -139,7 +139,7 @@ def test_an_imu_carries_the_robot_through_three_seconds_without_odometry():
 
 def test_an_imu_that_is_mounted_otherwise_than_said_is_left_out(caplog):
     one, told, imu, _ = flight()
-    askew = Mounting(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    askew = ImuMounting(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     without, _ = fly(Navigator(BUILD), one, told)
     navigator = Navigator(BUILD)
     errors, _ = fly(navigator, one, told, imu, mounting=askew)
@@ -170,7 +170,7 @@ def test_a_stamp_of_another_time_costs_an_imu_little():
 
 def test_an_imu_away_from_the_middle_feels_its_turns():
     """Said to be elsewhere, and measured there: as if it were in the middle."""
-    at = Mounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))
+    at = ImuMounting(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), np.array([0.4, -0.2, 0.1]))
     imu = Navigator(BUILD).past.imu
     turn, speed_up = np.array([0.2, -0.5, 1.5]), np.array([0.5, 0.1, -0.3])
     for number in range(20):
@@ -216,7 +216,7 @@ def test_gps_that_jumps_is_refused():
 
 def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
     one, told, _, _ = flight(length_m=120.0, tags=0, posts=25)
-    settings = replace(BUILD, rules=Rules(Mode.BUILD, plane=Plane(0.0, 0.05)))
+    settings = replace(BUILD, rules=MapRules(MapMode.BUILD, plane=GroundPlane(0.0, 0.05)))
     without, _ = fly(Navigator(settings), one, blind(told))
     navigator = Navigator(settings)
     errors, covariances = fly(navigator, one, told)
@@ -233,10 +233,10 @@ def test_posts_on_the_ground_are_mapped_and_correct_the_robot():
 def test_posts_of_a_map_correct_a_robot_that_a_tag_has_located():
     one, told, _, _ = flight(length_m=120.0, tags=1, posts=25)
     posts = {
-        f"post_{n}": Known.point(foot, np.eye(3) * 1e-4, "post", 7)
+        f"post_{n}": KnownLandmark.point(foot, np.eye(3) * 1e-4, "post", 7)
         for n, foot in enumerate(one.posts)
     }
-    begun = Settings(Rules(Mode.BUILD), BUILD.noise, LEVEL)
+    begun = NavigatorSettings(MapRules(MapMode.BUILD), BUILD.noise, LEVEL)
     navigator = Navigator(begun, posts)
     errors, covariances = fly(navigator, one, told)
     assert any(name.startswith("post_") for name in navigator.chart.landmarks)

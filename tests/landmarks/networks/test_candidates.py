@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choose
+from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules, choose
 
 BOX = [10.0, 20, 30, 60]
 
@@ -22,21 +22,21 @@ def moved(by):
 def test_of_two_that_overlap_the_better_one_counts():
     # moved by 5 of 20 the shared part is 15 of 25: 0.6
     found = candidates([moved(5), BOX, moved(100)], [0.6, 0.9, 0.5])
-    assert choose(found, Choice(max_overlap=0.59), True).scores.tolist() == [0.9, 0.5]
-    assert choose(found, Choice(max_overlap=0.61), True).scores.tolist() == [0.9, 0.6, 0.5]
-    assert choose(found, Choice(max_overlap=0.59), False).scores.tolist() == [0.9, 0.6, 0.5]
+    assert choose(found, SelectionRules(max_overlap=0.59), True).scores.tolist() == [0.9, 0.5]
+    assert choose(found, SelectionRules(max_overlap=0.61), True).scores.tolist() == [0.9, 0.6, 0.5]
+    assert choose(found, SelectionRules(max_overlap=0.59), False).scores.tolist() == [0.9, 0.6, 0.5]
 
 
 def test_things_of_two_classes_may_lie_on_one_another():
     found = candidates([BOX, BOX, BOX], [0.7, 0.9, 0.8], [1, 2, 1])
-    chosen = choose(found, Choice(), True)
+    chosen = choose(found, SelectionRules(), True)
     assert chosen.classes.tolist() == [2, 1]
     assert chosen.scores.tolist() == [0.9, 0.8]
 
 
 def test_what_is_covered_by_what_is_covered_counts():
     found = candidates([BOX, moved(8), moved(16)], [0.9, 0.8, 0.7])
-    assert choose(found, Choice(max_overlap=0.4), True).scores.tolist() == [0.9, 0.7]
+    assert choose(found, SelectionRules(max_overlap=0.4), True).scores.tolist() == [0.9, 0.7]
 
 
 def test_suppression_is_that_of_its_definition():
@@ -44,7 +44,7 @@ def test_suppression_is_that_of_its_definition():
     low = rng.uniform(0, 60, (300, 2))
     boxes = np.hstack([low, low + rng.uniform(5, 40, (300, 2))])
     scores, classes = rng.permutation(300) / 300, rng.integers(0, 3, 300)
-    chosen = choose(candidates(boxes, scores, classes), Choice(0.1, 0.3, 300), True)
+    chosen = choose(candidates(boxes, scores, classes), SelectionRules(0.1, 0.3, 300), True)
     kept = []
     for one in np.argsort(-scores):
         if scores[one] < 0.1:
@@ -73,7 +73,7 @@ def test_suppression_is_that_of_its_definition():
     ],
 )
 def test_what_is_no_box_is_none(box):
-    chosen = choose(candidates([box, BOX], [0.9, 0.8]), Choice(), True)
+    chosen = choose(candidates([box, BOX], [0.9, 0.8]), SelectionRules(), True)
     assert chosen.boxes_xyxy.tolist() == [BOX]
 
 
@@ -86,7 +86,7 @@ def test_nothing_else_is_lost_on_the_way():
         points_uv=points,
         covariances=covariances,
     )
-    chosen = choose(found, Choice(), True)
+    chosen = choose(found, SelectionRules(), True)
     assert chosen.classes.tolist() == [6, 4]
     assert chosen.points_uv.tolist() == [[5, 6], [1, 2]]
     assert chosen.covariances.tolist() == covariances[[2, 0]].tolist()
@@ -99,12 +99,12 @@ def test_a_point_that_is_none_is_none():
         points_uv=np.array([[1.0, np.nan], [3, 4], [5, 6], [1e20, 0]]),
         covariances=np.array([np.eye(2), np.full((2, 2), np.inf), np.eye(2), np.eye(2)]),
     )
-    assert choose(found, Choice(), True).scores.tolist() == [0.7]
+    assert choose(found, SelectionRules(), True).scores.tolist() == [0.7]
 
 
 def test_the_best_are_kept_and_those_of_wanted_classes():
     found = candidates([moved(50 * n) for n in range(6)], [0.3, 0.8, 0.5, 0.9, 0.4, 0.2], range(6))
-    assert choose(found, Choice(most=2), True).classes.tolist() == [3, 1]
-    assert choose(found, Choice(most=2), False).classes.tolist() == [3, 1]
-    assert choose(found, Choice(classes=frozenset({2, 4})), True).classes.tolist() == [2, 4]
-    assert len(choose(found, Choice(min_score=0.95), True)) == 0
+    assert choose(found, SelectionRules(most=2), True).classes.tolist() == [3, 1]
+    assert choose(found, SelectionRules(most=2), False).classes.tolist() == [3, 1]
+    assert choose(found, SelectionRules(classes=frozenset({2, 4})), True).classes.tolist() == [2, 4]
+    assert len(choose(found, SelectionRules(min_score=0.95), True)) == 0

@@ -10,7 +10,7 @@ pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' t
 made = pytest.importorskip("made_networks")
 
 from ros_visualise.landmarks.networks import layouts  # noqa: E402
-from ros_visualise.landmarks.networks.candidates import Choice  # noqa: E402
+from ros_visualise.landmarks.networks.candidates import SelectionRules  # noqa: E402
 from ros_visualise.landmarks.networks.network import Network  # noqa: E402
 
 NAMES = sorted(made.MAKERS)
@@ -19,7 +19,7 @@ STRETCHED = ("RT-DETRv2/D-FINE/DEIM", "RT-DETR of Ultralytics", "RF-DETR", "Nano
 
 
 def find(network, pixels, order="BGR", **choice):
-    return network.detect(pixels, order, Choice(**choice))
+    return network.detect(pixels, order, SelectionRules(**choice))
 
 
 def only(found):

@@ -14,7 +14,7 @@ import made_networks as made
 
 from ros_visualise.core.errors import OpenError, RosVisualiseError
 from ros_visualise.landmarks.networks import session
-from ros_visualise.landmarks.networks.candidates import Choice
+from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.landmarks.networks.layouts import ALL
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.landmarks.networks.session import Provider
@@ -233,7 +233,7 @@ def test_numbers_that_are_none_are_nothing(value, rows, tmp_path):
     }[rows]
     network = Network(made.answering(tmp_path / "n.onnx", np.full(shape, value)))
     assert network.layout.name == rows
-    assert len(network.detect(GRAY, "BGR", Choice())) == 0
+    assert len(network.detect(GRAY, "BGR", SelectionRules())) == 0
 
 
 def test_ten_thousand_things(tmp_path):
@@ -245,8 +245,8 @@ def test_ten_thousand_things(tmp_path):
     answer[0, : len(places), 4:6] = 1
     network = Network(made.answering(tmp_path / "n.onnx", answer, side, side))
     pixels = np.zeros((side, side, 3), np.uint8)
-    assert len(network.detect(pixels, "BGR", Choice(most=1_000))) == 1_000
-    assert len(network.detect(pixels, "BGR", Choice(most=300))) == 300
+    assert len(network.detect(pixels, "BGR", SelectionRules(most=1_000))) == 1_000
+    assert len(network.detect(pixels, "BGR", SelectionRules(most=300))) == 300
 
 
 def test_what_fails_at_a_later_image_costs_that_image(tmp_path):
@@ -258,11 +258,11 @@ def test_what_fails_at_a_later_image_costs_that_image(tmp_path):
     graph.add("Add", graph.constant(np.zeros((1, 300, 6))), one, output="y")
     inputs = {"images": made.image_input(8, 8)}
     network = Network(made.save(tmp_path / "n.onnx", graph, inputs, {"y": (1, None)}))
-    assert len(network.detect(GRAY, "BGR", Choice())) == 0
+    assert len(network.detect(GRAY, "BGR", SelectionRules())) == 0
     with pytest.raises(RosVisualiseError, match=r"n\.onnx: .*Gather") as caught:
-        network.detect(GRAY + 200, "BGR", Choice())
+        network.detect(GRAY + 200, "BGR", SelectionRules())
     assert "\n" not in str(caught.value)
-    assert len(network.detect(GRAY, "BGR", Choice())) == 0
+    assert len(network.detect(GRAY, "BGR", SelectionRules())) == 0
 
 
 def test_nothing_is_said_on_standard_error(tmp_path):

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.printing import counted
-from ros_visualise.landmarks.calibration.calibrating import APART, Calibration
-from ros_visualise.landmarks.calibration.collecting import Collector
+from ros_visualise.landmarks.calibration.calibrating import APART, CameraCalibration
+from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.views import Coverage
 from ros_visualise.sinks.axes import Axes
@@ -23,7 +23,7 @@ _UNSURE_PX = 1.0
 _LISTED = 3
 
 
-def summary(found: Calibration, collector: Collector, better: Lens | None) -> list[str]:
+def summary(found: CameraCalibration, collector: ViewCollector, better: Lens | None) -> list[str]:
     """Some thirty lines that tell at one glance how good it is."""
     rows = [
         ("board", _about_board(found, collector)),
@@ -49,7 +49,7 @@ def summary(found: Calibration, collector: Collector, better: Lens | None) -> li
     return lines + [f"warning: {text}" for text in warnings_of(found, better)]
 
 
-def warnings_of(found: Calibration, better: Lens | None) -> list[str]:
+def warnings_of(found: CameraCalibration, better: Lens | None) -> list[str]:
     """Reasons not to believe it."""
     texts = []
     count = len(found.views)
@@ -73,7 +73,9 @@ def warnings_of(found: Calibration, better: Lens | None) -> list[str]:
     return texts
 
 
-def to_json(found: Calibration, collector: Collector, better: Lens | None) -> dict[str, Any]:
+def to_json(
+    found: CameraCalibration, collector: ViewCollector, better: Lens | None
+) -> dict[str, Any]:
     """All of it, as the README tells."""
     info, coverage, halves = found.info, collector.coverage, found.halves
     names = found.model.numbers
@@ -122,7 +124,7 @@ def to_json(found: Calibration, collector: Collector, better: Lens | None) -> di
     }
 
 
-def draw(found: Calibration, coverage: Coverage) -> Figure:
+def draw(found: CameraCalibration, coverage: Coverage) -> Figure:
     """Every point in the image, and by how much it was missed, a hundred times as long."""
     width, height = found.size
     figure = Figure(800, 140 + round(700 * height / width))
@@ -149,7 +151,7 @@ def _color(number: int) -> Color:
     return red, green, blue
 
 
-def _about_board(found: Calibration, collector: Collector) -> str:
+def _about_board(found: CameraCalibration, collector: ViewCollector) -> str:
     board, said = collector.finder.board, collector.finder.said
     assert board is not None
     width, height = found.size
@@ -158,7 +160,7 @@ def _about_board(found: Calibration, collector: Collector) -> str:
     return f"{board.words}{other}, {where}"
 
 
-def _numbers(found: Calibration, start: int, stop: int | None, form: str) -> str:
+def _numbers(found: CameraCalibration, start: int, stop: int | None, form: str) -> str:
     names, numbers = found.model.numbers[start:stop], found.fit.numbers[start:stop]
     deviations = found.deviations[start:stop]
     return "  ".join(
@@ -167,30 +169,30 @@ def _numbers(found: Calibration, start: int, stop: int | None, form: str) -> str
     )
 
 
-def _about_rms(found: Calibration) -> str:
+def _about_rms(found: CameraCalibration) -> str:
     held = f"; of views held out {found.halves.rms:.3f} px" if found.halves else ""
     return f"{found.fit.rms:.3f} px{held}"
 
 
-def _about_halves(found: Calibration) -> str:
+def _about_halves(found: CameraCalibration) -> str:
     if found.halves is None:
         return "too few views"
     one, other = found.halves.focal_lengths
     return f"focal lengths {one:.2f} and {other:.2f}, {found.halves.difference:.2%} apart"
 
 
-def _about_uncertainty(found: Calibration) -> str:
+def _about_uncertainty(found: CameraCalibration) -> str:
     centre, corners = found.uncertainty.centre, found.uncertainty.corners
     at_corners = f"{corners:.2f} px" if math.isfinite(corners) else "an unknown amount"
     return f"{centre:.2f} px in the image's centre, {at_corners} in its corners (one sigma)"
 
 
-def _about_views(found: Calibration) -> str:
+def _about_views(found: CameraCalibration) -> str:
     worst = sorted(zip(found.fit.view_rms, found.views, strict=True), key=lambda one: -one[0])
     return ", ".join(f"{view.name} {rms:.2f} px" for rms, view in worst[:_LISTED])
 
 
-def _left_out(found: Calibration, collector: Collector) -> str:
+def _left_out(found: CameraCalibration, collector: ViewCollector) -> str:
     parts = [f"{view.name} (rms {rms:.2f} px)" for view, rms in found.outliers]
     if found.stray:
         parts.append(f"{counted(found.stray, 'point')} that lie astray")

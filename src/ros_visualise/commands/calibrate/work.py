@@ -15,9 +15,9 @@ from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.core.printing import answer, answer_json, counted, say
 from ros_visualise.core.rate import WallClock
 from ros_visualise.core.signals import STOPPED, Wish, noticed
-from ros_visualise.landmarks.calibration.boards import Board, Kind, board_of
+from ros_visualise.landmarks.calibration.boards import Board, BoardKind, board_of
 from ros_visualise.landmarks.calibration.calibrating import better_lens, calibrate
-from ros_visualise.landmarks.calibration.collecting import Collector
+from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.sheet import SHEET_FORMATS, lay_out
 from ros_visualise.sinks.figure import FIGURE_FORMATS
@@ -41,7 +41,7 @@ _ENOUGH_VIEWS = 25  # of a camera, where they cover all
 def calibrate_camera(options: CalibrateOptions) -> int:
     """Print the board if that is asked for, and calibrate if there are images."""
     board = board_of(
-        Kind(options.pattern), options.size, options.square, options.share, options.dictionary
+        BoardKind(options.pattern), options.size, options.square, options.share, options.dictionary
     )
     _check(options)
     if options.board is not None:
@@ -71,7 +71,7 @@ def _check(options: CalibrateOptions) -> None:
 
 def _calibrate(options: CalibrateOptions, board: Board) -> int:
     """Collect views, calibrate, write and report; the exit status."""
-    collector = Collector(board)
+    collector = ViewCollector(board)
     with noticed() as wish:
         losses = [loss for one in options.input for loss in _collect(one, options, collector, wish)]
     if wish.asked and not any(map(is_live, options.input)):
@@ -100,7 +100,9 @@ def _calibrate(options: CalibrateOptions, board: Board) -> int:
     return 1 if losses else 0
 
 
-def _collect(source: str, options: CalibrateOptions, collector: Collector, wish: Wish) -> list[str]:
+def _collect(
+    source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish
+) -> list[str]:
     """Look at all images of a source, until somebody asks for the end; what was lost."""
     if is_live(source):
         _follow(source, options, collector, wish)
@@ -121,7 +123,7 @@ def _collect(source: str, options: CalibrateOptions, collector: Collector, wish:
         return [f"{source}: {note}" for note in recording.loss.notes]
 
 
-def _look_at_pictures(paths: Sequence[Path], collector: Collector, wish: Wish) -> list[str]:
+def _look_at_pictures(paths: Sequence[Path], collector: ViewCollector, wish: Wish) -> list[str]:
     lost = []
     for path in _bar(paths):
         try:
@@ -140,7 +142,7 @@ def _bar(images: Iterable[T]) -> Iterable[T]:
     return bar
 
 
-def _follow(source: str, options: CalibrateOptions, collector: Collector, wish: Wish) -> None:
+def _follow(source: str, options: CalibrateOptions, collector: ViewCollector, wish: Wish) -> None:
     """A camera's images, until enough of them cover all, or time is over; says what to do next."""
     clock = WallClock()
     start_ns = clock.monotonic_ns()

@@ -19,9 +19,9 @@ from ros_visualise.data import (
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.landmarks.mapping.gathering import Gathered, is_tag
-from ros_visualise.landmarks.mapping.mapping import Map
+from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
+from ros_visualise.landmarks.mapping.mapping import TagMap
+from ros_visualise.landmarks.mapping.mapping_data import MappingData, is_tag
 from ros_visualise.nodes.landmark_localizer import LandmarkLocalizer, LocalizerParams
 
 _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
@@ -29,8 +29,8 @@ _LEFT_DEG, _LEFT_M, _LEFT_S = 0.3, 0.03, 5.0
 
 
 def objects_again(
-    made: Map, gathered: Gathered, frame_id: str, params: LocalizerParams
-) -> list[Track]:
+    made: TagMap, gathered: MappingData, frame_id: str, params: LocalizerParams
+) -> list[LandmarkTrack]:
     """All that is no tag, by the localizer and what was found, the camera being where it was.
 
     Args:
@@ -62,7 +62,7 @@ def objects_again(
     return [_track(one, last_ns, seen.get(one.id, 1)) for one in is_new]
 
 
-def _objects(gathered: Gathered) -> Iterator[Detections]:
+def _objects(gathered: MappingData) -> Iterator[Detections]:
     """Images with things that are no tags, in order of time."""
     for message in sorted(gathered.messages, key=lambda one: one.header.stamp_ns):
         rest = tuple(one for one in message.detections if not is_tag(one))
@@ -71,7 +71,7 @@ def _objects(gathered: Gathered) -> Iterator[Detections]:
 
 
 def _where(
-    made: Map, gathered: Gathered, frame_id: str, message: Detections, ground: str
+    made: TagMap, gathered: MappingData, frame_id: str, message: Detections, ground: str
 ) -> tuple[TransformStamped, ...]:
     """Where the camera was, and the ground's frame if it is another; nothing if nobody knows."""
     header = message.header
@@ -93,10 +93,10 @@ def _stamped(child: str, T: Floats, header: Header, frame_id: str) -> TransformS
     return TransformStamped(child, T[:3, 3], quat_xyzw, Header(header.stamp_ns, frame_id))
 
 
-def _track(one: Detection3D, last_ns: int, seen: int) -> Track:
+def _track(one: Detection3D, last_ns: int, seen: int) -> LandmarkTrack:
     best = one.hypotheses[0]
     here = known(best.position_xyz, rotations.to_matrix(best.quat_xyzw), np.array(best.covariance))
-    return Track(
+    return LandmarkTrack(
         one.class_id,
         best.number,
         one.id == one.class_id,

@@ -22,9 +22,9 @@ from ros_visualise.data import (
 from ros_visualise.data.frames import is_static
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER, RECORDED_TAGS, TAGS
-from ros_visualise.landmarks.localization.track import Track
-from ros_visualise.landmarks.mapping.gathering import Gathered
-from ros_visualise.landmarks.mapping.mapping import Map, map_of
+from ros_visualise.landmarks.localization.track import LandmarkTrack
+from ros_visualise.landmarks.mapping.mapping import TagMap, map_of
+from ros_visualise.landmarks.mapping.mapping_data import MappingData
 from ros_visualise.landmarks.mapping.survey import Survey, read_survey
 from ros_visualise.landmarks.tags.known import KnownTags, read_known_tags
 from ros_visualise.messages.recorded import content
@@ -55,8 +55,8 @@ class Listener:
 class Mapped:
     """The tags, smoothed; these and all else as they are in the map; what was left out, and why."""
 
-    map: Map
-    landmarks: Sequence[Track]
+    map: TagMap
+    landmarks: Sequence[LandmarkTrack]
     left_out: Mapping[str, int]
 
     def lines(self) -> list[str]:
@@ -78,7 +78,7 @@ class Mapper:
 
     def __init__(self, graph: Graph, survey: str) -> None:
         self._survey = read_survey(survey) if survey else Survey()
-        self._gathered = Gathered()
+        self._gathered = MappingData()
         self._sizes = _sizes(graph)
         self._localizer = next(
             (node.params for node in graph.nodes if node.name == LOCALIZER), LocalizerParams()

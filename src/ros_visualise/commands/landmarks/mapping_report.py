@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from ros_visualise.core.printing import counted, shown
-from ros_visualise.landmarks.mapping.mapping import Map
+from ros_visualise.landmarks.mapping.mapping import TagMap
 from ros_visualise.landmarks.mapping.outliers import UNSTEADY
-from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.unknowns import LARGER, LONGER, PRINTED, UNKNOWN
 
 _WORST = 3  # views, and tags, that are named
 
 
-def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
+def report_lines(made: TagMap, left_out: Mapping[str, int]) -> list[str]:
     """For a person."""
     found = made.smoothed
     refused = int((~found.inliers).sum())
@@ -63,13 +63,13 @@ def report_lines(made: Map, left_out: Mapping[str, int]) -> list[str]:
     return lines
 
 
-def _is_longer(found: Smoothed) -> bool:
+def _is_longer(found: SmoothedMap) -> bool:
     """Whether the odometry's ways are of another length than anybody expects."""
     is_known = found.problem.odometry is not None
     return is_known and bool(abs(found.shared[LONGER]) > 3 * UNKNOWN.longer)
 
 
-def _outliers(made: Map) -> list[str]:
+def _outliers(made: TagMap) -> list[str]:
     """What is wrong with tags; of those that nothing explains, the worst alone."""
     explained = [one for one in made.outliers if one.kind != UNSTEADY]
     rest = sorted((one for one in made.outliers if one.kind == UNSTEADY), key=lambda o: -o.value)
@@ -80,7 +80,7 @@ def _outliers(made: Map) -> list[str]:
     return lines
 
 
-def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
+def report_values(made: TagMap, left_out: Mapping[str, int]) -> dict[str, Any]:
     """For a program."""
     found = made.smoothed
     tags = np.array([one.tag for one in found.problem.sightings])
@@ -124,7 +124,7 @@ def report_values(made: Map, left_out: Mapping[str, int]) -> dict[str, Any]:
     }
 
 
-def _views(made: Map) -> list[dict[str, Any]]:
+def _views(made: TagMap) -> list[dict[str, Any]]:
     found = made.smoothed
     views = np.array([one.view for one in found.problem.sightings])
     return [

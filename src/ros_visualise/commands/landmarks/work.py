@@ -18,7 +18,7 @@ from ros_visualise.data import Header
 from ros_visualise.graph import Graph
 from ros_visualise.graph.landmarks import DETECTORS, LOCALIZER
 from ros_visualise.landmarks.localization import map_file
-from ros_visualise.landmarks.localization.shown import Shown
+from ros_visualise.landmarks.localization.messages import LandmarkMessages
 from ros_visualise.nodes.landmark_localizer import check_map_name
 from ros_visualise.running.interruptible import in_a_second, in_time, interruptible
 from ros_visualise.runtime.local import LocalRuntime
@@ -99,7 +99,7 @@ def _save_map(
     """Write the map; of a run that was stopped, as far as there is one."""
     if mapped is not None and mapped.map.tracks:
         header = found.map.header if found.map else Header(frame_id=MAP_FRAME)
-        found.map = Shown().detections(mapped.landmarks, header)
+        found.map = LandmarkMessages().detections(mapped.landmarks, header)
         text = map_file.to_text(header.frame_id, mapped.landmarks, mapped.map.common)
         assert options.map is not None
         write_file(options.map, text.encode(), options.overwrite)

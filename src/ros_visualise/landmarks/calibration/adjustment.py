@@ -17,7 +17,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_rays
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 
 _MOST_STEPS = 60
 _DONE = 1e-9  # of the sum of squares: so little less, and it ends
@@ -28,7 +28,7 @@ _HOPELESS = 1e12
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class BundleFit:
     """A camera and boards that fit.
 
     Attributes:
@@ -60,7 +60,7 @@ def rms_of(residuals: Floats) -> float:
     return float(np.sqrt((residuals**2).sum(axis=1).mean()))
 
 
-def begin(views: Sequence[View], model: LensModel) -> Floats:
+def begin(views: Sequence[BoardView], model: LensModel) -> Floats:
     """The camera's numbers to begin with: no distortion, and the focal length that fits best."""
     width, height = views[0].size
     middle = [(width - 1) / 2, (height - 1) / 2]
@@ -75,7 +75,9 @@ def begin(views: Sequence[View], model: LensModel) -> Floats:
     return np.array([best, best, *middle, *[0.0] * len(model.coefficients)])
 
 
-def adjust(views: Sequence[View], model: LensModel, numbers: Floats, *, held: bool = False) -> Fit:
+def adjust(
+    views: Sequence[BoardView], model: LensModel, numbers: Floats, *, held: bool = False
+) -> BundleFit:
     """The camera and the boards' poses that fit the views best.
 
     Args:
@@ -101,7 +103,7 @@ def adjust(views: Sequence[View], model: LensModel, numbers: Floats, *, held: bo
         else:
             damping *= 10
     covariance = None if held else system.covariance()
-    return Fit(numbers, poses, system.residuals, covariance)
+    return BundleFit(numbers, poses, system.residuals, covariance)
 
 
 class _System:
@@ -109,7 +111,7 @@ class _System:
 
     def __init__(
         self,
-        views: Sequence[View],
+        views: Sequence[BoardView],
         model: LensModel,
         numbers: Floats,
         poses: Floats,
@@ -164,7 +166,7 @@ def _damped(matrix: Floats, damping: float) -> Floats:
     return matrix + np.diag(np.diag(matrix) * damping + 1e-12)
 
 
-def _pose(view: View, numbers: Floats, model: LensModel) -> Floats:
+def _pose(view: BoardView, numbers: Floats, model: LensModel) -> Floats:
     """A board's pose (6,) by its points' rays, where they are not too far aside."""
     rays = to_rays(view.points.uv, numbers, model)
     points = view.points_xyz
@@ -181,7 +183,7 @@ def _pose(view: View, numbers: Floats, model: LensModel) -> Floats:
     return np.concatenate([turn.ravel(), move.ravel() - offset])
 
 
-def _misfit(view: View, numbers: Floats, model: LensModel) -> float:
+def _misfit(view: BoardView, numbers: Floats, model: LensModel) -> float:
     pose = _pose(view, numbers, model)
     uv, _, _ = project(view.points_xyz, pose, numbers, model)
     error = rms_of(uv - view.points.uv)

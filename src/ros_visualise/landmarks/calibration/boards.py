@@ -21,7 +21,7 @@ from ros_visualise.data import Floats
 Ints = npt.NDArray[np.int64]
 
 
-class Kind(Enum):
+class BoardKind(Enum):
     """What a board shows."""
 
     CHESSBOARD = "chessboard"
@@ -41,7 +41,7 @@ class Board:
     others 1. ``upwards``: tags are counted from the lowest row, as Kalibr does.
     """
 
-    kind: Kind
+    kind: BoardKind
     columns: int
     rows: int
     square: float = 0.025
@@ -54,35 +54,43 @@ class Board:
     @property
     def counts(self) -> str:
         """As ``9x6 inner corners``."""
-        nouns = {Kind.CHESSBOARD: "inner corners", Kind.CHARUCO: "squares", Kind.APRILGRID: "tags"}
+        nouns = {
+            BoardKind.CHESSBOARD: "inner corners",
+            BoardKind.CHARUCO: "squares",
+            BoardKind.APRILGRID: "tags",
+        }
         return f"{self.columns}x{self.rows} {nouns[self.kind]}"
 
     @property
     def noun(self) -> str:
         """As ``chessboard``."""
-        nouns = {Kind.CHARUCO: "ChArUco board", Kind.APRILGRID: "AprilGrid"}
+        nouns = {BoardKind.CHARUCO: "ChArUco board", BoardKind.APRILGRID: "AprilGrid"}
         return nouns.get(self.kind, "chessboard")
 
     @property
     def words(self) -> str:
         """What it is, for people: ``chessboard of 9x6 inner corners``."""
         words = f"{self.noun} of {self.counts}"
-        if self.kind is Kind.CHARUCO and self.white_first:
+        if self.kind is BoardKind.CHARUCO and self.white_first:
             return f"{words}, the first one white"
-        if self.kind is not Kind.APRILGRID:
+        if self.kind is not BoardKind.APRILGRID:
             return words
         rims = "two cells" if self.border == 2 else "one cell"
         end = "bottom" if self.upwards else "top"
         return f"{words} with black rims of {rims}, counted from the {end}"
 
 
-_SHARES = {Kind.CHESSBOARD: 0.0, Kind.CHARUCO: 0.75, Kind.APRILGRID: 0.3}
-_DICTIONARIES = {Kind.CHESSBOARD: "", Kind.CHARUCO: "5X5_1000", Kind.APRILGRID: "APRILTAG_36h11"}
+_SHARES = {BoardKind.CHESSBOARD: 0.0, BoardKind.CHARUCO: 0.75, BoardKind.APRILGRID: 0.3}
+_DICTIONARIES = {
+    BoardKind.CHESSBOARD: "",
+    BoardKind.CHARUCO: "5X5_1000",
+    BoardKind.APRILGRID: "APRILTAG_36h11",
+}
 _MOST = 100
 
 
 def board_of(
-    kind: Kind,
+    kind: BoardKind,
     counts: str,
     square: float | None = None,
     share: float | None = None,
@@ -107,15 +115,15 @@ def board_of(
     if dictionary and not has_dictionary(dictionary):
         raise UsageError(f"OpenCV has no dictionary {dictionary!r}; try 4X4_50 or 5X5_1000")
     found = _SHARES[kind] if share is None else share
-    if kind is not Kind.CHESSBOARD and not 0.05 <= found <= 0.95:
+    if kind is not BoardKind.CHESSBOARD and not 0.05 <= found <= 0.95:
         raise UsageError(
             f"a share of {found:g}: give one of a square's or tag's side, 0.05 to 0.95"
         )
     words = dictionary or _DICTIONARIES[kind]
     board = Board(kind, sides[0], sides[1], square or 0.025, found, words)
-    if kind is Kind.APRILGRID:
+    if kind is BoardKind.APRILGRID:
         board = replace(board, border=2, upwards=True)
-    if kind is not Kind.CHESSBOARD and len(marker_corners(board)) > len(
+    if kind is not BoardKind.CHESSBOARD and len(marker_corners(board)) > len(
         dictionary_of(board).bytesList
     ):
         raise UsageError(f"{counts}: {board.dictionary} has too few markers for it")
@@ -129,11 +137,11 @@ def readings(board: Board) -> tuple[Board, ...]:
     their numbers begin.
     """
     columns, rows = board.columns, board.rows
-    if board.kind is Kind.CHESSBOARD:
+    if board.kind is BoardKind.CHESSBOARD:
         counts = [(columns, rows), (columns - 1, rows - 1), (columns + 1, rows + 1)]
         return tuple(replace(board, columns=c, rows=r) for c, r in counts if min(c, r) > 2)
     counts = [(columns, rows), (rows, columns)]
-    if board.kind is Kind.CHARUCO:
+    if board.kind is BoardKind.CHARUCO:
         counts += [(columns + 1, rows + 1), (rows + 1, columns + 1)]
         meant = [replace(board, columns=c, rows=r) for c, r in counts]
         # only of an even number of rows did OpenCV ever begin with white
@@ -151,10 +159,10 @@ def readings(board: Board) -> tuple[Board, ...]:
 
 def outer_size(board: Board) -> tuple[float, float]:
     """Width and height of the pattern, with an AprilGrid's outermost black squares."""
-    if board.kind is Kind.APRILGRID:
+    if board.kind is BoardKind.APRILGRID:
         pitch, gap = board.square * (1 + board.share), board.square * board.share
         return board.columns * pitch + gap, board.rows * pitch + gap
-    more = 1 if board.kind is Kind.CHESSBOARD else 0
+    more = 1 if board.kind is BoardKind.CHESSBOARD else 0
     return (board.columns + more) * board.square, (board.rows + more) * board.square
 
 
@@ -165,9 +173,9 @@ def points_xy(board: Board) -> Floats:
     Inner corners row by row from the top left one; of an AprilGrid the corners of tag after tag,
     each from its top left one clockwise.
     """
-    if board.kind is Kind.APRILGRID:
+    if board.kind is BoardKind.APRILGRID:
         return marker_corners(board).reshape(-1, 2)
-    less = 1 if board.kind is Kind.CHARUCO else 0
+    less = 1 if board.kind is BoardKind.CHARUCO else 0
     x, y = np.meshgrid(range(1, board.columns - less + 1), range(1, board.rows - less + 1))
     return np.stack([x.ravel(), y.ravel()], axis=1) * board.square
 
@@ -178,7 +186,7 @@ def marker_corners(board: Board) -> Floats:
 
     Source: OpenCV 4.6 and 4.7, CharucoBoard; Kalibr, GridCalibrationTargetAprilgrid.
     """
-    if board.kind is Kind.APRILGRID:
+    if board.kind is BoardKind.APRILGRID:
         pitch, gap = board.square * (1 + board.share), board.square * board.share
         rows = reversed(range(board.rows)) if board.upwards else range(board.rows)
         origins = [(c * pitch + gap, r * pitch + gap) for r in rows for c in range(board.columns)]
@@ -198,9 +206,9 @@ def marker_corners(board: Board) -> Floats:
 
 def dark_rectangles(board: Board) -> Floats:
     """What is black on it, (N, 4): x, y, width, height; all else is white."""
-    if board.kind is Kind.CHESSBOARD:
+    if board.kind is BoardKind.CHESSBOARD:
         return _checks(board.columns + 1, board.rows + 1, board.square, False)
-    if board.kind is Kind.CHARUCO:
+    if board.kind is BoardKind.CHARUCO:
         checks = _checks(board.columns, board.rows, board.square, board.white_first)
         return np.vstack([checks, _marker_cells(board)])
     pitch, gap = board.square * (1 + board.share), board.square * board.share

@@ -9,11 +9,11 @@ import numpy as np
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.data import CameraInfo, Floats
-from ros_visualise.landmarks.calibration.adjustment import Fit, adjust, begin, rms_of
-from ros_visualise.landmarks.calibration.finding import FEWEST, Points
+from ros_visualise.landmarks.calibration.adjustment import BundleFit, adjust, begin, rms_of
+from ros_visualise.landmarks.calibration.finding import FEWEST, BoardPoints
 from ros_visualise.landmarks.calibration.lenses import MODELS, Lens, LensModel, project, to_info
 from ros_visualise.landmarks.calibration.uncertainty import Uncertainty, uncertainty_of
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 from ros_visualise.vision.rectification import model_of
 from ros_visualise.vision.reshape import Size
 
@@ -49,7 +49,7 @@ class Halves:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class CameraCalibration:
     """A calibrated camera.
 
     Attributes:
@@ -65,9 +65,9 @@ class Calibration:
 
     model: LensModel
     size: Size
-    fit: Fit
-    views: tuple[View, ...]
-    outliers: tuple[tuple[View, float], ...]
+    fit: BundleFit
+    views: tuple[BoardView, ...]
+    outliers: tuple[tuple[BoardView, float], ...]
     stray: int
     halves: Halves | None
     uncertainty: Uncertainty
@@ -86,7 +86,7 @@ class Calibration:
         return deviations
 
 
-def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
+def calibrate(views: Sequence[BoardView], lens: Lens) -> CameraCalibration:
     """The camera that took the views, all of one size.
 
     Views and points that fit far worse than the others are left out.
@@ -116,7 +116,7 @@ def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
             break
         fit = adjust(kept, model, fit.numbers)
     size = views[0].size
-    return Calibration(
+    return CameraCalibration(
         model=model,
         size=size,
         fit=fit,
@@ -128,7 +128,7 @@ def calibrate(views: Sequence[View], lens: Lens) -> Calibration:
     )
 
 
-def compare_halves(views: Sequence[View], model: LensModel) -> Halves | None:
+def compare_halves(views: Sequence[BoardView], model: LensModel) -> Halves | None:
     """Calibrate every other view, and the others, apart; None of too few views."""
     halves = views[::2], views[1::2]
     if len(halves[1]) < FEWEST_VIEWS:
@@ -142,7 +142,7 @@ def compare_halves(views: Sequence[View], model: LensModel) -> Halves | None:
     return Halves((one, other), rms_of(np.vstack([r for fit in held for r in fit.residuals])))
 
 
-def better_lens(calibration: Calibration) -> Lens | None:
+def better_lens(calibration: CameraCalibration) -> Lens | None:
     """The simplest other lens that predicts held-out views clearly better, or as well.
 
     None where the chosen one is the right one.
@@ -162,7 +162,7 @@ def better_lens(calibration: Calibration) -> Lens | None:
     return wanted if wanted is not chosen and (is_simpler or is_better) else None
 
 
-def _outlying(fit: Fit) -> list[int]:
+def _outlying(fit: BundleFit) -> list[int]:
     """Views that fit far worse than most, the worst first; a share of them at most."""
     # medians, so that one stray point does not cost its whole view
     error = np.array([np.median(np.linalg.norm(one, axis=1)) for one in fit.residuals])
@@ -171,7 +171,9 @@ def _outlying(fit: Fit) -> list[int]:
     return [int(number) for number in worst if error[number] > limit]
 
 
-def _without_stray(views: list[View], fit: Fit, model: LensModel) -> tuple[list[View], int]:
+def _without_stray(
+    views: list[BoardView], fit: BundleFit, model: LensModel
+) -> tuple[list[BoardView], int]:
     """The views without points that lie far from where they should, and how many these are.
 
     Args:
@@ -187,7 +189,7 @@ def _without_stray(views: list[View], fit: Fit, model: LensModel) -> tuple[list[
         is_near = np.linalg.norm(uv - view.points.uv, axis=1) < limit
         if is_near.sum() >= FEWEST and not is_near.all():
             stray += int((~is_near).sum())
-            points = Points(view.points.numbers[is_near], view.points.uv[is_near])
+            points = BoardPoints(view.points.numbers[is_near], view.points.uv[is_near])
             kept.append(replace(view, points=points))
         else:
             kept.append(view)

@@ -6,14 +6,14 @@ from collections import Counter
 
 from ros_visualise.data import Image, Pixels
 from ros_visualise.landmarks.calibration.boards import Board
-from ros_visualise.landmarks.calibration.finder import Finder
-from ros_visualise.landmarks.calibration.views import Coverage, Gallery, View, cover
+from ros_visualise.landmarks.calibration.finder import BoardFinder
+from ros_visualise.landmarks.calibration.views import BoardView, Coverage, Gallery, cover
 from ros_visualise.vision.color import demosaic, is_bayer, order_of, refuse_measurements, to_gray
 from ros_visualise.vision.depth import to_8_bit
 from ros_visualise.vision.reshape import Size
 
 
-class Collector:
+class ViewCollector:
     """Looks for a board in images of one camera.
 
     Args:
@@ -22,7 +22,7 @@ class Collector:
     """
 
     def __init__(self, board: Board, most: int = 60) -> None:
-        self.finder = Finder(board)
+        self.finder = BoardFinder(board)
         self._gallery = Gallery(most)
         self._sizes: Counter[Size] = Counter()
         self.seen = 0
@@ -32,7 +32,7 @@ class Collector:
         self.missed: list[str] = []
         """Names of images without one."""
 
-    def add(self, image: Image, name: str, thorough: bool = True) -> View | None:
+    def add(self, image: Image, name: str, thorough: bool = True) -> BoardView | None:
         """The board in an image, whether or not the view is kept.
 
         Args:
@@ -59,7 +59,7 @@ class Collector:
         return self._sizes.most_common(1)[0][0] if self._sizes else None
 
     @property
-    def views(self) -> list[View]:
+    def views(self) -> list[BoardView]:
         """Those that are kept, of the reading of the board and the size that most are of."""
         chosen = (self.finder.board, self.size)
         return [view for view in self._gallery.views if (view.board, view.size) == chosen]

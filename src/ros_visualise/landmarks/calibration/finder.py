@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.calibration.boards import Board, Kind, points_xy, readings
+from ros_visualise.landmarks.calibration.boards import Board, BoardKind, points_xy, readings
 from ros_visualise.landmarks.calibration.finding import Markers, find_board, find_markers
-from ros_visualise.landmarks.calibration.views import View
+from ros_visualise.landmarks.calibration.views import BoardView
 
 _SURE = 3
 
 
-class Finder:
+class BoardFinder:
     """Finds a board in pictures, and which reading of it fits.
 
     Each reading is tried until one was found three times; from then on that one alone is looked
@@ -40,7 +40,7 @@ class Finder:
             f", nor one of {' or '.join(others)}" if others else ""
         )
 
-    def look(self, gray: Pixels, name: str, thorough: bool = True) -> View | None:
+    def look(self, gray: Pixels, name: str, thorough: bool = True) -> BoardView | None:
         """The board in a picture.
 
         Args:
@@ -52,10 +52,12 @@ class Finder:
         seen = []
         markers: dict[int, Markers] = {}  # by the only thing in which readings differ for them
         for board in self._candidates():
-            if board.kind is not Kind.CHESSBOARD and board.border not in markers:
+            if board.kind is not BoardKind.CHESSBOARD and board.border not in markers:
                 markers[board.border] = find_markers(gray, board)
             seen.append((board, find_board(gray, board, thorough, markers.get(board.border))))
-        views = [View(name, board, points, size) for board, points in seen if points is not None]
+        views = [
+            BoardView(name, board, points, size) for board, points in seen if points is not None
+        ]
         best = max(views, key=_how_well, default=None)
         if best is not None:
             self._found[best.board] += 1
@@ -67,12 +69,12 @@ class Finder:
         return [board] if board is not None and is_sure else list(self._readings)
 
 
-def _how_well(view: View) -> tuple[float, float, int]:
+def _how_well(view: BoardView) -> tuple[float, float, int]:
     """Markers tell most; of a board with more rows than there are, less is found.
 
     A small chessboard is found in a larger one too, so of these the most points tell.
     """
     count = len(view.points.numbers)
-    is_whole = view.board.kind is Kind.CHESSBOARD
+    is_whole = view.board.kind is BoardKind.CHESSBOARD
     share = 1.0 if is_whole else count / len(points_xy(view.board))
     return round(view.points.fitting, 2), share, count

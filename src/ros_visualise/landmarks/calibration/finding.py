@@ -18,8 +18,8 @@ import numpy as np
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.calibration.boards import (
     Board,
+    BoardKind,
     Ints,
-    Kind,
     marker_corners,
     points_xy,
 )
@@ -48,7 +48,7 @@ _NEAREST = 2  # markers at least that say where one beside them is
 _ONE_AT_A_TIME = Lock()
 
 
-class Points(NamedTuple):
+class BoardPoints(NamedTuple):
     """Points of a board in a picture.
 
     ``numbers`` are those in `points_xy`, ``uv`` (N, 2) pixels; ``fitting`` is the share of the
@@ -62,7 +62,7 @@ class Points(NamedTuple):
 
 def find_board(
     gray: Pixels, board: Board, thorough: bool = True, markers: Markers | None = None
-) -> Points | None:
+) -> BoardPoints | None:
     """The board's points, at least `FEWEST`; None where it is not seen.
 
     Args:
@@ -71,7 +71,7 @@ def find_board(
         thorough: look for a chessboard by a second, slower way too.
         markers: what `find_markers` gives, where it is known.
     """
-    if board.kind is Kind.CHESSBOARD:
+    if board.kind is BoardKind.CHESSBOARD:
         return _find_chessboard(gray, board, thorough)
     numbers, corners = find_markers(gray, board) if markers is None else markers
     known = numbers < len(marker_corners(board))
@@ -79,7 +79,7 @@ def find_board(
     fitting = _fitting(board, numbers, corners)
     if fitting.sum() < max(_FITTING * len(fitting), 1):
         return None
-    take = _tag_corners if board.kind is Kind.APRILGRID else _charuco_corners
+    take = _tag_corners if board.kind is BoardKind.APRILGRID else _charuco_corners
     found = take(gray, board, numbers[fitting], corners[fitting])
     is_enough = len(found.numbers) >= FEWEST and _is_wide(points_xy(board)[found.numbers], board)
     return found._replace(fitting=fitting.mean()) if is_enough else None
@@ -110,7 +110,7 @@ def _is_wide(xy: Floats, board: Board) -> bool:
     return bool(np.linalg.svd(xy - xy.mean(axis=0), compute_uv=False)[1] > board.square / 2)
 
 
-def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | None:
+def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> BoardPoints | None:
     size = (board.columns, board.rows)
     scale = min(1.0, _SEARCHED / max(gray.shape))
     small = (
@@ -129,7 +129,7 @@ def _find_chessboard(gray: Pixels, board: Board, thorough: bool) -> Points | Non
     sides = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
     uv = refine(gray, uv, float(min(sides)) * _WINDOW_SHARE)
     is_seen = np.isfinite(uv[:, 0])
-    return Points(np.flatnonzero(is_seen), uv[is_seen]) if is_seen.sum() >= FEWEST else None
+    return BoardPoints(np.flatnonzero(is_seen), uv[is_seen]) if is_seen.sum() >= FEWEST else None
 
 
 def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
@@ -147,7 +147,7 @@ def _fitting(board: Board, numbers: Ints, corners: Floats) -> Bools:
     return np.asarray(astray < limit)
 
 
-def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
+def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> BoardPoints:
     """An AprilGrid's points are its tags' corners, where black squares touch them.
 
     Where these touch, tags are seen as one, and many are not recognized. So the others are looked
@@ -174,7 +174,7 @@ def _tag_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> 
         if len(later) == len(waiting):
             break
         waiting = later
-    return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
+    return BoardPoints(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
 
 
 def _tag_beside(
@@ -199,7 +199,7 @@ def _tag_beside(
     return uv
 
 
-def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> Points:
+def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats) -> BoardPoints:
     """Inner corners beside a marker that is seen, first placed by the markers that touch them."""
     places = marker_corners(board)
     middles = places.mean(axis=1)[numbers]
@@ -219,4 +219,4 @@ def _charuco_corners(gray: Pixels, board: Board, numbers: Ints, corners: Floats)
         uv = refine(gray, start[None], float(side) * gap)
         if are_in_place(uv, start[None], np.array([side]))[0]:
             found[number] = uv[0]
-    return Points(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))
+    return BoardPoints(np.array([*found], np.int64), np.array([*found.values()]).reshape(-1, 2))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Pixels
-from ros_visualise.landmarks.calibration.views import Coverage, View
+from ros_visualise.landmarks.calibration.views import BoardView, Coverage
 from ros_visualise.vision.reshape import Size
 
 _COVERED = (90, 200, 90)  # blue, green, red
@@ -18,7 +18,7 @@ _DARK = (40, 40, 40)
 
 
 def draw_progress(
-    gray: Pixels, view: View | None, coverage: Coverage, lines: Sequence[str]
+    gray: Pixels, view: BoardView | None, coverage: Coverage, lines: Sequence[str]
 ) -> Pixels:
     """The image with what of it was covered in green, the board that is seen, bars and texts.
 

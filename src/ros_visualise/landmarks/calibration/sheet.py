@@ -13,7 +13,7 @@ import numpy.typing as npt
 from PIL import Image as Pictures
 
 from ros_visualise.core.errors import UsageError
-from ros_visualise.landmarks.calibration.boards import Board, Kind, dark_rectangles, outer_size
+from ros_visualise.landmarks.calibration.boards import Board, BoardKind, dark_rectangles, outer_size
 
 PAGES = {"A4": (210.0, 297.0), "A3": (297.0, 420.0), "Letter": (215.9, 279.4)}
 """Name -> width and height, mm."""
@@ -47,12 +47,11 @@ class Sheet:
     def caption(self) -> str:
         """What the board is, and how to check that it was printed to scale."""
         square = f"{self.board.square * 1000:g} mm"
+        share = f"{self.board.square * self.board.share * 1000:g} mm"
         sides = {
-            Kind.CHESSBOARD: f"squares of {square}",
-            Kind.CHARUCO: f"squares of {square}, markers {self.board.dictionary} of"
-            f" {self.board.square * self.board.share * 1000:g} mm",
-            Kind.APRILGRID: f"tags of {square}, {self.board.square * self.board.share * 1000:g} mm"
-            " between them",
+            BoardKind.CHESSBOARD: f"squares of {square}",
+            BoardKind.CHARUCO: f"squares of {square}, markers {self.board.dictionary} of {share}",
+            BoardKind.APRILGRID: f"tags of {square}, {share} between them",
         }
         return f"{self.board.noun} of {self.board.counts}, {sides[self.board.kind]}"
 

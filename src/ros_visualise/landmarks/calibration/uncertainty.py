@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.calibration.adjustment import Fit
+from ros_visualise.landmarks.calibration.adjustment import BundleFit
 from ros_visualise.landmarks.calibration.lenses import LensModel, project, to_rays
 from ros_visualise.vision.reshape import Size
 
@@ -46,7 +46,7 @@ class Uncertainty:
         return float(self.pixels[:: self.pixels.shape[0] - 1, :: self.pixels.shape[1] - 1].max())
 
 
-def uncertainty_of(fit: Fit, model: LensModel, size: Size) -> Uncertainty:
+def uncertainty_of(fit: BundleFit, model: LensModel, size: Size) -> Uncertainty:
     """Of a camera by the covariance of its numbers."""
     assert fit.covariance is not None
     u, v = np.meshgrid(np.linspace(0, size[0] - 1, _COLUMNS), np.linspace(0, size[1] - 1, _ROWS))

@@ -14,7 +14,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.calibration.boards import Board, points_xy
-from ros_visualise.landmarks.calibration.finding import Points
+from ros_visualise.landmarks.calibration.finding import BoardPoints
 from ros_visualise.vision.reshape import Size
 
 MEASURES = ("x", "y", "size", "skew")
@@ -29,7 +29,7 @@ _THIRDS = (("upper left corner", "upper border", "upper right corner"),
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class BoardView:
     """A board that was found in a picture.
 
     Args:
@@ -41,7 +41,7 @@ class View:
 
     name: str
     board: Board
-    points: Points
+    points: BoardPoints
     size: Size
 
     @property
@@ -94,11 +94,11 @@ class Gallery:
 
     def __init__(self, most: int = 60) -> None:
         self._most = most
-        self.views: list[View] = []
+        self.views: list[BoardView] = []
         self.alike = 0
         """Views that were left out, as another one is like them."""
 
-    def offer(self, view: View) -> bool:
+    def offer(self, view: BoardView) -> bool:
         """Whether the view is kept."""
         of_its_kind = [
             one for one in self.views if (one.board, one.size) == (view.board, view.size)
@@ -113,7 +113,7 @@ class Gallery:
             return self.views.pop(gone) is not view
         return True
 
-    def _distance(self, one: View, other: View) -> float:
+    def _distance(self, one: BoardView, other: BoardView) -> float:
         return float(np.abs(one.place - other.place).sum())
 
     def _most_alike(self) -> int:
@@ -142,7 +142,7 @@ class Coverage:
         return float((self.cells > 0).mean())
 
 
-def cover(views: list[View], size: Size) -> Coverage:
+def cover(views: list[BoardView], size: Size) -> Coverage:
     """What the views cover of an image of that size."""
     cells = np.zeros(_GRID[::-1])
     if not views:

@@ -9,18 +9,18 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
-from ros_visualise.landmarks.landing.tracking import Estimate
+from ros_visualise.landmarks.landing.tracking import TargetEstimate
 from ros_visualise.landmarks.localization.seen import cross
 
 
-class Axes(Enum):
+class BodyAxes(Enum):
     """Axes of the body, and of the target: forward, and left and up or right and down."""
 
     FLU = "FLU"
     FRD = "FRD"
 
 
-class Relative(NamedTuple):
+class RelativePose(NamedTuple):
     """Position (3,), quaternion (4,) and covariance (6, 6) of a target, in the body's axes.
 
     The covariance is of x, y, z, and of rotations about the body's axes.
@@ -31,12 +31,12 @@ class Relative(NamedTuple):
     covariance: Floats
 
 
-_TURNED = {Axes.FLU: np.eye(3), Axes.FRD: np.diag((1.0, -1.0, -1.0))}
+_TURNED = {BodyAxes.FLU: np.eye(3), BodyAxes.FRD: np.diag((1.0, -1.0, -1.0))}
 
 
 def relative_to(
-    T_fixed_body: Floats, estimate: Estimate, attitude_sigma: float, axes: Axes
-) -> Relative:
+    T_fixed_body: Floats, estimate: TargetEstimate, attitude_sigma: float, axes: BodyAxes
+) -> RelativePose:
     """Where a target is from the body.
 
     With FRD the target's own z axis points down as well, so that one right below, which heads as
@@ -56,4 +56,4 @@ def relative_to(
     tilted = np.vstack([-cross(away), np.eye(3)])
     covariance = both @ estimate.covariance[:6, :6] @ both.T
     covariance = covariance + attitude_sigma**2 * tilted @ tilted.T
-    return Relative(away, rotations.from_matrix(to_body @ estimate.R @ turned), covariance)
+    return RelativePose(away, rotations.from_matrix(to_body @ estimate.R @ turned), covariance)

@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.localization.seen import Equations, Ground, Sighting
+from ros_visualise.landmarks.localization.seen import Equations, Ground, PoseReading
 
 _GATE = {1: 10.8, 2: 13.8, 3: 16.3, 6: 22.5}  # chi-square: one in a thousand is beyond
 _VAGUE_TURN = np.diag((0.1**2, 0.1**2, math.pi**2))  # rad^2, of what tells no orientation
@@ -27,7 +27,7 @@ _VAGUE_M2 = 1e4
 
 
 @dataclass(frozen=True)
-class Motion:
+class TargetMotion:
     """How a target may move.
 
     Attributes:
@@ -43,7 +43,7 @@ class Motion:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class TargetEstimate:
     """Where the target is: ``position_xyz`` (3,), ``R`` (3, 3), ``velocity_xyz`` (3,)."""
 
     position_xyz: Floats
@@ -51,7 +51,7 @@ class Estimate:
     velocity_xyz: Floats
     covariance: Floats
 
-    def after(self, elapsed_s: float, motion: Motion) -> Estimate:
+    def after(self, elapsed_s: float, motion: TargetMotion) -> TargetEstimate:
         """The same, so much later, or before; it is less sure then."""
         F, since_s = np.eye(9), abs(elapsed_s)
         F[:3, 6:] = elapsed_s * np.eye(3)
@@ -64,14 +64,14 @@ class Estimate:
             noise[3:6, 3:6] = _TURNS**2 * since_s * np.eye(3)
         position = self.position_xyz + elapsed_s * self.velocity_xyz
         covariance = F @ self.covariance @ F.T + noise
-        return Estimate(position, self.R, self.velocity_xyz, covariance)
+        return TargetEstimate(position, self.R, self.velocity_xyz, covariance)
 
     def distance(self, equations: Equations) -> float:
         """Squared, of a measurement from what is expected, by the covariance of both."""
         residual = equations.residual
         return float(residual @ np.linalg.solve(self._spread(equations), residual))
 
-    def corrected(self, equations: Equations) -> Estimate:
+    def corrected(self, equations: Equations) -> TargetEstimate:
         """What a measurement makes of it."""
         H = _nine(equations.H)
         gain = np.linalg.solve(self._spread(equations), H @ self.covariance).T
@@ -80,7 +80,7 @@ class Estimate:
         covariance = rest @ self.covariance @ rest.T + gain @ equations.noise @ gain.T
         turn = np.asarray(cv2.Rodrigues(step[3:6])[0], np.float64)
         position, velocity = self.position_xyz + step[:3], self.velocity_xyz + step[6:]
-        return Estimate(position, turn @ self.R, velocity, covariance)
+        return TargetEstimate(position, turn @ self.R, velocity, covariance)
 
     def _spread(self, equations: Equations) -> Floats:
         H = _nine(equations.H)
@@ -88,7 +88,7 @@ class Estimate:
         return spread
 
 
-class Tracker:
+class TargetTracker:
     """Follows one target; several things of it that are seen join by their covariances.
 
     Attributes:
@@ -98,18 +98,22 @@ class Tracker:
     """
 
     def __init__(self) -> None:
-        self.estimate: Estimate | None = None
+        self.estimate: TargetEstimate | None = None
         self.stamp_ns = self.seen_ns = 0
         self.refused = 0
 
-    def at(self, stamp_ns: int, motion: Motion) -> Estimate | None:
+    def at(self, stamp_ns: int, motion: TargetMotion) -> TargetEstimate | None:
         """Where the target is expected at a time; None where it is not known."""
         if self.estimate is None:
             return None
         return self.estimate.after((stamp_ns - self.stamp_ns) / 1e9, motion)
 
     def observe(
-        self, stamp_ns: int, sightings: Iterable[Sighting], motion: Motion, ground: Ground | None
+        self,
+        stamp_ns: int,
+        sightings: Iterable[PoseReading],
+        motion: TargetMotion,
+        ground: Ground | None,
     ) -> None:
         """Take in one thing that was seen of the target, by all readings that its picture has.
 
@@ -139,7 +143,9 @@ class Tracker:
         self.estimate = None
 
 
-def _begin(reading: Sighting, motion: Motion, ground: Ground | None) -> Estimate | None:
+def _begin(
+    reading: PoseReading, motion: TargetMotion, ground: Ground | None
+) -> TargetEstimate | None:
     """Nothing is known yet, but about where it is and that its speed is a possible one."""
     R = np.eye(3) if reading.R_fixed_landmark is None else reading.R_fixed_landmark
     position = reading.position_xyz if reading.has_range else None
@@ -153,13 +159,13 @@ def _begin(reading: Sighting, motion: Motion, ground: Ground | None) -> Estimate
     if reading.R_fixed_landmark is not None:
         covariance[3:6, 3:6] = math.pi**2 * np.eye(3)
     covariance[6:, 6:] = motion.speed**2 * np.eye(3)
-    vague = Estimate(position, R, np.zeros(3), covariance)
+    vague = TargetEstimate(position, R, np.zeros(3), covariance)
     if reading.has_range or ground is None:
         return vague
     return vague.corrected(ground.expect(position, R))
 
 
-def _likelihood(reading: Sighting, tilt: float) -> float:
+def _likelihood(reading: PoseReading, tilt: float) -> float:
     """Its logarithm: of the score, and of the slope that the target has by this reading."""
     score = math.log(max(reading.score, 1e-9))
     if reading.R_fixed_landmark is None:

@@ -21,7 +21,7 @@ _CONVERGED = 1e-6  # metres, radians
 
 
 @dataclass(frozen=True)
-class Estimate:
+class LandmarkEstimate:
     """A landmark in the fixed frame.
 
     ``joint`` (12, 12) is the covariance of its error (x, y, z, rotation vector) and of the robot's
@@ -41,7 +41,7 @@ class Estimate:
         covariance: Floats = self.joint[:6, :6]
         return covariance
 
-    def carried(self, kept: Floats, covariance: Floats) -> Estimate:
+    def carried(self, kept: Floats, covariance: Floats) -> LandmarkEstimate:
         """The same when the robot's error has this covariance, and keeps so much of what it was."""
         joint = np.empty((12, 12))
         joint[:6, :6], joint[6:, 6:] = self.joint[:6, :6], covariance
@@ -50,7 +50,7 @@ class Estimate:
         return replace(self, joint=joint)
 
 
-class Fit(NamedTuple):
+class CandidateUpdate(NamedTuple):
     """How well a measurement fits to an estimate.
 
     Attributes:
@@ -60,7 +60,7 @@ class Fit(NamedTuple):
             one without noise of the estimate's: it compares measurements of different precision.
     """
 
-    updated: Estimate
+    updated: LandmarkEstimate
     distance2: float
     size: int
     evidence: float
@@ -71,7 +71,7 @@ class Fit(NamedTuple):
         return self.distance2 < GATES[self.size]
 
 
-def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> Estimate:
+def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> LandmarkEstimate:
     """A landmark of which nothing is known; the pose is where to begin.
 
     Args:
@@ -82,14 +82,14 @@ def vague(position_xyz: Floats, R_fixed_landmark: Floats, robot: Floats) -> Esti
     return begun
 
 
-def known(position_xyz: Floats, R_fixed_landmark: Floats, covariance: Floats) -> Estimate:
+def known(position_xyz: Floats, R_fixed_landmark: Floats, covariance: Floats) -> LandmarkEstimate:
     """A landmark whose covariance (6, 6) has nothing to do with the robot's error of now."""
     joint = np.zeros((12, 12))
     joint[:6, :6] = covariance
-    return Estimate(position_xyz, R_fixed_landmark, joint, covariance)
+    return LandmarkEstimate(position_xyz, R_fixed_landmark, joint, covariance)
 
 
-def fit(estimate: Estimate, expect: Expect) -> Fit:
+def fit(estimate: LandmarkEstimate, expect: Expect) -> CandidateUpdate:
     """Update an estimate with a measurement; the robot's error is considered, not estimated.
 
     Nor is it made use of that many views with one error of the robot betray that error: the best
@@ -109,10 +109,10 @@ def fit(estimate: Estimate, expect: Expect) -> Fit:
         if np.abs(step - before).max() < _CONVERGED:
             break
         equations = expect(moved.position_xyz, moved.R_fixed_landmark)
-    return Fit(_after(moved, gain, equations), distance2, len(first.residual), evidence)
+    return CandidateUpdate(_after(moved, gain, equations), distance2, len(first.residual), evidence)
 
 
-def _gain(equations: Equations, estimate: Estimate) -> Floats:
+def _gain(equations: Equations, estimate: LandmarkEstimate) -> Floats:
     """(6, k), as if the robot's error was a new one."""
     _, H, J, noise = equations
     spread = H @ estimate.weight @ H.T + J @ estimate.joint[6:, 6:] @ J.T + noise
@@ -120,7 +120,7 @@ def _gain(equations: Equations, estimate: Estimate) -> Floats:
     return gain
 
 
-def _after(moved: Estimate, gain: Floats, equations: Equations) -> Estimate:
+def _after(moved: LandmarkEstimate, gain: Floats, equations: Equations) -> LandmarkEstimate:
     """The covariances after an update by any gain: Joseph's form."""
     _, H, J, noise = equations
     keep = np.eye(12)
@@ -143,7 +143,7 @@ def _compare(equations: Equations, joint: Floats) -> tuple[float, float]:
     return distance2, float(volume - distance2) / 2
 
 
-def _moved(estimate: Estimate, step: Floats) -> Estimate:
+def _moved(estimate: LandmarkEstimate, step: Floats) -> LandmarkEstimate:
     turn = cv2.Rodrigues(step[3:])[0]
     R = turn @ estimate.R_fixed_landmark
     return replace(estimate, position_xyz=estimate.position_xyz + step[:3], R_fixed_landmark=R)

@@ -11,11 +11,11 @@ from itertools import combinations, count
 import numpy as np
 
 from ros_visualise.data import Detection, Detections, Floats
-from ros_visualise.landmarks.localization.estimate import Fit
+from ros_visualise.landmarks.localization.estimate import CandidateUpdate
 from ros_visualise.landmarks.localization.robot_error import ErrorModel, RobotError
-from ros_visualise.landmarks.localization.seen import Ground, Sighting, sighting_of
-from ros_visualise.landmarks.localization.sizes import Measure
-from ros_visualise.landmarks.localization.track import Track, begin
+from ros_visualise.landmarks.localization.seen import Ground, PoseReading, sighting_of
+from ros_visualise.landmarks.localization.sizes import SizeMeasurement
+from ros_visualise.landmarks.localization.track import LandmarkTrack, begin
 
 log = logging.getLogger(__name__)
 
@@ -28,7 +28,7 @@ _LEAST = 1e-12  # variance of the robot's error, so that it can be divided by
 
 
 @dataclass(frozen=True)
-class Rules:
+class LocalizerRules:
     """How landmarks come to be.
 
     ``sightings`` are how many make a landmark. ``ground`` is where things stand that are seen
@@ -44,12 +44,12 @@ class Rules:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _Located:
     """A detection, and what each of its hypotheses says, at least one."""
 
     detection: Detection
     class_id: str
-    sightings: Sequence[Sighting]
+    sightings: Sequence[PoseReading]
 
     @property
     def turned(self) -> bool:
@@ -72,11 +72,11 @@ class Localizer:
         known: landmarks that are there from the start.
     """
 
-    def __init__(self, known: Iterable[Track] = ()) -> None:
-        self.landmarks: dict[int, Track] = {}
+    def __init__(self, known: Iterable[LandmarkTrack] = ()) -> None:
+        self.landmarks: dict[int, LandmarkTrack] = {}
         self.left_out: Counter[str] = Counter()
         self.has_changed = False
-        self._tentative: list[Track] = []
+        self._tentative: list[LandmarkTrack] = []
         self._robot = RobotError()
         self._numbers = count(1)
         self._told: set[str] = set()
@@ -87,7 +87,7 @@ class Localizer:
         self,
         detections: Detections,
         T_fixed_camera: Floats,
-        rules: Rules,
+        rules: LocalizerRules,
         robot_covariance: Floats | None = None,
     ) -> None:
         """Take what was found in one image.
@@ -104,7 +104,7 @@ class Localizer:
         self._forget(stamp_ns)
         for track in self._tracks:
             track.carry(kept, self._robot.covariance)
-        measure = Measure(detections.camera_info, T_fixed_camera)
+        measure = SizeMeasurement(detections.camera_info, T_fixed_camera)
         rest = list(self._located(detections, T_fixed_camera, rules))
         matched = self._match(rest)
         for one, track, fits in matched:
@@ -122,7 +122,7 @@ class Localizer:
         self.has_changed = bool(there)
 
     @property
-    def _tracks(self) -> list[Track]:
+    def _tracks(self) -> list[LandmarkTrack]:
         return [*self.landmarks.values(), *self._tentative]
 
     def _forget(self, stamp_ns: int) -> None:
@@ -130,8 +130,8 @@ class Localizer:
         self._tentative = [one for one in self._tentative if one.last_ns >= oldest_ns]
 
     def _located(
-        self, detections: Detections, T_fixed_camera: Floats, rules: Rules
-    ) -> Iterator[_Seen]:
+        self, detections: Detections, T_fixed_camera: Floats, rules: LocalizerRules
+    ) -> Iterator[_Located]:
         for detection in detections.detections:
             if rules.moving & {one.class_id for one in detection.hypotheses}:
                 self.left_out["moves"] += 1
@@ -145,11 +145,13 @@ class Localizer:
             if sightings:
                 class_id = detection.hypotheses[0].class_id
                 name = rules.prefix + class_id if class_id.isdigit() else class_id
-                yield _Seen(detection, name, sightings)
+                yield _Located(detection, name, sightings)
             else:
                 self.left_out["no pose"] += 1
 
-    def _match(self, rest: Sequence[_Seen]) -> list[tuple[_Seen, Track, list[Fit]]]:
+    def _match(
+        self, rest: Sequence[_Located]
+    ) -> list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]]:
         """Detections and the landmarks that they are of, the best pairs first."""
         pairs = []
         for one in rest:
@@ -158,20 +160,22 @@ class Localizer:
                     fits = track.fits(one.sightings)
                     if inliers := [fit.distance2 for fit in fits if fit.is_inlier]:
                         pairs.append((min(inliers), one, track, fits))
-        found: list[tuple[_Seen, Track, list[Fit]]] = []
+        found: list[tuple[_Located, LandmarkTrack, list[CandidateUpdate]]] = []
         for _, one, track, fits in sorted(pairs, key=lambda pair: pair[0]):
             if not any(one is taken or track is full for taken, full, _ in found):
                 found.append((one, track, fits))
         return found
 
-    def _begin(self, one: _Seen, there: list[Track], stamp_ns: int, rules: Rules) -> None:
+    def _begin(
+        self, one: _Located, there: list[LandmarkTrack], stamp_ns: int, rules: LocalizerRules
+    ) -> None:
         """Begin a landmark where none fits."""
         branches = begin(one.sightings, self._robot.covariance, rules.ground)
         if not branches:
             self.left_out["not on the ground"] += 1
             return
         number = one.detection.hypotheses[0].number
-        new = Track(one.class_id, number, one.turned, branches, stamp_ns)
+        new = LandmarkTrack(one.class_id, number, one.turned, branches, stamp_ns)
         same = [t for t in self._tracks if t.turned and t.class_id == one.class_id]
         if one.turned and same:
             self._contest(same[0], new, one, same[0] in there)
@@ -179,7 +183,9 @@ class Localizer:
         self._tentative.append(new)
         there.append(new)
 
-    def _contest(self, track: Track, new: Track, one: _Seen, is_there: bool) -> None:
+    def _contest(
+        self, track: LandmarkTrack, new: LandmarkTrack, one: _Located, is_there: bool
+    ) -> None:
         """A tag is seen where it cannot be by all that is known."""
         if is_there:
             self.left_out["twice in an image"] += 1
@@ -205,11 +211,11 @@ class Localizer:
             if is_there and self._are_one(older, newer):
                 self._merge(older, newer)
 
-    def _confirm(self, track: Track) -> None:
+    def _confirm(self, track: LandmarkTrack) -> None:
         track.number = next(self._numbers)
         self.landmarks[track.number] = track
 
-    def _are_one(self, a: Track, b: Track) -> bool:
+    def _are_one(self, a: LandmarkTrack, b: LandmarkTrack) -> bool:
         if a.turned or b.turned or a.class_id != b.class_id or b in a.apart:
             return False
         shared = self._robot.covariance + _LEAST * np.eye(6)
@@ -219,7 +225,7 @@ class Localizer:
         off = a.best.position_xyz - b.best.position_xyz
         return bool(off @ np.linalg.solve(spread, off) < ELLIPSOID)
 
-    def _merge(self, older: Track, newer: Track) -> None:
+    def _merge(self, older: LandmarkTrack, newer: LandmarkTrack) -> None:
         """The surer estimate of two: how far they share errors of before is not known."""
         seen = older.seen + newer.seen
         if np.trace(newer.best.covariance[:3, :3]) < np.trace(older.best.covariance[:3, :3]):

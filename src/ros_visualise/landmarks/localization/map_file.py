@@ -29,18 +29,18 @@ from ros_visualise.core.yaml_files import MANY_VALUES, BadYaml, load_yaml, to_ya
 from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 
 
 class MapFile(NamedTuple):
     """What is in a file: the frame, the landmarks, and the covariance (6, 6) common to them."""
 
     frame_id: str
-    landmarks: list[Track]
+    landmarks: list[LandmarkTrack]
     common: Floats
 
 
-def to_text(frame_id: str, landmarks: Iterable[Track], common: Floats | None = None) -> str:
+def to_text(frame_id: str, landmarks: Iterable[LandmarkTrack], common: Floats | None = None) -> str:
     """The map, with of each landmark the pose that is most likely.
 
     While another pose may be right, it is in the covariance.
@@ -81,7 +81,7 @@ def load(path: Path) -> MapFile:
     return MapFile(frame_id, several, common)
 
 
-def _values(track: Track) -> dict[str, Any]:
+def _values(track: LandmarkTrack) -> dict[str, Any]:
     quat = rotations.from_matrix(track.best.R_fixed_landmark).tolist()
     return {
         "name": track.name,
@@ -97,13 +97,13 @@ def _values(track: Track) -> dict[str, Any]:
     }
 
 
-def _track(path: Path, number: int, values: Any) -> Track:
+def _track(path: Path, number: int, values: Any) -> LandmarkTrack:
     try:
         pose, quat = values["pose"], values["pose"]["orientation"]
         R = np.eye(3) if quat is None else rotations.to_matrix(_numbers(quat, 4))
         estimate = known(_numbers(pose["position"], 3), R, _covariance(pose["covariance"]))
         size, seen = _numbers(values["size"], 3), int(values["seen"])
-        return Track(
+        return LandmarkTrack(
             str(values["class"]),
             int(values["number"]),
             quat is not None,

@@ -42,7 +42,7 @@ Expect = Callable[[Floats, Floats], Equations]
 
 
 @dataclass(frozen=True)
-class Sighting:
+class PoseReading:
     """One hypothesis of a detection, in the fixed frame.
 
     ``position_xyz`` (3,) is where it says that the landmark is, 1 m away where it gives nothing but
@@ -58,7 +58,7 @@ class Sighting:
     expect: Expect
 
 
-def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> Sighting | None:
+def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> PoseReading | None:
     """What a hypothesis says; None where it has no pose, or a covariance that is none."""
     R, camera = T_fixed_camera[:3, :3], T_fixed_camera[:3, 3]
     covariance = hypothesis.covariance
@@ -80,7 +80,7 @@ def sighting_of(hypothesis: Hypothesis, T_fixed_camera: Floats) -> Sighting | No
         expect = _point(seen, noise[:3, :3], camera)
     else:
         expect = _direction(ray, noise[:3, :3] / range_m**2, camera)
-    return Sighting(seen, turn, has_range, camera, hypothesis.score, expect)
+    return PoseReading(seen, turn, has_range, camera, hypothesis.score, expect)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Ground:
     height_m: float
     sigma_m: float
 
-    def meet(self, sighting: Sighting) -> Floats | None:
+    def meet(self, sighting: PoseReading) -> Floats | None:
         """(3,) where the plane is in the direction of a sighting; None if it is not."""
         camera = sighting.camera_xyz
         ray = sighting.position_xyz - camera

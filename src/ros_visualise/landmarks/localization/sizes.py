@@ -6,11 +6,11 @@ import numpy as np
 
 from ros_visualise.core.errors import RosVisualiseError
 from ros_visualise.data import CameraInfo, Detection, Floats
-from ros_visualise.landmarks.localization.estimate import Estimate
+from ros_visualise.landmarks.localization.estimate import LandmarkEstimate
 from ros_visualise.landmarks.pose.rays import rays_of
 
 
-class Measure:
+class SizeMeasurement:
     """Measures what is seen in one image.
 
     Args:
@@ -22,7 +22,7 @@ class Measure:
         self._info = info
         self._R, self._camera = T_fixed_camera[:3, :3], T_fixed_camera[:3, 3]
 
-    def size(self, detection: Detection, at: Estimate, flat: bool) -> Floats | None:
+    def size(self, detection: Detection, at: LandmarkEstimate, flat: bool) -> Floats | None:
         """(3,) metres along its axes; None where nobody can tell.
 
         Of what is ``flat``, its outline lies in its own x-y plane. All else is taken to stand

@@ -14,8 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.localization.estimate import Estimate, Fit, fit, vague
-from ros_visualise.landmarks.localization.seen import Ground, Sighting, turn_between
+from ros_visualise.landmarks.localization.estimate import (
+    CandidateUpdate,
+    LandmarkEstimate,
+    fit,
+    vague,
+)
+from ros_visualise.landmarks.localization.seen import Ground, PoseReading, turn_between
 
 DECIDED = 6.0
 """Log-likelihood ratio of all views from which on the less likely branch is dropped."""
@@ -28,12 +33,12 @@ _SURE = 0.3  # standard deviation along the ray, in parts of the range, to begin
 class Branch:
     """An estimate, and the logarithm of how likely the views are under it."""
 
-    estimate: Estimate
+    estimate: LandmarkEstimate
     evidence: float
 
 
 @dataclass(eq=False)
-class Track:
+class LandmarkTrack:
     """What is known of one landmark.
 
     Attributes:
@@ -57,8 +62,8 @@ class Track:
     size_xyz: Floats = field(default_factory=lambda: np.zeros(3))
     sizes: int = 0
     seen: int = 1
-    apart: set[Track] = field(default_factory=set)
-    rival: Track | None = None
+    apart: set[LandmarkTrack] = field(default_factory=set)
+    rival: LandmarkTrack | None = None
 
     @property
     def name(self) -> str:
@@ -66,7 +71,7 @@ class Track:
         return self.class_id if self.turned else f"{self.class_id}_{self.number}"
 
     @property
-    def best(self) -> Estimate:
+    def best(self) -> LandmarkEstimate:
         """The more likely estimate."""
         return self.branches[0].estimate
 
@@ -87,14 +92,14 @@ class Track:
         return whole
 
     def carry(self, kept: Floats, covariance: Floats) -> None:
-        """Go on to a time at which the robot's error is another; see `Estimate.carried`."""
+        """Go on to a time at which the robot's error is another; see `LandmarkEstimate.carried`."""
         carried = [b.estimate.carried(kept, covariance) for b in self.branches]
         pairs = zip(carried, self.branches, strict=True)
         self.branches = tuple(Branch(estimate, b.evidence) for estimate, b in pairs)
         if self.rival:
             self.rival.carry(kept, covariance)
 
-    def fits(self, sightings: Sequence[Sighting]) -> list[Fit]:
+    def fits(self, sightings: Sequence[PoseReading]) -> list[CandidateUpdate]:
         """For each branch how the hypothesis of a detection that fits it best does."""
         found = []
         for branch in self.branches:
@@ -103,7 +108,7 @@ class Track:
             found.append(best)
         return found
 
-    def take(self, fits: Sequence[Fit], stamp_ns: int) -> None:
+    def take(self, fits: Sequence[CandidateUpdate], stamp_ns: int) -> None:
         """Update it with a detection; at least one of the fits is an inlier."""
         self.branches = _decide(
             Branch(
@@ -114,7 +119,7 @@ class Track:
         self.seen += 1
         self.last_ns = stamp_ns
 
-    def replace_by(self, other: Track) -> None:
+    def replace_by(self, other: LandmarkTrack) -> None:
         """Begin anew with what another one knows."""
         self.branches, self.seen, self.last_ns = other.branches, other.seen, other.last_ns
         self.size_xyz, self.sizes, self.rival = other.size_xyz, other.sizes, None
@@ -127,7 +132,7 @@ class Track:
 
 
 def begin(
-    sightings: Sequence[Sighting], robot: Floats, ground: Ground | None
+    sightings: Sequence[PoseReading], robot: Floats, ground: Ground | None
 ) -> tuple[Branch, ...]:
     """The branches of a landmark that is seen for the first time; none if it cannot be placed.
 
@@ -143,7 +148,7 @@ def begin(
     )
 
 
-def difference(one: Estimate, other: Estimate) -> Floats:
+def difference(one: LandmarkEstimate, other: LandmarkEstimate) -> Floats:
     """(6,) the error that one estimate is from another."""
     turn = turn_between(one.R_fixed_landmark, other.R_fixed_landmark)
     return np.concatenate([one.position_xyz - other.position_xyz, turn])
@@ -155,8 +160,8 @@ def log_score(score: float) -> float:
 
 
 def _begun(
-    sighting: Sighting, robot: Floats, ground: Ground | None
-) -> Iterator[tuple[Estimate, float]]:
+    sighting: PoseReading, robot: Floats, ground: Ground | None
+) -> Iterator[tuple[LandmarkEstimate, float]]:
     """The estimate from one hypothesis, and its evidence."""
     R = np.eye(3) if sighting.R_fixed_landmark is None else sighting.R_fixed_landmark
     if sighting.has_range:
@@ -185,7 +190,7 @@ def _decide(branches: Iterable[Branch]) -> tuple[Branch, ...]:
     return tuple(kept)
 
 
-def _is_same(one: Estimate, other: Estimate) -> bool:
+def _is_same(one: LandmarkEstimate, other: LandmarkEstimate) -> bool:
     off = difference(one, other)
     spread = one.covariance + other.covariance
     return bool(off @ np.linalg.solve(spread, off) < _SAME)

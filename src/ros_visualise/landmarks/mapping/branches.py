@@ -17,7 +17,7 @@ from ros_visualise.landmarks.mapping.minimising import GATE, robust
 from ros_visualise.landmarks.mapping.motions import between, logarithms
 from ros_visualise.landmarks.mapping.problem import Poses
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import State
+from ros_visualise.landmarks.mapping.unknowns import Unknowns
 from ros_visualise.landmarks.pose.refinement import moved
 
 _APART_RAD = 0.1
@@ -25,29 +25,29 @@ _ROUNDS = 15
 _GAIN = 1.0  # of the sum, from which on the other pose is better
 
 
-class Turned(NamedTuple):
+class FlippedPoses(NamedTuple):
     """The better poses, how many changed, and what the sums of the others were more (B,)."""
 
-    state: State
+    state: Unknowns
     changed: int
     worse: Floats
 
 
-def turn_tags(terms: Terms, state: State) -> Turned:
+def turn_tags(terms: Terms, state: Unknowns) -> FlippedPoses:
     """Tags in the poses that all of their views agree on best, the views being what they are."""
     other = _others(terms, state, tags=True)
     tried = _refit(terms, state._replace(tags=other), tags=True)
     return _better(terms, state, tried, tags=True)
 
 
-def turn_views(terms: Terms, state: State) -> Turned:
+def turn_views(terms: Terms, state: Unknowns) -> FlippedPoses:
     """Views in the poses that all of their tags agree on best, the tags being what they are."""
     other = _others(terms, state, tags=False)
     tried = _refit(terms, state._replace(views=other), tags=False)
     return _better(terms, state, tried, tags=False)
 
 
-def _others(terms: Terms, state: State, tags: bool) -> Poses:
+def _others(terms: Terms, state: Unknowns, tags: bool) -> Poses:
     """For each tag, or view, of the poses that its pictures may show the one most turned."""
     now = state.tags if tags else state.views
     numbers, R, t = [], [], []
@@ -72,7 +72,7 @@ def _others(terms: Terms, state: State, tags: bool) -> Poses:
     return found
 
 
-def _refit(terms: Terms, state: State, tags: bool) -> State:
+def _refit(terms: Terms, state: Unknowns, tags: bool) -> Unknowns:
     """Gauss-Newton of each tag alone, or of each view: all others stay where they are."""
     of_view, of_tag = terms.corners.views, terms.corners.tags
     number = of_tag if tags else of_view
@@ -94,13 +94,13 @@ def _refit(terms: Terms, state: State, tags: bool) -> State:
     return state
 
 
-def _seen(terms: Terms, state: State) -> tuple[Floats, Floats]:
+def _seen(terms: Terms, state: Unknowns) -> tuple[Floats, Floats]:
     residuals, by_pose, _ = terms.seen(state, terms.sigma_px())
     bad = ~np.asarray(np.isfinite(residuals).all(axis=1))
     return np.where(bad[:, None], 1e3, residuals), np.where(bad[:, None, None], 0, by_pose)
 
 
-def _better(terms: Terms, state: State, tried: State, tags: bool) -> Turned:
+def _better(terms: Terms, state: Unknowns, tried: Unknowns, tags: bool) -> FlippedPoses:
     """Of each tag, or view, the pose with the smaller sum."""
     number = terms.corners.tags if tags else terms.corners.views
     now, then = (state.tags, tried.tags) if tags else (state.views, tried.views)
@@ -113,4 +113,6 @@ def _better(terms: Terms, state: State, tried: State, tags: bool) -> Turned:
     take = is_other & (sums[1] < sums[0] - _GAIN)
     R, t = np.where(take[:, None, None], then.R, now.R), np.where(take[:, None], then.t, now.t)
     chosen = state._replace(tags=Poses(R, t)) if tags else state._replace(views=Poses(R, t))
-    return Turned(chosen, int(take.sum()), np.where(is_other, np.abs(sums[1] - sums[0]), np.inf))
+    return FlippedPoses(
+        chosen, int(take.sum()), np.where(is_other, np.abs(sums[1] - sums[0]), np.inf)
+    )

@@ -12,10 +12,10 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.transforms import from_parts, inverse
 from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.track import Branch, Track
+from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 from ros_visualise.landmarks.mapping.mounting import (
     Gyro,
-    Mounting,
+    MountingCheck,
     camera_mounting,
     freely_mounted,
     imu_mounting,
@@ -32,8 +32,8 @@ from ros_visualise.landmarks.mapping.outliers import (
     resized,
 )
 from ros_visualise.landmarks.mapping.problem import Problem
-from ros_visualise.landmarks.mapping.smoothing import Smoothed, smooth
-from ros_visualise.landmarks.mapping.unknowns import Prior
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, smooth
+from ros_visualise.landmarks.mapping.unknowns import SharedPrior
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 _ROUNDS = 6
@@ -42,17 +42,17 @@ _LEAST_SEEN = 3  # sightings, that make a landmark
 
 
 @dataclass(frozen=True, eq=False)
-class Map:
+class TagMap:
     """What was smoothed, what is wrong with tags, the tags as landmarks, and how cameras sit.
 
     ``common`` (6, 6) is the covariance of what all landmarks are off together, in that of each too.
     """
 
-    smoothed: Smoothed
+    smoothed: SmoothedMap
     outliers: Sequence[Outlier]
-    tracks: Sequence[Track]
+    tracks: Sequence[LandmarkTrack]
     common: Floats
-    mountings: Sequence[Mounting]
+    mountings: Sequence[MountingCheck]
 
     def correction(self, stamp_ns: int) -> Floats:
         """T_map_fixed (4, 4): by how much the frames were wrong about the camera at a time."""
@@ -67,7 +67,7 @@ class Map:
 def map_of(
     problem: Problem,
     gyro: Callable[[npt.NDArray[np.int64]], Gyro | None] | None = None,
-) -> Map | None:
+) -> TagMap | None:
     """A map of the tags of a recording; None where nothing hangs together.
 
     Args:
@@ -77,7 +77,7 @@ def map_of(
         numpy.linalg.LinAlgError: something is not determined.
     """
     is_measured = bool(problem.surveyed or problem.distances)
-    prior = Prior(printed=_PRINTED if is_measured else 0.0)
+    prior = SharedPrior(printed=_PRINTED if is_measured else 0.0)
     found = smooth(problem, prior=prior)
     if found is None:
         return None
@@ -100,10 +100,10 @@ def map_of(
     of_imu = imu_mounting(found, measured) if measured else None
     mountings += [of_imu] if of_imu else []
     explained += resized(problem, found)
-    return Map(found, [*explained, *rest], *landmarks_of(found), mountings)
+    return TagMap(found, [*explained, *rest], *landmarks_of(found), mountings)
 
 
-def landmarks_of(found: Smoothed) -> tuple[list[Track], Floats]:
+def landmarks_of(found: SmoothedMap) -> tuple[list[LandmarkTrack], Floats]:
     """Tags as landmarks, as the localizer has them, but for those that most views contradict.
 
     And the covariance (6, 6) of what they are off together.
@@ -122,7 +122,7 @@ def landmarks_of(found: Smoothed) -> tuple[list[Track], Floats]:
     return tracks, common
 
 
-def _kept(found: Smoothed) -> dict[int, Numbers]:
+def _kept(found: SmoothedMap) -> dict[int, Numbers]:
     """The tags that make a landmark, and their sightings that fit."""
     numbers = np.array([one.tag for one in found.problem.sightings], int)
     kept = {}
@@ -133,11 +133,11 @@ def _kept(found: Smoothed) -> dict[int, Numbers]:
     return kept
 
 
-def _track(found: Smoothed, tag: int, rows: Numbers, covariance: Floats) -> Track:
+def _track(found: SmoothedMap, tag: int, rows: Numbers, covariance: Floats) -> LandmarkTrack:
     sightings = [found.problem.sightings[row] for row in rows]
     name, size = found.problem.names[tag], sightings[0].size_m
     estimate = known(found.tags.t[tag], found.tags.R[tag], covariance)
-    return Track(
+    return LandmarkTrack(
         name,
         _number(name),
         True,

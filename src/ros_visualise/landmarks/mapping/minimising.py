@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ros_visualise.data import Floats
-from ros_visualise.landmarks.mapping.normal import Normal, Solution, solve
+from ros_visualise.landmarks.mapping.normal import NormalEquations, Solution, solve
 from ros_visualise.landmarks.mapping.priors import add_known
 from ros_visualise.landmarks.mapping.problem import Flags
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import SHARED, State
+from ros_visualise.landmarks.mapping.unknowns import SHARED, Unknowns
 
 Weigh = Callable[[Floats], tuple[Floats, Floats]]
 """Of squared residuals (S,): weights (S,), and what each sighting adds to the sum."""
@@ -45,13 +45,13 @@ def kept(inliers: Flags) -> Weigh:
     return weigh
 
 
-def chi2_of(terms: Terms, state: State) -> Floats:
+def chi2_of(terms: Terms, state: Unknowns) -> Floats:
     """(S,) squared residuals of the sightings by their deviations; huge behind the camera."""
     residuals = terms.residuals_px(state) / terms.sigma_px()[:, None]
     return np.where(np.isfinite(residuals).all(axis=1), (residuals**2).sum(axis=1), 1e12)
 
 
-def minimise(terms: Terms, state: State, weigh: Weigh, rounds: int = 30) -> State:
+def minimise(terms: Terms, state: Unknowns, weigh: Weigh, rounds: int = 30) -> Unknowns:
     """The state that makes the sum of squares least, near the one to begin with.
 
     Raises:
@@ -75,10 +75,10 @@ def minimise(terms: Terms, state: State, weigh: Weigh, rounds: int = 30) -> Stat
     return state
 
 
-def linearised(terms: Terms, state: State, weigh: Weigh) -> tuple[Normal, float]:
+def linearised(terms: Terms, state: Unknowns, weigh: Weigh) -> tuple[NormalEquations, float]:
     """The normal equations at a state, and the sum that is to become least."""
     views, tags = terms.problem.counts
-    normal = Normal(views, tags, SHARED)
+    normal = NormalEquations(views, tags, SHARED)
     weights, losses = weigh(chi2_of(terms, state))
     terms.add_seen(normal, state, weights)
     of_odometry = terms.add_gone(normal, state)
@@ -86,6 +86,6 @@ def linearised(terms: Terms, state: State, weigh: Weigh) -> tuple[Normal, float]
     return normal, float(losses.sum() + (of_odometry**2).sum() + known)
 
 
-def final(terms: Terms, state: State, inliers: Flags) -> Solution:
+def final(terms: Terms, state: Unknowns, inliers: Flags) -> Solution:
     """The covariance of tags and shared numbers."""
     return solve(linearised(terms, state, kept(inliers))[0])

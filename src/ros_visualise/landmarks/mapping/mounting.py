@@ -18,9 +18,9 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.minimising import GATE, chi2_of, kept, minimise, robust
 from ros_visualise.landmarks.mapping.motions import logarithms, relative
 from ros_visualise.landmarks.mapping.noise import scales_of_odometry
-from ros_visualise.landmarks.mapping.smoothing import Smoothed, told
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap, told
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import MOUNTING, Prior, State
+from ros_visualise.landmarks.mapping.unknowns import MOUNTING, SharedPrior, Unknowns
 from ros_visualise.landmarks.pose.refinement import turn
 
 _FREE_M, _FREE_RAD = 0.2, np.deg2rad(5.0)  # what is known of a mounting before
@@ -34,7 +34,7 @@ _LEAST_TURNS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class Mounting:
+class MountingCheck:
     """By how much something is turned, and elsewhere, than the frames tell.
 
     Attributes:
@@ -88,19 +88,19 @@ class Mounting:
         return f"{self.what} is as the frames tell{far} (degrees about the camera's axes: {each})"
 
 
-def freely_mounted(prior: Prior) -> Prior:
+def freely_mounted(prior: SharedPrior) -> SharedPrior:
     """The same where the camera's mounting is not as the frames tell."""
     return replace(prior, mounting_m=_FREE_M, mounting_rad=_FREE_RAD)
 
 
-def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
+def camera_mounting(found: SmoothedMap) -> tuple[MountingCheck, SmoothedMap]:
     """The camera on its robot, and the same map with what was found of that.
 
     Raises:
         numpy.linalg.LinAlgError: something is not determined.
     """
-    terms = Terms(found.problem, found.noise, freely_mounted(Prior()))
-    state = State(found.views, found.tags, found.shared)
+    terms = Terms(found.problem, found.noise, freely_mounted(SharedPrior()))
+    state = Unknowns(found.views, found.tags, found.shared)
     state = minimise(terms, state, robust(9 * GATE), 15)
     for _ in range(_ROUNDS):
         inliers = chi2_of(terms, state) < GATE
@@ -110,7 +110,7 @@ def camera_mounting(found: Smoothed) -> tuple[Mounting, Smoothed]:
     freed = told(terms, state, inliers, found.undecided, found.is_estimated)
     off, covariance = freed.shared[MOUNTING], freed.shared_covariance[MOUNTING, MOUNTING]
     sigmas = np.sqrt(np.diag(covariance))
-    mounting = Mounting(
+    mounting = MountingCheck(
         "the camera on the robot",
         np.rad2deg(off[3:]),
         np.rad2deg(np.rad2deg(covariance[3:, 3:])),
@@ -135,7 +135,7 @@ class Gyro:
     R_imu_camera: Floats
 
 
-def imu_mounting(found: Smoothed, gyro: Gyro) -> Mounting | None:
+def imu_mounting(found: SmoothedMap, gyro: Gyro) -> MountingCheck | None:
     """The camera to an IMU, by the turns from view to view; None where there are too few.
 
     The IMU's bias is estimated with it, as one for all of the recording.
@@ -165,7 +165,7 @@ def imu_mounting(found: Smoothed, gyro: Gyro) -> Mounting | None:
         off, bias = off @ turn(step[:3]), bias + step[3:]
     covariance = np.linalg.inv(information)[:3, :3]
     vector = logarithms(off[None])[0]
-    return Mounting(
+    return MountingCheck(
         "the camera to the IMU",
         np.rad2deg(vector),
         np.rad2deg(np.rad2deg(covariance)),

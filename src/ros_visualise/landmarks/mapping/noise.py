@@ -10,14 +10,14 @@ from ros_visualise.landmarks.mapping.minimising import kept, linearised
 from ros_visualise.landmarks.mapping.normal import solve
 from ros_visualise.landmarks.mapping.problem import Flags, Problem
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import Noise, State
+from ros_visualise.landmarks.mapping.unknowns import MeasurementNoise, Unknowns
 
 _MOST_PX = 100.0
 _PROBES = 8
 _LEAST_VIEWS = 10  # from which on an odometry tells of its noise
 
 
-def extra_of_corners(terms: Terms, state: State) -> float:
+def extra_of_corners(terms: Terms, state: Unknowns) -> float:
     """What the camera adds to the noise of corners, in pixels.
 
     So much that the median of the squared residuals is what it is expected to be. Each sighting
@@ -45,7 +45,7 @@ def _left(problem: Problem) -> float:
     return max(8 - unknown / len(problem.sightings), 1.0)
 
 
-def scales_of_odometry(terms: Terms, state: State, inliers: Flags) -> Noise:
+def scales_of_odometry(terms: Terms, state: Unknowns, inliers: Flags) -> MeasurementNoise:
     """Its noise, such that what is left of it is as large as it should be.
 
     Of ways, tilts and headings apart. How many numbers each has more than are needed is told by a

@@ -24,7 +24,7 @@ Numbers = npt.NDArray[np.int_]
 _TINY = 1e-12
 
 
-class Normal:
+class NormalEquations:
     """J'J and J'r of N views of six numbers each, M tags of six, and G shared numbers.
 
     Attributes:
@@ -113,7 +113,7 @@ class Solution:
 
 
 def solve(
-    normal: Normal, damping: float = 0.0, probes: tuple[Floats, Floats] | None = None
+    normal: NormalEquations, damping: float = 0.0, probes: tuple[Floats, Floats] | None = None
 ) -> Solution:
     """Solve the normal equations.
 

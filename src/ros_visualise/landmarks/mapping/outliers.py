@@ -9,12 +9,12 @@ import numpy as np
 
 from ros_visualise.data import Hypothesis
 from ros_visualise.landmarks.mapping.normal import Numbers
-from ros_visualise.landmarks.mapping.problem import Problem, Sighting
+from ros_visualise.landmarks.mapping.problem import Problem, TagSighting
 from ros_visualise.landmarks.mapping.refitting import FARTHEST, refit
 from ros_visualise.landmarks.mapping.sizes import larger
-from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import State
+from ros_visualise.landmarks.mapping.unknowns import Unknowns
 
 SIZE, MOVED, TWICE, UNSTEADY = "size", "moved", "twice", "unsteady"
 ASTRAY = "astray"
@@ -43,10 +43,10 @@ class Outlier:
     sightings: Sequence[int] = ()
 
 
-def outliers(found: Smoothed) -> list[Outlier]:
+def outliers(found: SmoothedMap) -> list[Outlier]:
     """Tags of whose sightings many do not fit, and what explains that."""
     terms = Terms(found.problem, found.noise)
-    state = State(found.views, found.tags, found.shared)
+    state = Unknowns(found.views, found.tags, found.shared)
     named = []
     for tag, name in enumerate(found.problem.names):
         rows = np.flatnonzero(terms.corners.tags == tag)
@@ -56,7 +56,7 @@ def outliers(found: Smoothed) -> list[Outlier]:
     return named
 
 
-def other_size(given: Problem, found: Smoothed) -> list[Outlier]:
+def other_size(given: Problem, found: SmoothedMap) -> list[Outlier]:
     """The tag that is most surely of another size, if any is: it makes others seem wrong.
 
     None that was surveyed: there it may be the survey.
@@ -72,7 +72,7 @@ def other_size(given: Problem, found: Smoothed) -> list[Outlier]:
     return [Outlier(found.problem.names[tag], SIZE, "", max(1 + float(part[tag]), 0.2))]
 
 
-def resized(given: Problem, found: Smoothed) -> list[Outlier]:
+def resized(given: Problem, found: SmoothedMap) -> list[Outlier]:
     """The tags that have come to be of another size than was given."""
     named = []
     for tag, (name, size, by) in enumerate(_sizes(given, found.problem)):
@@ -97,7 +97,9 @@ def _sizes(given: Problem, problem: Problem) -> list[tuple[str, float, float]]:
     ]
 
 
-def _explained(terms: Terms, state: State, name: str, rows: Numbers, refused: Numbers) -> Outlier:
+def _explained(
+    terms: Terms, state: Unknowns, name: str, rows: Numbers, refused: Numbers
+) -> Outlier:
     part = len(refused) / len(rows)
     share = f"{len(refused)} of its {len(rows)} sightings do not fit"
     if part > 0.5:
@@ -147,5 +149,5 @@ def corrected(problem: Problem, named: Sequence[Outlier]) -> Problem:
     return replace(problem, names=names, sightings=sightings)
 
 
-def _scaled(sighting: Sighting, by: float) -> Sequence[Hypothesis]:
+def _scaled(sighting: TagSighting, by: float) -> Sequence[Hypothesis]:
     return [replace(h, position_xyz=h.position_xyz * by) for h in sighting.hypotheses]

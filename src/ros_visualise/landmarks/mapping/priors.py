@@ -6,12 +6,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.motions import logarithm, offsets
-from ros_visualise.landmarks.mapping.normal import Normal
+from ros_visualise.landmarks.mapping.normal import NormalEquations
 from ros_visualise.landmarks.mapping.problem import DistancePrior, Poses, Problem, TagPrior
 from ros_visualise.landmarks.mapping.unknowns import (
     SHARED,
-    Prior,
-    State,
+    SharedPrior,
+    Unknowns,
     differences,
     mounting,
 )
@@ -22,7 +22,9 @@ FIRST = np.array([0.05] * 3 + np.deg2rad([1.0, 1.0, 0.3]).tolist())
 """How far the frames are trusted where the first view is; the map has its heading from there."""
 
 
-def add_known(normal: Normal, state: State, problem: Problem, prior: Prior) -> float:
+def add_known(
+    normal: NormalEquations, state: Unknowns, problem: Problem, prior: SharedPrior
+) -> float:
     """What fixes the map, what was surveyed, what is known of the shared numbers; their sum."""
     sigmas = prior.sigmas
     free = sigmas > 0
@@ -40,7 +42,7 @@ def add_known(normal: Normal, state: State, problem: Problem, prior: Prior) -> f
     return total
 
 
-def _add_anchor(normal: Normal, state: State, problem: Problem) -> float:
+def _add_anchor(normal: NormalEquations, state: Unknowns, problem: Problem) -> float:
     """The first view is where the frames say; without frames a tag is the map."""
     odometry = problem.odometry
     if odometry is None:
@@ -63,7 +65,7 @@ def _add_anchor(normal: Normal, state: State, problem: Problem) -> float:
     return float((there**2).sum())
 
 
-def _add_surveyed(normal: Normal, state: State, known: TagPrior) -> float:
+def _add_surveyed(normal: NormalEquations, state: Unknowns, known: TagPrior) -> float:
     off = (state.tags.t[known.tag] - known.position_xyz) / known.position_sigma
     total = _add_tag(normal, known.tag, off, np.diag(1 / known.position_sigma) @ np.eye(3, 6))
     if known.R is not None:
@@ -72,7 +74,7 @@ def _add_surveyed(normal: Normal, state: State, known: TagPrior) -> float:
     return total
 
 
-def _add_distance(normal: Normal, state: State, known: DistancePrior) -> float:
+def _add_distance(normal: NormalEquations, state: Unknowns, known: DistancePrior) -> float:
     a, b = known.tags
     apart = state.tags.t[b] - state.tags.t[a]
     length = max(float(np.linalg.norm(apart)), 1e-9)
@@ -84,7 +86,7 @@ def _add_distance(normal: Normal, state: State, known: DistancePrior) -> float:
     return off**2
 
 
-def _add_tag(normal: Normal, tag: int, residual: Floats, J: Floats) -> float:
+def _add_tag(normal: NormalEquations, tag: int, residual: Floats, J: Floats) -> float:
     shared = np.zeros((1, len(residual), SHARED))
     normal.add(residual[None], shared, tags=((np.array([tag]), J[None]),))
     return float(residual @ residual)

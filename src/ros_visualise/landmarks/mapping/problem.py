@@ -30,7 +30,7 @@ class Poses(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class TagSighting:
     """One tag in one image.
 
     Attributes:
@@ -50,7 +50,7 @@ class Sighting:
 
 
 @dataclass(frozen=True, eq=False)
-class Odometry:
+class CameraPath:
     """T_fixed_camera (N, 4, 4): where the camera was, by frames whose z axis is upright."""
 
     T_fixed_camera: Floats
@@ -81,7 +81,7 @@ class DistancePrior:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """All that is known; see `Sighting`, `Odometry` and the priors.
+    """All that is known; see `TagSighting`, `CameraPath` and the priors.
 
     Attributes:
         stamps_ns: (N,) of the views.
@@ -91,8 +91,8 @@ class Problem:
 
     stamps_ns: npt.NDArray[np.int64]
     names: Sequence[str]
-    sightings: Sequence[Sighting]
-    odometry: Odometry | None = None
+    sightings: Sequence[TagSighting]
+    odometry: CameraPath | None = None
     surveyed: Sequence[TagPrior] = ()
     distances: Sequence[DistancePrior] = ()
     anchor: int = 0
@@ -142,7 +142,7 @@ class Corners(NamedTuple):
     """(S, 4, 2) by how much a corner moves in a picture whose tags are a pixel too large."""
 
 
-def corners_of(sightings: Sequence[Sighting]) -> Corners:
+def corners_of(sightings: Sequence[TagSighting]) -> Corners:
     """The sightings as arrays.
 
     Raises:
@@ -165,7 +165,7 @@ def corners_of(sightings: Sequence[Sighting]) -> Corners:
     )
 
 
-def _by_camera(sightings: Sequence[Sighting]) -> list[tuple[CameraInfo, list[int]]]:
+def _by_camera(sightings: Sequence[TagSighting]) -> list[tuple[CameraInfo, list[int]]]:
     rows: dict[tuple[bytes, ...], tuple[CameraInfo, list[int]]] = {}
     for row, one in enumerate(sightings):
         info = one.info

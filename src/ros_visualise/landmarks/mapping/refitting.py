@@ -13,7 +13,7 @@ from ros_visualise.landmarks.mapping.motions import between, in_view
 from ros_visualise.landmarks.mapping.normal import Numbers
 from ros_visualise.landmarks.mapping.problem import Flags, Poses
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import State
+from ros_visualise.landmarks.mapping.unknowns import Unknowns
 from ros_visualise.landmarks.pose.rays import Rays
 from ros_visualise.landmarks.pose.refinement import linearise, moved
 
@@ -34,7 +34,7 @@ class Refit(NamedTuple):
     fits: Flags
 
 
-def refit(terms: Terms, state: State, rows: Numbers, sized: bool) -> Refit | None:
+def refit(terms: Terms, state: Unknowns, rows: Numbers, sized: bool) -> Refit | None:
     """The pose, and the size where ``sized``, that most of a tag's sightings (R,) agree on."""
     best = None
     scales = (1.0, 0.5, 0.7, 1.4, 2.0) if sized else (1.0,)
@@ -51,7 +51,7 @@ def refit(terms: Terms, state: State, rows: Numbers, sized: bool) -> Refit | Non
     return best
 
 
-def _fitted(terms: Terms, state: State, rows: Numbers, start: Refit, sized: bool) -> Refit:
+def _fitted(terms: Terms, state: Unknowns, rows: Numbers, start: Refit, sized: bool) -> Refit:
     R, t, size = start.R, start.t, start.size
     residuals, by = _seen(terms, state, rows, R, t, size)
     for _ in range(_ROUNDS):
@@ -72,7 +72,7 @@ def _fitted(terms: Terms, state: State, rows: Numbers, start: Refit, sized: bool
 
 
 def _seen(
-    terms: Terms, state: State, rows: Numbers, R: Floats, t: Floats, size: float
+    terms: Terms, state: Unknowns, rows: Numbers, R: Floats, t: Floats, size: float
 ) -> tuple[Floats, Floats]:
     """Residuals (R, 8), and derivatives (R, 8, 7) by the pose and the logarithm of the size."""
     views, _, points, rays, _, _ = terms.corners

@@ -15,19 +15,19 @@ from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.minimising import kept, linearised
 from ros_visualise.landmarks.mapping.motions import between
 from ros_visualise.landmarks.mapping.normal import solve
-from ros_visualise.landmarks.mapping.smoothing import Smoothed
+from ros_visualise.landmarks.mapping.smoothing import SmoothedMap
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import PRINTED, State
+from ros_visualise.landmarks.mapping.unknowns import PRINTED, Unknowns
 
 
-class Larger(NamedTuple):
+class SizeErrors(NamedTuple):
     """By which part of its size each tag is larger than is said, (M,), and how sure that is."""
 
     part: Floats
     sigma: Floats
 
 
-def larger(found: Smoothed) -> Larger:
+def larger(found: SmoothedMap) -> SizeErrors:
     """How large each tag is, to first order, were its size alone not known.
 
     Raises:
@@ -37,7 +37,7 @@ def larger(found: Smoothed) -> Larger:
     1948 (the score test, which needs no second search).
     """
     terms = Terms(found.problem, found.noise)
-    state = State(found.views, found.tags, found.shared)
+    state = Unknowns(found.views, found.tags, found.shared)
     residuals, by_pose, by_shared = terms.seen(state, terms.sigma_px())
     residuals, by_pose, by_shared = (one[found.inliers] for one in (residuals, by_pose, by_shared))
     views, tags = terms.corners.views[found.inliers], terms.corners.tags[found.inliers]
@@ -57,4 +57,4 @@ def larger(found: Smoothed) -> Larger:
     whole = np.bincount(tags, (by_size**2).sum(axis=1), minlength=count)
     slope = np.bincount(tags, (by_size * residuals).sum(axis=1), minlength=count)
     left = np.maximum(whole - told, 1e-9 * whole + 1e-12)
-    return Larger(-slope / left, 1 / np.sqrt(left))
+    return SizeErrors(-slope / left, 1 / np.sqrt(left))

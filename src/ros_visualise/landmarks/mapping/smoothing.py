@@ -23,7 +23,13 @@ from ros_visualise.landmarks.mapping.noise import extra_of_corners, scales_of_od
 from ros_visualise.landmarks.mapping.problem import Flags, Poses, Problem
 from ros_visualise.landmarks.mapping.starting import anchor_of, begin, poses
 from ros_visualise.landmarks.mapping.terms import Terms
-from ros_visualise.landmarks.mapping.unknowns import SHARED, UNKNOWN, Noise, Prior, State
+from ros_visualise.landmarks.mapping.unknowns import (
+    SHARED,
+    UNKNOWN,
+    MeasurementNoise,
+    SharedPrior,
+    Unknowns,
+)
 
 _SCALES = (100.0, 10.0, 1.0, 0.3, 0.1)  # of the robust weights: the start is far
 _TURNS = 4
@@ -33,7 +39,7 @@ DECIDED = 12.0
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class SmoothedMap:
     """What was found.
 
     Attributes:
@@ -56,7 +62,7 @@ class Smoothed:
     shared_covariance: Floats
     inliers: Flags
     residuals_px: Floats
-    noise: Noise
+    noise: MeasurementNoise
     undecided: Flags
     is_estimated: bool
 
@@ -69,9 +75,9 @@ class Smoothed:
 
 def smooth(
     problem: Problem,
-    noise: Noise | None = None,
-    prior: Prior = UNKNOWN,
-) -> Smoothed | None:
+    noise: MeasurementNoise | None = None,
+    prior: SharedPrior = UNKNOWN,
+) -> SmoothedMap | None:
     """The poses that fit best; None where no two things hang together.
 
     Args:
@@ -89,10 +95,10 @@ def smooth(
     problem = problem.restricted(begun.views, begun.tags)
     if not problem.sightings:
         return None
-    state = State(
+    state = Unknowns(
         poses(begun.T_views[begun.views]), poses(begun.T_tags[begun.tags]), np.zeros(SHARED)
     )
-    terms = Terms(problem, noise or Noise(), prior)
+    terms = Terms(problem, noise or MeasurementNoise(), prior)
     for scale in _SCALES:
         if noise is None:
             _estimate_px(terms, state)
@@ -102,11 +108,11 @@ def smooth(
     return told(terms, state, inliers, worse < DECIDED, noise is None)
 
 
-def _estimate_px(terms: Terms, state: State) -> None:
+def _estimate_px(terms: Terms, state: Unknowns) -> None:
     terms.with_noise(extra_px=extra_of_corners(terms, state))
 
 
-def _turned(terms: Terms, state: State, estimated: bool) -> tuple[State, Floats]:
+def _turned(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, Floats]:
     """With tags and views turned over that fit better so, until none does."""
     worse = np.full(terms.problem.counts[1], np.inf)
     for _ in range(_TURNS):
@@ -121,7 +127,7 @@ def _turned(terms: Terms, state: State, estimated: bool) -> tuple[State, Floats]
     return state, worse
 
 
-def _settled(terms: Terms, state: State, estimated: bool) -> tuple[State, Flags]:
+def _settled(terms: Terms, state: Unknowns, estimated: bool) -> tuple[Unknowns, Flags]:
     """With those sightings alone that fit, and noise as large as what is left."""
     inliers = np.zeros(len(terms.corners.views), bool)
     for _ in range(_SETTLED):
@@ -136,8 +142,8 @@ def _settled(terms: Terms, state: State, estimated: bool) -> tuple[State, Flags]
 
 
 def told(
-    terms: Terms, state: State, inliers: Flags, undecided: Flags, is_estimated: bool
-) -> Smoothed:
+    terms: Terms, state: Unknowns, inliers: Flags, undecided: Flags, is_estimated: bool
+) -> SmoothedMap:
     """What was found, with its covariance.
 
     Raises:
@@ -146,7 +152,7 @@ def told(
     covariance = final(terms, state, inliers).covariance
     tags = terms.problem.counts[1]
     residuals = terms.residuals_px(state)
-    return Smoothed(
+    return SmoothedMap(
         terms.problem,
         state.views,
         state.tags,

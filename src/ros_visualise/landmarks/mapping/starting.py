@@ -20,7 +20,7 @@ _ARM_M = 2.0  # how far a turn is taken to carry, to add its variance to that of
 _DRIFT = 0.05  # of the odometry's way, which is taken to be its deviation here
 
 
-class Begun(NamedTuple):
+class InitialPoses(NamedTuple):
     """Poses to begin with, and of which there are none.
 
     Attributes:
@@ -41,7 +41,7 @@ class _Tie(NamedTuple):
     """Of the other one in this one's frame."""
 
 
-def begin(problem: Problem) -> Begun:
+def begin(problem: Problem) -> InitialPoses:
     """Poses of all that hangs together with the start, or with what was surveyed.
 
     The map is that of the frames where there is an odometry, else the tag ``problem.anchor``, but
@@ -140,11 +140,11 @@ def _spread(ties: dict[Node, list[_Tie]], start: Node, T: Floats) -> dict[Node, 
     return found
 
 
-def _collected(problem: Problem, found: dict[Node, Floats]) -> Begun:
+def _collected(problem: Problem, found: dict[Node, Floats]) -> InitialPoses:
     views, tags = problem.counts
     of_views = [found.get(("view", number)) for number in range(views)]
     of_tags = [found.get(("tag", number)) for number in range(tags)]
-    return Begun(
+    return InitialPoses(
         np.array([np.eye(4) if T is None else T for T in of_views]).reshape(-1, 4, 4),
         np.array([np.eye(4) if T is None else T for T in of_tags]).reshape(-1, 4, 4),
         np.array([T is not None for T in of_views], bool),

@@ -8,7 +8,7 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.mapping.motions import between, in_view, offsets, relative
-from ros_visualise.landmarks.mapping.normal import Normal
+from ros_visualise.landmarks.mapping.normal import NormalEquations
 from ros_visualise.landmarks.mapping.problem import Corners, Poses, Problem, corners_of
 from ros_visualise.landmarks.mapping.unknowns import (
     LARGER,
@@ -16,9 +16,9 @@ from ros_visualise.landmarks.mapping.unknowns import (
     PRINTED,
     SHARED,
     UNKNOWN,
-    Noise,
-    Prior,
-    State,
+    MeasurementNoise,
+    SharedPrior,
+    Unknowns,
     differences,
     mounting,
 )
@@ -35,8 +35,8 @@ class Terms:
     """
 
     problem: Problem
-    noise: Noise = field(default_factory=Noise)
-    prior: Prior = UNKNOWN
+    noise: MeasurementNoise = field(default_factory=MeasurementNoise)
+    prior: SharedPrior = UNKNOWN
     corners: Corners = field(init=False)
 
     def __post_init__(self) -> None:
@@ -51,11 +51,11 @@ class Terms:
         sigma: Floats = np.hypot(self.corners.sigma_px, self.noise.extra_px)
         return sigma
 
-    def residuals_px(self, state: State) -> Floats:
+    def residuals_px(self, state: Unknowns) -> Floats:
         """(S, 8) pixels from where corners are seen to where they should be."""
         return self.seen(state, np.ones(len(self.corners.views)))[0]
 
-    def add_seen(self, normal: Normal, state: State, weights: Floats) -> None:
+    def add_seen(self, normal: NormalEquations, state: Unknowns, weights: Floats) -> None:
         """The corners, each sighting by its weight (S,)."""
         residuals, by_pose, by_shared = self.seen(state, self.sigma_px())
         root = np.sqrt(weights)[:, None]
@@ -67,7 +67,7 @@ class Terms:
             residuals * root, by_shared * root[..., None], (views, by_view), tags=((tags, by_tag),)
         )
 
-    def add_gone(self, normal: Normal, state: State) -> Floats:
+    def add_gone(self, normal: NormalEquations, state: Unknowns) -> Floats:
         """The odometry; returns its residuals (N - 1, 6) by their deviations."""
         residuals, whiten, by_shared = self.gone(state)
         first = np.arange(len(residuals))
@@ -76,7 +76,9 @@ class Terms:
             normal.add(residuals, by_shared, (first, by_view), by_next)
         return residuals
 
-    def probe(self, state: State, signs: Floats, normal: Normal) -> tuple[Floats, Floats]:
+    def probe(
+        self, state: Unknowns, signs: Floats, normal: NormalEquations
+    ) -> tuple[Floats, Floats]:
         """J'b of the odometry, as right-hand sides of `solve`: of b (N - 1, 6)."""
         _, whiten, by_shared = self.gone(state)
         first = np.arange(len(signs))
@@ -87,7 +89,7 @@ class Terms:
         of_rest[6 * normal.tags :] = np.einsum("nki,nk->i", by_shared, signs)
         return of_views, of_rest
 
-    def gone(self, state: State) -> tuple[Floats, Floats, Floats]:
+    def gone(self, state: Unknowns) -> tuple[Floats, Floats, Floats]:
         """Of the odometry the residuals (N - 1, 6), what weighs them, and shared derivatives."""
         odometry = self.problem.odometry
         if odometry is None:
@@ -119,7 +121,7 @@ class Terms:
 
         return residuals(state.shared), whiten, differences(residuals, state.shared)
 
-    def seen(self, state: State, sigma_px: Floats) -> tuple[Floats, Floats, Floats]:
+    def seen(self, state: Unknowns, sigma_px: Floats) -> tuple[Floats, Floats, Floats]:
         """Residuals (S, 8), derivatives by the tag's pose in the camera, and by shared numbers."""
         views, tags, points, rays, _, outward = self.corners
         R, t = in_view(state.views, state.tags, views, tags)

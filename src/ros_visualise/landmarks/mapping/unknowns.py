@@ -27,7 +27,7 @@ LARGER, LONGER, MOUNTING, PRINTED = 0, 1, slice(2, 8), 8
 
 
 @dataclass(frozen=True)
-class Noise:
+class MeasurementNoise:
     """Standard deviations of what is measured.
 
     Attributes:
@@ -46,7 +46,7 @@ class Noise:
 
 
 @dataclass(frozen=True)
-class Prior:
+class SharedPrior:
     """Standard deviations of the shared numbers; 0: they stay as they are."""
 
     larger_px: float = 0.5
@@ -62,22 +62,22 @@ class Prior:
         return np.array([self.larger_px, self.longer, *mounting, self.printed])
 
 
-UNKNOWN = Prior()
+UNKNOWN = SharedPrior()
 """But for the camera's mounting, which is as the frames tell."""
 
 
-class State(NamedTuple):
+class Unknowns(NamedTuple):
     """All that is looked for."""
 
     views: Poses
     tags: Poses
     shared: Floats
 
-    def moved(self, of_views: Floats, rest: Floats) -> State:
+    def moved(self, of_views: Floats, rest: Floats) -> Unknowns:
         """Changed by steps (N, 6) and (D,)."""
         count = len(self.tags.t)
         of_tags = rest[: 6 * count].reshape(count, 6)
-        return State(
+        return Unknowns(
             Poses(*moved(*self.views, of_views)),
             Poses(*moved(*self.tags, of_tags)),
             self.shared + rest[6 * count :],

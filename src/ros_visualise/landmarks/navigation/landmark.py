@@ -10,11 +10,11 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.common_error import beside
 from ros_visualise.landmarks.localization.track import DECIDED, log_score
+from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
 from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
-from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin, carried
-from ros_visualise.landmarks.navigation.updating import Fit, fits, update
+from ros_visualise.landmarks.navigation.updating import Innovation, fits, update
 
 _SAME = 1.0  # squared distance of readings that have become one
 _WORST = -40.0  # a view's part in the evidence: one outlier decides nothing alone
@@ -22,7 +22,7 @@ _SURPRISE = 3.1  # deviations of a sum of squared distances, 999 of 1000 sums ar
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownLandmark:
     """A landmark of a map.
 
     ``covariance`` (6, 6) is of its twist, ``side_m`` of its square. ``kind`` is the class of a
@@ -39,7 +39,7 @@ class Known:
     @classmethod
     def of(
         cls, R: Floats, p: Floats, covariance: Floats, side_m: float, common: Floats | None = None
-    ) -> Known:
+    ) -> KnownLandmark:
         """By the covariance (6, 6) that messages and maps tell, which is about itself.
 
         Args:
@@ -50,7 +50,7 @@ class Known:
         return cls(R, p, twist if common is None else beside(twist, common), side_m)
 
     @classmethod
-    def point(cls, p: Floats, covariance: Floats, kind: str, number: int) -> Known:
+    def point(cls, p: Floats, covariance: Floats, kind: str, number: int) -> KnownLandmark:
         """One without an orientation, by the covariance (6, 6) of its position."""
         spread = np.zeros((6, 6))
         spread[:3, :3] = covariance[:3, :3]
@@ -90,7 +90,13 @@ class Landmark:
 
     @classmethod
     def first(
-        cls, sight: Sight, name: str, keys: list[str], evidence: list[float], view: View, at: Floats
+        cls,
+        sight: Sighting,
+        name: str,
+        keys: list[str],
+        evidence: list[float],
+        view: CameraView,
+        at: Floats,
     ) -> Landmark:
         """One that is seen for the first time, from a place (3,) of the camera."""
         number, side_m = sight.number, sight.side_m
@@ -99,7 +105,7 @@ class Landmark:
         return new
 
     @classmethod
-    def known(cls, name: str, one: Known) -> Landmark:
+    def known(cls, name: str, one: KnownLandmark) -> Landmark:
         """One of a map: it may be used at once."""
         kind = one.kind or name
         new = cls(name, kind, one.number, one.side_m, [name], [0.0], True, 0, 0)
@@ -117,7 +123,7 @@ class Landmark:
         likely = [math.exp(one - self.evidence[0]) for one in self.evidence]
         return [one / sum(likely) for one in likely]
 
-    def watch(self, state: State, view: View, sight: Sight) -> State:
+    def watch(self, state: FilterState, view: CameraView, sight: Sighting) -> FilterState:
         """Take a view of one that is not used yet: it is estimated, and the robot is not."""
         found = [fits(view, [Pair(sight, key)], state)[0] for key in self.keys]
         best = max(found, key=lambda one: one.evidence)
@@ -133,7 +139,7 @@ class Landmark:
         self.decide(state)
         return state
 
-    def decide(self, state: State) -> None:
+    def decide(self, state: FilterState) -> None:
         """Drop readings that the views make unlikely, and those that have become one."""
         order = sorted(range(len(self.keys)), key=lambda n: -self.evidence[n])
         kept: list[int] = []
@@ -155,7 +161,7 @@ class Landmark:
         """Whether its views do not fit together."""
         return self.refused > 3 or self._surprise > _SURPRISE * math.sqrt(2 * self._numbers)
 
-    def _note(self, fit: Fit, view: View, state: State) -> None:
+    def _note(self, fit: Innovation, view: CameraView, state: FilterState) -> None:
         """Count a view."""
         self.seen += 1
         self.refused = 0
@@ -168,7 +174,7 @@ class Landmark:
         self._reach = max(self._reach, float(np.linalg.norm(camera - self._from_p)) / range_m)
 
     @staticmethod
-    def _are_same(state: State, one: str, other: str) -> bool:
+    def _are_same(state: FilterState, one: str, other: str) -> bool:
         a, b = state.indices([one, other])
         ahead = carried(state.landmarks_R[a], state.landmarks_p[a])
         back = np.linalg.inv(ahead)
@@ -182,7 +188,7 @@ class Landmark:
         return bool(np.trace(R) > 1 and off @ np.linalg.solve(spread, off) < _SAME)
 
 
-def begin(state: State, view: View, sight: Sight) -> Landmark:
+def begin(state: FilterState, view: CameraView, sight: Sighting) -> Landmark:
     """Put what is seen for the first time into a state, with each reading of its picture."""
     camera = camera_of(view, state.R, state.p)
     keys = [f"{sight.name}/{n}" for n, pose in enumerate(sight.poses) if pose.R is not None]
@@ -198,7 +204,7 @@ def begin(state: State, view: View, sight: Sight) -> Landmark:
     return landmark
 
 
-def seen_noise(pose: SeenPose, R: Floats, p: Floats) -> Floats:
+def seen_noise(pose: ObservedPose, R: Floats, p: Floats) -> Floats:
     """(6, 6) covariance of the twist in the map that a reading leaves between camera and landmark.
 
     Args:
@@ -209,7 +215,7 @@ def seen_noise(pose: SeenPose, R: Floats, p: Floats) -> Floats:
     return noise
 
 
-def told_covariance(state: State, key: str, common: Floats | float = 0.0) -> Floats:
+def told_covariance(state: FilterState, key: str, common: Floats | float = 0.0) -> Floats:
     """(6, 6) of a landmark, as messages have it: of its position, and of turns about itself.
 
     Args:

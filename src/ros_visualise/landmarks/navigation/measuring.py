@@ -10,8 +10,8 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.seen import turn_between
-from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.twists import cross
 
 SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
@@ -21,12 +21,12 @@ _NEAR = 1e-3  # of its distance, that a corner has to lie in front of the camera
 class Pair(NamedTuple):
     """A sight, and the key of the landmark in the state that it is of."""
 
-    sight: Sight
+    sight: Sighting
     key: str
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class LinearizedPair:
     """One pair, of k numbers, to first order.
 
     Attributes:
@@ -41,19 +41,19 @@ class Measured:
     noise: Floats
 
 
-class Camera(NamedTuple):
+class CameraPose(NamedTuple):
     """Where the camera is in the map: (3, 3) and (3,)."""
 
     R: Floats
     p: Floats
 
 
-def camera_of(view: View, R: Floats, p: Floats) -> Camera:
+def camera_of(view: CameraView, R: Floats, p: Floats) -> CameraPose:
     """The camera of a robot at a pose."""
-    return Camera(R @ view.R_base_camera, R @ view.p_base_camera + p)
+    return CameraPose(R @ view.R_base_camera, R @ view.p_base_camera + p)
 
 
-def measure(view: View, pairs: Sequence[Pair], state: State) -> list[Measured]:
+def measure(view: CameraView, pairs: Sequence[Pair], state: FilterState) -> list[LinearizedPair]:
     """What each pair says, by the state's estimates."""
     camera = camera_of(view, state.R, state.p)
     by_corners = [n for n, pair in enumerate(pairs) if pair.sight.has_corners]
@@ -65,7 +65,7 @@ def measure(view: View, pairs: Sequence[Pair], state: State) -> list[Measured]:
     return [found[n] for n in range(len(pairs))]
 
 
-def _corners(camera: Camera, pairs: Sequence[Pair], state: State) -> list[Measured]:
+def _corners(camera: CameraPose, pairs: Sequence[Pair], state: FilterState) -> list[LinearizedPair]:
     """Eight numbers each, in pixels; all tags at once."""
     if not pairs:
         return []
@@ -87,10 +87,12 @@ def _corners(camera: Camera, pairs: Sequence[Pair], state: State) -> list[Measur
     by_turn = -by_point @ cross(at)
     H = np.concatenate([by_point, by_turn], axis=-1).reshape(len(pairs), 8, 6)
     residual = np.where(hidden[..., None], np.nan, -offset).reshape(len(pairs), 8)
-    return [Measured(residual[n], H[n], -H[n], sight.noise_px2) for n, sight in enumerate(sights)]
+    return [
+        LinearizedPair(residual[n], H[n], -H[n], sight.noise_px2) for n, sight in enumerate(sights)
+    ]
 
 
-def _best_pose(camera: Camera, pair: Pair, state: State) -> Measured:
+def _best_pose(camera: CameraPose, pair: Pair, state: FilterState) -> LinearizedPair:
     """What that reading says that fits best by its own covariance."""
     (place,) = state.indices([pair.key])
     R, p, first = state.landmarks_R[place], state.landmarks_p[place], state.first_p[place]
@@ -98,7 +100,9 @@ def _best_pose(camera: Camera, pair: Pair, state: State) -> Measured:
     return min(several, key=lambda one: one.residual @ np.linalg.solve(one.noise, one.residual))
 
 
-def _pose(camera: Camera, pose: SeenPose, R: Floats, p: Floats, first: Floats) -> Measured:
+def _pose(
+    camera: CameraPose, pose: ObservedPose, R: Floats, p: Floats, first: Floats
+) -> LinearizedPair:
     """Six numbers of a pose, three of a place, or two of a direction."""
     back = camera.R.T
     away = back @ (p - camera.p)
@@ -107,20 +111,20 @@ def _pose(camera: Camera, pose: SeenPose, R: Floats, p: Floats, first: Floats) -
         H = np.zeros((6, 6))
         H[:3, :3] = H[3:, 3:] = back
         H[:3, 3:] = -back @ cross(p)
-        return Measured(np.concatenate([pose.t - away, turn]), H, -H, pose.covariance)
+        return LinearizedPair(np.concatenate([pose.t - away, turn]), H, -H, pose.covariance)
     # no turn of its own: it is where it is by the first estimate's Jacobian (`twists`)
     of_landmark, of_robot = np.zeros((3, 6)), np.zeros((3, 6))
     of_landmark[:, :3], of_robot[:, :3], of_robot[:, 3:] = back, -back, back @ cross(first)
     noise, residual = pose.covariance[:3, :3], pose.t - away
     if pose.has_range:
-        return Measured(residual, of_landmark, of_robot, noise)
+        return LinearizedPair(residual, of_landmark, of_robot, noise)
     first_away = back @ (first - camera.p)
     return _direction(pose, away, first_away, of_landmark, of_robot)
 
 
 def _direction(
-    pose: SeenPose, away: Floats, first_away: Floats, of_landmark: Floats, of_robot: Floats
-) -> Measured:
+    pose: ObservedPose, away: Floats, first_away: Floats, of_landmark: Floats, of_robot: Floats
+) -> LinearizedPair:
     """Two numbers: how far aside of where it is expected, as a part of its range.
 
     Jacobians know nothing of what was measured now, or they would be multiplied with its noise; nor
@@ -134,4 +138,4 @@ def _direction(
     seen, expected = (one / max(float(ahead @ one), 1e-6) for one in (ray, away))
     residual = across @ (seen - expected)
     project = across / range_m
-    return Measured(residual, project @ of_landmark, project @ of_robot, noise)
+    return LinearizedPair(residual, project @ of_landmark, project @ of_robot, noise)

@@ -14,7 +14,7 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import Pose, compose, inverse, to_matrix
 from ros_visualise.landmarks.localization.seen import turn_between
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import (
     BEFORE,
     CORE,
@@ -22,7 +22,7 @@ from ros_visualise.landmarks.navigation.robot import (
     SCALES,
     VELOCITY,
 )
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 
 _EYE = np.eye(3)
 GAP_NS = 250_000_000
@@ -34,7 +34,7 @@ _VAGUE_SPEED = 10.0  # m/s, where nothing tells it
 _LEEWAY = np.repeat([2e-3, 1e-3], 3)  # m and rad: an odometry jitters, and is rounded
 
 
-class Step(NamedTuple):
+class OdometryStep(NamedTuple):
     """A motion that the odometry tells.
 
     Attributes:
@@ -61,9 +61,11 @@ class Step(NamedTuple):
         return self.is_guess or self.to_ns - self.from_ns > GAP_NS
 
 
-def step_between(a: Pose, b: Pose, from_ns: int, to_ns: int, is_guess: bool = False) -> Step:
+def step_between(
+    a: Pose, b: Pose, from_ns: int, to_ns: int, is_guess: bool = False
+) -> OdometryStep:
     """The step from one pose in the odometry's frame to another."""
-    return Step(compose(inverse(a), b), from_ns, to_ns, up_of(b), is_guess)
+    return OdometryStep(compose(inverse(a), b), from_ns, to_ns, up_of(b), is_guess)
 
 
 def up_of(pose: Pose) -> Floats:
@@ -93,7 +95,7 @@ class OdometryNoise:
     still_m: float = 1e-3
     still_rad: float = 1e-4
 
-    def of(self, step: Step, up: Floats) -> tuple[float, Floats]:
+    def of(self, step: OdometryStep, up: Floats) -> tuple[float, Floats]:
         """Variance of a step's position, and covariance (3, 3) of its turn where up is so."""
         metres = math.sqrt(sum(x * x for x in step.motion[:3]))
         tilt = self.tilt_walk**2 * metres + _LEAST
@@ -102,7 +104,7 @@ class OdometryNoise:
         return self.walk**2 * metres + self.still_m**2 * step.seconds + _LEAST, turned
 
 
-def by_odometry(carried: Carried, step: Step, model: OdometryNoise) -> None:
+def by_odometry(carried: Propagation, step: OdometryStep, model: OdometryNoise) -> None:
     """Go on as the odometry tells."""
     robot = carried.robot
     T = to_matrix(step.motion)
@@ -127,7 +129,7 @@ def by_odometry(carried: Carried, step: Step, model: OdometryNoise) -> None:
     carried.robot = replace(robot, R=R, p=p, v=v)
 
 
-def check_odometry(carried: Carried, step: Step, model: OdometryNoise) -> bool:
+def check_odometry(carried: Propagation, step: OdometryStep, model: OdometryNoise) -> bool:
     """Compare a robot that something else carried on from the pose of before; whether it fits.
 
     Source: S. Roumeliotis, J. Burdick, Stochastic cloning: a generalized framework for processing
@@ -154,20 +156,22 @@ def check_odometry(carried: Carried, step: Step, model: OdometryNoise) -> bool:
     return carried.correct(residual, H, noise, _LEEWAY)
 
 
-def is_speed_known(carried: Carried) -> bool:
+def is_speed_known(carried: Propagation) -> bool:
     """Whether something told the robot's velocity, so that an IMU can carry it on."""
     return bool(carried.P[VELOCITY.start, VELOCITY.start] < _VAGUE_SPEED**2 / 2)
 
 
-def predict(state: State, steps: Iterable[Step], model: OdometryNoise) -> State:
+def predict(state: FilterState, steps: Iterable[OdometryStep], model: OdometryNoise) -> FilterState:
     """A state carried on by the odometry alone."""
-    carried = Carried(state)
+    carried = Propagation(state)
     for step in steps:
         by_odometry(carried, step, model)
     return carried.into(state, frozen=True)
 
 
-def begin(state: State, R: Floats, p: Floats, covariance: Floats, model: OdometryNoise) -> None:
+def begin(
+    state: FilterState, R: Floats, p: Floats, covariance: Floats, model: OdometryNoise
+) -> None:
     """Put the robot at a pose, with a covariance (6, 6) of its twist that nothing else shares.
 
     Only biases and what is known of GPS and gravity stay as they are.

@@ -17,17 +17,17 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.geometry.rigid import IDENTITY, Pose, to_matrix
 from ros_visualise.geometry.transforms import inverse
-from ros_visualise.landmarks.navigation.chart import Chart, Judged, Mode
-from ros_visualise.landmarks.navigation.inertial import Mounting
-from ros_visualise.landmarks.navigation.landmark import Known
-from ros_visualise.landmarks.navigation.motion import Step, begin, up_of
-from ros_visualise.landmarks.navigation.odometer import Odometer
-from ros_visualise.landmarks.navigation.past import Past
+from ros_visualise.landmarks.navigation.camera_view import CameraView
+from ros_visualise.landmarks.navigation.imu import ImuMounting
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark
+from ros_visualise.landmarks.navigation.landmark_map import ImageOutcome, LandmarkMap, MapMode
+from ros_visualise.landmarks.navigation.motion import OdometryStep, begin, up_of
+from ros_visualise.landmarks.navigation.odometer import OdometryBuffer
+from ros_visualise.landmarks.navigation.pose_search import PoseSearch, SearchPrior
 from ros_visualise.landmarks.navigation.robot import POSE, SCALES
-from ros_visualise.landmarks.navigation.search import Prior, Search
-from ros_visualise.landmarks.navigation.settings import Settings
-from ros_visualise.landmarks.navigation.sights import View
-from ros_visualise.landmarks.navigation.trail import Trail
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorBuffer
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
+from ros_visualise.landmarks.navigation.trail import PropagationTrail
 from ros_visualise.landmarks.navigation.twists import about_itself, about_origin
 
 log = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ _LOST_AFTER = 3  # images in a row that contradict all that is known
 
 
 @dataclass(frozen=True, eq=False)
-class Now:
+class RobotEstimate:
     """Where the robot is at the time of an odometry.
 
     ``covariance`` (6, 6) is of the position and of turns there, in the map; ``T_map_odom`` (4, 4)
@@ -73,8 +73,8 @@ class Navigator:
 
     def __init__(
         self,
-        settings: Settings,
-        known: Mapping[str, Known] | None = None,
+        settings: NavigatorSettings,
+        known: Mapping[str, KnownLandmark] | None = None,
         start: Pose = IDENTITY,
         common: Floats | None = None,
     ) -> None:
@@ -86,14 +86,14 @@ class Navigator:
     def reset(self) -> None:
         """Begin anew: time has jumped."""
         self.state = self.settings.unknown()
-        self.chart = Chart(self.settings.rules, self._known)
-        self.judged = Judged()
+        self.chart = LandmarkMap(self.settings.rules, self._known)
+        self.judged = ImageOutcome()
         self.is_located = False
         self.trouble = "not located yet: one tag of the map in three images is needed"
-        self.past = Past(self.settings.noise)
-        self._search = Search()
-        self._trail = Trail(self.past, self.state)
-        self._waiting: list[tuple[int, int, View]] = []
+        self.past = SensorBuffer(self.settings.noise)
+        self._search = PoseSearch()
+        self._trail = PropagationTrail(self.past, self.state)
+        self._waiting: list[tuple[int, int, CameraView]] = []
         self._count = self._contradicted = self.at_ns = 0
         self._has_pose = self.has_news = False
         self._last_print: bytes = b""
@@ -103,11 +103,11 @@ class Navigator:
         """Tags that tell so far where it may be, while it looks for that."""
         return self._search.names
 
-    def configure(self, settings: Settings) -> None:
+    def configure(self, settings: NavigatorSettings) -> None:
         """Go on with other settings."""
         self.settings, self.past.noise = settings, settings.noise
 
-    def odometry(self, stamp_ns: int, pose: Pose) -> Now | None:
+    def odometry(self, stamp_ns: int, pose: Pose) -> RobotEstimate | None:
         """Go on by an odometry, T_odom_base; None while nothing is known of where the robot is."""
         newest_ns = self.past.odometer.newest_ns
         if newest_ns is not None and stamp_ns <= newest_ns:
@@ -126,17 +126,17 @@ class Navigator:
         self._keep_up(stamp_ns)
         return self._now(stamp_ns) if self._has_pose else None
 
-    def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> None:
+    def imu(self, stamp_ns: int, rates: Floats, force: Floats, mounting: ImuMounting) -> None:
         """Take rates (3,) in rad/s and specific force (3,) in m/s^2, in the IMU's axes."""
         self.past.imu.add(stamp_ns, rates, force, mounting)
 
     def fix(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> None:
-        """Take a fix of GPS, as `ros_visualise.landmarks.navigation.satellites` has it."""
+        """Take a fix of GPS, as `ros_visualise.landmarks.navigation.gps` has it."""
         is_new = self.past.gps.add(stamp_ns, geodetic, covariance, arm)
         if is_new and self.is_located and self.past.gps.place(self.state, self._trail.newest):
             self._retrace()
 
-    def see(self, view: View) -> bool:
+    def see(self, view: CameraView) -> bool:
         """Take an image; whether it was put in by now, else it is as soon as its odometry comes."""
         self._count += 1
         insort(self._waiting, (view.stamp_ns, self._count, view))
@@ -148,7 +148,7 @@ class Navigator:
     def _begin(self, stamp_ns: int, pose: Pose) -> None:
         """Where a map is begun, the odometry's frame is known in it, but for how level it is."""
         self.at_ns = stamp_ns
-        if self.settings.rules.mode is Mode.BUILD:
+        if self.settings.rules.mode is MapMode.BUILD:
             T = to_matrix(self._start) @ to_matrix(pose)
             tilt = np.diag([0, 0, 0, 1, 1, 0]) * self.settings.level_rad**2
             change = about_origin(to_matrix(self._start)[:3, 3])
@@ -165,7 +165,7 @@ class Navigator:
         self._contradicted = 0
         self._search.clear()
 
-    def _is_jump(self, step: Step) -> bool:
+    def _is_jump(self, step: OdometryStep) -> bool:
         """Whether no robot is so fast; an IMU tells better how it went."""
         is_fast = np.hypot(*step.motion[:2]) > self.settings.fastest * max(step.seconds, 0.02)
         return bool(is_fast) and not (self.is_located and self.past.has_imu(step))
@@ -175,7 +175,7 @@ class Navigator:
         self._work()
         robot = self._trail.newest.robot
         self.state.robot = replace(self.state.robot, R=robot.R, p=robot.p)
-        self.past.odometer = Odometer()
+        self.past.odometer = OdometryBuffer()
         self.past.odometer.add(stamp_ns, pose)
         self.at_ns = stamp_ns
         self._trail.restart(self.state, stamp_ns)
@@ -189,7 +189,7 @@ class Navigator:
         self.counts["losses"] += 1
         log.warning("%s", self.trouble)
 
-    def _go_on(self, step: Step) -> None:
+    def _go_on(self, step: OdometryStep) -> None:
         """Go on by the newest odometry."""
         was_refused = self.past.is_imu_refused
         self._trail.add(step, self.is_located)
@@ -207,13 +207,16 @@ class Navigator:
             self._retrace()
         return worked
 
-    def _put_in(self, view: View) -> bool:
+    def _put_in(self, view: CameraView) -> bool:
         self.counts["images"] += 1
         is_same = bool(view.sights) and view.print == self._last_print
         if view.stamp_ns < self.at_ns or is_same:
             self.counts["frozen" if is_same else "late"] += 1
             if is_same:
-                self.judged, self.has_news = Judged.same(one.name for one in view.sights), True
+                self.judged, self.has_news = (
+                    ImageOutcome.same(one.name for one in view.sights),
+                    True,
+                )
             return is_same
         self._last_print = view.print
         self._advance(view.stamp_ns)
@@ -222,7 +225,7 @@ class Navigator:
             self.state, self.judged = self.chart.take(self.state, view)
             self._doubt(view)
         else:
-            self.judged = Judged(refused=dict(view.left_out))
+            self.judged = ImageOutcome(refused=dict(view.left_out))
             self._search.look(view, self.chart.map_of(self.state), self._prior(view))
             self._recover(1 if not self._has_pose else 2)
             if self.trouble and view.sights:
@@ -230,7 +233,7 @@ class Navigator:
         self._trail.restart(self.state, self.at_ns)
         return True
 
-    def _doubt(self, view: View) -> None:
+    def _doubt(self, view: CameraView) -> None:
         """Look for another place while all that is seen of the map contradicts this one."""
         if self.judged.used:
             self._contradicted = 0
@@ -256,13 +259,13 @@ class Navigator:
         self._stand(found.R, found.p, found.covariance[POSE, POSE])
         self.state.robot = replace(self.state.robot, scales=found.robot.scales)
         self.state.covariance[SCALES, SCALES] = found.covariance[SCALES, SCALES]
-        self.judged = Judged(used=[])
+        self.judged = ImageOutcome(used=[])
         self._locate()
 
-    def _prior(self, view: View) -> Prior:
+    def _prior(self, view: CameraView) -> SearchPrior:
         """What is known of any place where the robot may be at an image."""
         up = up_of(self.past.odometer.at(view.stamp_ns))
-        return Prior(up, self.settings.level_rad, self.settings.noise.odometry)
+        return SearchPrior(up, self.settings.level_rad, self.settings.noise.odometry)
 
     def _advance(self, stamp_ns: int) -> None:
         """Carry the state on to a time."""
@@ -289,7 +292,7 @@ class Navigator:
         if newest_ns is not None:
             self._trail.catch_up(newest_ns, self.is_located)
 
-    def _now(self, stamp_ns: int) -> Now:
+    def _now(self, stamp_ns: int) -> RobotEstimate:
         now = self._trail.newest
         robot = now.robot
         T = np.eye(4)
@@ -297,4 +300,4 @@ class Navigator:
         change = about_itself(robot.p)
         covariance = change @ (now.P[POSE, POSE] + self.common) @ change.T
         T_map_odom = T @ inverse(to_matrix(self.past.odometer.newest))
-        return Now(stamp_ns, T, T_map_odom, covariance, self.is_located)
+        return RobotEstimate(stamp_ns, T, T_map_odom, covariance, self.is_located)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 
 from ros_visualise.geometry.rigid import Pose, interpolate
-from ros_visualise.landmarks.navigation.motion import GAP_NS, Step, step_between
+from ros_visualise.landmarks.navigation.motion import GAP_NS, OdometryStep, step_between
 
 
-class Odometer:
+class OdometryBuffer:
     """Poses of the robot in the odometry's frame, by time."""
 
     def __init__(self) -> None:
@@ -30,7 +30,7 @@ class Odometer:
         """The time from which on poses are known."""
         return self._stamps_ns[0] if self._stamps_ns else None
 
-    def add(self, stamp_ns: int, pose: Pose) -> Step | None:
+    def add(self, stamp_ns: int, pose: Pose) -> OdometryStep | None:
         """Take a pose that is newer than all others; the motion to it from the last one."""
         step = None
         if self._stamps_ns:
@@ -48,7 +48,7 @@ class Odometer:
         part = (stamp_ns - start) / (end - start)
         return interpolate(self._poses[after - 1], self._poses[after], part)
 
-    def steps(self, from_ns: int, to_ns: int) -> list[Step]:
+    def steps(self, from_ns: int, to_ns: int) -> list[OdometryStep]:
         """The motions from one time to another."""
         inner = slice(bisect_right(self._stamps_ns, from_ns), bisect_left(self._stamps_ns, to_ns))
         stamps = [from_ns, *self._stamps_ns[inner], to_ns]

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import param
 from ros_visualise.landmarks.map_params import MapParams
-from ros_visualise.landmarks.navigation.chart import Mode, Rules
-from ros_visualise.landmarks.navigation.inertial import ImuNoise
+from ros_visualise.landmarks.navigation.gps import GpsNoise
+from ros_visualise.landmarks.navigation.imu import ImuNoise
+from ros_visualise.landmarks.navigation.landmark_map import MapMode, MapRules
 from ros_visualise.landmarks.navigation.motion import OdometryNoise
-from ros_visualise.landmarks.navigation.past import Noise
-from ros_visualise.landmarks.navigation.points import Plane
-from ros_visualise.landmarks.navigation.satellites import GpsNoise
-from ros_visualise.landmarks.navigation.settings import Settings
+from ros_visualise.landmarks.navigation.points import GroundPlane
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorNoise
+from ros_visualise.landmarks.navigation.settings import NavigatorSettings
 
 
 @dataclass(frozen=True)
-class OdometryParams:
+class OdometryErrorParams:
     """What the odometry does wrong."""
 
     odom_scale: float = param(
@@ -90,7 +90,7 @@ class OdometryParams:
 
 
 @dataclass(frozen=True)
-class ImuParams:
+class ImuErrorParams:
     """What an IMU does wrong."""
 
     imu: bool = param(
@@ -127,7 +127,7 @@ class ImuParams:
 
 
 @dataclass(frozen=True)
-class GpsParams:
+class GpsErrorParams:
     """What GPS does wrong."""
 
     gps: bool = param(True, "use GPS, if there is one", group="gps")
@@ -186,11 +186,11 @@ class GpsParams:
 
 
 @dataclass(frozen=True)
-class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
+class NavigatorParams(MapParams, GpsErrorParams, ImuErrorParams, OdometryErrorParams):
     """Parameters of `LandmarkNavigator`."""
 
-    mode: Mode = param(
-        Mode.BUILD,
+    mode: MapMode = param(
+        MapMode.BUILD,
         "what happens to the map: build a new one, extend the given one, or leave it as "
         "it is (frozen)",
     )
@@ -227,7 +227,7 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
         group="camera",
     )
 
-    def settings(self) -> Settings:
+    def settings(self) -> NavigatorSettings:
         """The same, in the units of the filter."""
         odometry = OdometryNoise(
             self.odom_scale,
@@ -246,10 +246,10 @@ class NavigatorParams(MapParams, GpsParams, ImuParams, OdometryParams):
             self.accel_walk,
         )
         gps = GpsNoise(self.gps_sigma, self.gps_slow, self.gps_time, self.origin)
-        plane = Plane(self.ground_height, self.ground_sigma) if self.ground else None
-        return Settings(
-            Rules(self.mode, self.min_sightings, self.min_parallax, plane),
-            Noise(odometry, imu, gps),
+        plane = GroundPlane(self.ground_height, self.ground_sigma) if self.ground else None
+        return NavigatorSettings(
+            MapRules(self.mode, self.min_sightings, self.min_parallax, plane),
+            SensorNoise(odometry, imu, gps),
             math.radians(self.level_sigma),
             self.delay,
             self.max_speed,

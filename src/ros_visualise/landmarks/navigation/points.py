@@ -15,12 +15,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.estimate import GATES
-from ros_visualise.landmarks.navigation.landmark import Known, Landmark
-from ros_visualise.landmarks.navigation.measuring import Camera, Pair, camera_of
-from ros_visualise.landmarks.navigation.sights import Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.camera_view import CameraView, Sighting
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark, Landmark
+from ros_visualise.landmarks.navigation.measuring import CameraPose, Pair, camera_of
+from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.twists import cross
-from ros_visualise.landmarks.navigation.updating import Fit, fits, stand_on
+from ros_visualise.landmarks.navigation.updating import Innovation, fits, stand_on
 
 _FLAT = 0.09  # sine of the angle below which a ray meets the ground nowhere in particular
 _VAGUE = 0.5  # standard deviation along the ray before the ground tells it, as part of the range
@@ -28,14 +28,14 @@ _NEAR = 0.2  # rad; what is so far from a known one is not it
 _CLOSE = 25.0  # times as far as the gate: it may still be that one, and is no new one
 
 
-class Plane(NamedTuple):
+class GroundPlane(NamedTuple):
     """The ground in the map: its height in metres, and the standard deviation of that."""
 
     height_m: float
     sigma_m: float
 
 
-def nearby(known: Known, view: View, camera: Camera) -> bool:
+def nearby(known: KnownLandmark, view: CameraView, camera: CameraPose) -> bool:
     """Whether a point of a map may be one of those that are seen."""
     away = camera.R.T @ (known.p - camera.p)
     cosines = [
@@ -47,17 +47,17 @@ def nearby(known: Known, view: View, camera: Camera) -> bool:
     return any(one > np.cos(_NEAR) for one in cosines)
 
 
-class Match(NamedTuple):
+class PointMatch(NamedTuple):
     """A sight and what it is taken for: None for a new one, or a reason why it is unclear."""
 
-    sight: Sight
+    sight: Sighting
     landmark: Landmark | None
     why: str = ""
 
 
 def match(
-    state: State, view: View, sights: Sequence[Sight], landmarks: Sequence[Landmark]
-) -> list[Match]:
+    state: FilterState, view: CameraView, sights: Sequence[Sighting], landmarks: Sequence[Landmark]
+) -> list[PointMatch]:
     """Which points are seen: each at most once, and only where no other one may be meant."""
     found = [_closest(state, view, sight, landmarks) for sight in sights]
     names = [one.landmark.name for one in found if one.landmark]
@@ -69,7 +69,9 @@ def match(
     ]
 
 
-def begin(state: State, view: View, sight: Sight, name: str, plane: Plane) -> Landmark | None:
+def begin(
+    state: FilterState, view: CameraView, sight: Sighting, name: str, plane: GroundPlane
+) -> Landmark | None:
     """Put a point that is new into a state; None where its ray does not meet the ground."""
     camera = camera_of(view, state.R, state.p)
     seen = sight.poses[0]
@@ -85,25 +87,27 @@ def begin(state: State, view: View, sight: Sight, name: str, plane: Plane) -> La
     return Landmark.first(sight, name, [name], [0.0], view, camera.p)
 
 
-def _closest(state: State, view: View, sight: Sight, landmarks: Sequence[Landmark]) -> Match:
+def _closest(
+    state: FilterState, view: CameraView, sight: Sighting, landmarks: Sequence[Landmark]
+) -> PointMatch:
     several = [one for one in landmarks if one.kind == sight.name]
     compared = fits(view, [Pair(sight, one.key) for one in several], state)
     ranked = sorted(zip(compared, several, strict=True), key=lambda one: one[0].distance2)
     inside = [one for fit, one in ranked if fit.is_inlier]
     if len(inside) > 1:
-        return Match(sight, None, f"may be {inside[0].name} or {inside[1].name}")
+        return PointMatch(sight, None, f"may be {inside[0].name} or {inside[1].name}")
     if inside:
-        return Match(sight, inside[0])
+        return PointMatch(sight, inside[0])
     if ranked and _is_close(ranked[0][0]):
-        return Match(sight, None, f"is not where {ranked[0][1].name} is")
-    return Match(sight, None)
+        return PointMatch(sight, None, f"is not where {ranked[0][1].name} is")
+    return PointMatch(sight, None)
 
 
-def _is_close(fit: Fit) -> bool:
+def _is_close(fit: Innovation) -> bool:
     return fit.distance2 < _CLOSE * GATES[fit.size]
 
 
-def _spread(camera: Camera, seen: Floats, t: Floats, ray: Floats, range_m: float) -> Floats:
+def _spread(camera: CameraPose, seen: Floats, t: Floats, ray: Floats, range_m: float) -> Floats:
     """(6, 6) covariance that a direction leaves between camera and point; no turn."""
     across = np.eye(3) - np.multiply.outer(ray, ray)
     lateral = across @ camera.R @ seen[:3, :3] @ camera.R.T @ across

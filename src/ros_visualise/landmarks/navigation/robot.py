@@ -37,7 +37,7 @@ def _zeros() -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Robot:
+class RobotState:
     """The robot at one time.
 
     Attributes:
@@ -64,11 +64,11 @@ class Robot:
     datum_R: Floats = field(default_factory=lambda: np.eye(3))
     datum_p: Floats = field(default_factory=_zeros)
 
-    def standing(self) -> Robot:
+    def standing(self) -> RobotState:
         """The same; its pose of before is that of now."""
         return replace(self, before_R=self.R, before_p=self.p)
 
-    def moved(self, error: Floats) -> Robot:
+    def moved(self, error: Floats) -> RobotState:
         """The same, away by an error (CORE,)."""
         several = np.zeros((4, 6))
         several[0], several[1] = error[POSE], error[BEFORE]

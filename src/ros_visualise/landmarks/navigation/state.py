@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.robot import CORE, POSE, Robot
+from ros_visualise.landmarks.navigation.robot import CORE, POSE, RobotState
 
 PER_LANDMARK = 6
 
@@ -24,7 +24,7 @@ Indices = npt.NDArray[np.intp]
 
 
 @dataclass
-class State:
+class FilterState:
     """The estimate at one time.
 
     Attributes:
@@ -35,7 +35,7 @@ class State:
         first_p: (L, 3) where they were first believed to be.
     """
 
-    robot: Robot = field(default_factory=Robot)
+    robot: RobotState = field(default_factory=RobotState)
     covariance: Floats = field(default_factory=lambda: np.zeros((CORE, CORE)))
     keys: list[str] = field(default_factory=list)
     landmarks_R: Floats = field(default_factory=lambda: np.zeros((0, 3, 3)))
@@ -43,7 +43,7 @@ class State:
     first_p: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
     @property
-    def R(self) -> Floats:  # noqa: N802 (as in `Robot`)
+    def R(self) -> Floats:  # noqa: N802 (as in `RobotState`)
         """(3, 3) the robot's attitude in the map."""
         return self.robot.R
 
@@ -96,12 +96,14 @@ class State:
         self.landmarks_p = np.delete(self.landmarks_p, number, axis=0)
         self.first_p = np.delete(self.first_p, number, axis=0)
 
-    def moved(self, error: Floats) -> State:
+    def moved(self, error: Floats) -> FilterState:
         """The same with other estimates, away by an error (n,); the covariance is as it was."""
         robot = self.robot.moved(error[:CORE])
         return self.with_robot(robot, self.covariance, error[CORE:])
 
-    def with_robot(self, robot: Robot, covariance: Floats, error: Floats | None) -> State:
+    def with_robot(
+        self, robot: RobotState, covariance: Floats, error: Floats | None
+    ) -> FilterState:
         """The same with another robot and covariance, and landmarks away by an error."""
         new = replace(self, robot=robot, covariance=covariance)
         if error is not None and len(self.keys):

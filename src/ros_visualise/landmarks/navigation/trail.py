@@ -4,29 +4,29 @@ from __future__ import annotations
 
 from bisect import bisect_right
 
-from ros_visualise.landmarks.navigation.carried import Carried
-from ros_visualise.landmarks.navigation.motion import Step
-from ros_visualise.landmarks.navigation.past import Past
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.motion import OdometryStep
+from ros_visualise.landmarks.navigation.propagation import Propagation
+from ros_visualise.landmarks.navigation.sensor_buffer import SensorBuffer
+from ros_visualise.landmarks.navigation.state import FilterState
 
 
-class Trail:
+class PropagationTrail:
     """What follows from a state by what was measured since, and nothing of which is done twice."""
 
-    def __init__(self, past: Past, state: State, stamp_ns: int = 0) -> None:
+    def __init__(self, past: SensorBuffer, state: FilterState, stamp_ns: int = 0) -> None:
         self._past = past
         self.restart(state, stamp_ns)
 
-    def restart(self, state: State, stamp_ns: int) -> None:
+    def restart(self, state: FilterState, stamp_ns: int) -> None:
         """Begin at another state, or at what was made of it."""
-        self._stamps_ns, self._several = [stamp_ns], [Carried(state)]
+        self._stamps_ns, self._several = [stamp_ns], [Propagation(state)]
 
     @property
-    def newest(self) -> Carried:
+    def newest(self) -> Propagation:
         """The robot now."""
         return self._several[-1]
 
-    def add(self, step: Step, is_located: bool) -> None:
+    def add(self, step: OdometryStep, is_located: bool) -> None:
         """Go on by an odometry that has just come."""
         new = self.newest.copy()
         self._past.newest(new, step, is_located)
@@ -39,7 +39,7 @@ class Trail:
             self._past.go(new, step, is_located)
             self._append(step, new)
 
-    def at(self, stamp_ns: int, is_located: bool) -> Carried:
+    def at(self, stamp_ns: int, is_located: bool) -> Propagation:
         """The robot at a time after the state."""
         place = bisect_right(self._stamps_ns, stamp_ns) - 1
         found = self._several[place].copy()
@@ -47,6 +47,6 @@ class Trail:
             self._past.go(found, step, is_located)
         return found
 
-    def _append(self, step: Step, new: Carried) -> None:
+    def _append(self, step: OdometryStep, new: Propagation) -> None:
         self._stamps_ns.append(step.to_ns)
         self._several.append(new)

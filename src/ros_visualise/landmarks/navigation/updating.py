@@ -10,10 +10,10 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.estimate import GATES
-from ros_visualise.landmarks.navigation.measuring import Measured, Pair, measure
+from ros_visualise.landmarks.navigation.camera_view import CameraView
+from ros_visualise.landmarks.navigation.measuring import LinearizedPair, Pair, measure
 from ros_visualise.landmarks.navigation.robot import CORE, POSE
-from ros_visualise.landmarks.navigation.sights import View
-from ros_visualise.landmarks.navigation.state import PER_LANDMARK, State
+from ros_visualise.landmarks.navigation.state import PER_LANDMARK, FilterState
 
 _ROUNDS = 3  # of linearisation
 _CONVERGED = 0.02  # of the deviation of before, that a round may still change
@@ -22,7 +22,7 @@ _HUBER = 2.5  # deviations of a corner from which on it counts less
 _BEHIND = 1e6  # squared distance of what cannot be seen at all
 
 
-class Fit(NamedTuple):
+class Innovation(NamedTuple):
     """How well a sight fits to the state: squared Mahalanobis distance of ``size`` numbers.
 
     ``evidence`` is the logarithm of its likelihood, up to what its noise alone makes.
@@ -38,7 +38,7 @@ class Fit(NamedTuple):
         return self.distance2 < GATES[self.size]
 
 
-def fits(view: View, pairs: Sequence[Pair], state: State) -> list[Fit]:
+def fits(view: CameraView, pairs: Sequence[Pair], state: FilterState) -> list[Innovation]:
     """How well each pair fits, one by one."""
     return [
         _fit(one, _columns([pair], state), state)
@@ -46,7 +46,9 @@ def fits(view: View, pairs: Sequence[Pair], state: State) -> list[Fit]:
     ]
 
 
-def update(state: State, view: View, pairs: Sequence[Pair], free: Sequence[slice]) -> State:
+def update(
+    state: FilterState, view: CameraView, pairs: Sequence[Pair], free: Sequence[slice]
+) -> FilterState:
     """The state with the sights of an image.
 
     Only ``free`` rows are corrected; the others are considered: their errors count, and what is
@@ -85,7 +87,7 @@ def update(state: State, view: View, pairs: Sequence[Pair], free: Sequence[slice
     return moved
 
 
-def level(state: State, up: Floats, sigma: float) -> tuple[State, Fit]:
+def level(state: FilterState, up: Floats, sigma: float) -> tuple[FilterState, Innovation]:
     """The robot's pose corrected by that the odometry knows which way is up.
 
     Args:
@@ -112,7 +114,7 @@ def level(state: State, up: Floats, sigma: float) -> tuple[State, Fit]:
     return moved, first
 
 
-def stand_on(state: State, key: str, height_m: float, sigma_m: float) -> None:
+def stand_on(state: FilterState, key: str, height_m: float, sigma_m: float) -> None:
     """A landmark stands on the ground: the height of that corrects all that it hangs together with.
 
     So it counts once for each landmark.
@@ -126,29 +128,29 @@ def stand_on(state: State, key: str, height_m: float, sigma_m: float) -> None:
     state.covariance = P - np.multiply.outer(gain, P[row])
 
 
-def _columns(pairs: Sequence[Pair], state: State) -> npt.NDArray[np.intp]:
+def _columns(pairs: Sequence[Pair], state: FilterState) -> npt.NDArray[np.intp]:
     """The states that pairs depend on: the robot's pose, and their landmarks."""
     starts = CORE + PER_LANDMARK * state.indices([pair.key for pair in pairs])
     landmarks = (starts[:, None] + np.arange(PER_LANDMARK)).ravel()
     return np.concatenate([np.arange(POSE.stop), landmarks])
 
 
-def _fit(one: Measured, columns: npt.NDArray[np.intp], state: State) -> Fit:
+def _fit(one: LinearizedPair, columns: npt.NDArray[np.intp], state: FilterState) -> Innovation:
     if not np.isfinite(one.residual).all():
-        return Fit(_BEHIND, len(one.residual), -_BEHIND)
+        return Innovation(_BEHIND, len(one.residual), -_BEHIND)
     H = np.hstack([one.of_robot, one.of_landmark])
     spread = H @ state.covariance[np.ix_(columns, columns)] @ H.T + one.noise
     return _compared(one.residual, spread, one.noise)
 
 
-def _compared(residual: Floats, spread: Floats, noise: Floats, beyond: float = 0.0) -> Fit:
+def _compared(residual: Floats, spread: Floats, noise: Floats, beyond: float = 0.0) -> Innovation:
     distance2 = float(residual @ np.linalg.solve(spread, residual)) + beyond
     volume = float(np.linalg.slogdet(noise)[1] - np.linalg.slogdet(spread)[1])
-    return Fit(distance2, len(residual), (volume - distance2) / 2)
+    return Innovation(distance2, len(residual), (volume - distance2) / 2)
 
 
 def _stacked(
-    several: Sequence[Measured], columns: npt.NDArray[np.intp], robust: bool
+    several: Sequence[LinearizedPair], columns: npt.NDArray[np.intp], robust: bool
 ) -> tuple[Floats, Floats, Floats]:
     """Residual (m,), its dependence (m, columns) and noise (m, m) of all pairs of an image."""
     total = sum(len(one.residual) for one in several)
@@ -165,7 +167,7 @@ def _stacked(
     return np.concatenate([one.residual for one in several]), H, noise
 
 
-def _doubt(one: Measured) -> Floats:
+def _doubt(one: LinearizedPair) -> Floats:
     """(k,) by how much the deviation of each number is raised: of corners that fit badly."""
     if len(one.residual) != 8:
         return np.ones(len(one.residual))

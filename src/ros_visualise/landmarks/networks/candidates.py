@@ -47,7 +47,7 @@ class Candidates:
 
 
 @dataclass(frozen=True)
-class Choice:
+class SelectionRules:
     """What of the candidates counts as found.
 
     Of two of a class whose boxes overlap by more than ``max_overlap`` (intersection over union) the
@@ -61,7 +61,7 @@ class Choice:
     classes: frozenset[int] | None = None
 
 
-def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candidates:
+def choose(candidates: Candidates, choice: SelectionRules, overlapping: bool) -> Candidates:
     """The best ones, the best first; what has no number, no area or a score of 0 is none.
 
     Args:
@@ -85,7 +85,7 @@ def choose(candidates: Candidates, choice: Choice, overlapping: bool) -> Candida
     return candidates.take(np.arange(min(len(candidates), choice.most)))
 
 
-def _without_overlaps(candidates: Candidates, choice: Choice) -> npt.NDArray[np.intp]:
+def _without_overlaps(candidates: Candidates, choice: SelectionRules) -> npt.NDArray[np.intp]:
     """The numbers of those that no better one of their class covers; the best come first."""
     boxes = candidates.boxes_xyxy.astype(np.float64)
     # each class lies in a place of its own, so that one search does for all

@@ -13,7 +13,7 @@ from ros_visualise.landmarks.networks.bearings import Bearing, bearings
 from ros_visualise.landmarks.networks.candidates import Candidates
 
 
-class Place(Enum):
+class GroundPoint(Enum):
     """Where a box stands on the ground."""
 
     BOTTOM = "bottom"
@@ -21,27 +21,27 @@ class Place(Enum):
 
 
 @dataclass(frozen=True)
-class Stand:
+class GroundPointRule:
     """Where things stand of which a network tells nothing but a box.
 
     A box does not say it: ``place`` is assumed, and to be off by ``share`` of its width and height,
     as a standard deviation.
     """
 
-    place: Place = Place.BOTTOM
+    place: GroundPoint = GroundPoint.BOTTOM
     share: float = 0.1
 
     def of(self, boxes_xyxy: Floats) -> tuple[Floats, Floats]:
         """The points (N, 2) of boxes (N, 4), and their covariances (N, 2, 2)."""
         size = boxes_xyxy[:, 2:] - boxes_xyxy[:, :2]
         points = boxes_xyxy[:, :2] + size / 2
-        if self.place is Place.BOTTOM:
+        if self.place is GroundPoint.BOTTOM:
             points[:, 1] = boxes_xyxy[:, 3]
         return points, (self.share * size[:, :, None]) ** 2 * np.eye(2)
 
 
 def to_detections(
-    found: Candidates, names: Mapping[int, str], stand: Stand, info: CameraInfo | None
+    found: Candidates, names: Mapping[int, str], stand: GroundPointRule, info: CameraInfo | None
 ) -> tuple[Detection, ...]:
     """Each thing as a detection with one hypothesis: class, score and, calibrated, a bearing.
 

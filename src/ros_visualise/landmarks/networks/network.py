@@ -11,18 +11,18 @@ import numpy as np
 from ros_visualise.core.errors import OpenError, RosVisualiseError
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.networks import layouts
-from ros_visualise.landmarks.networks.candidates import Candidates, Choice, choose
-from ros_visualise.landmarks.networks.layouts import Layout, Signature
+from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules, choose
+from ros_visualise.landmarks.networks.layouts import OutputLayout, Signature
 from ros_visualise.landmarks.networks.layouts.layout import MIN_SCORE_INPUT, SIZES_INPUT
 from ros_visualise.landmarks.networks.names import names_in
-from ros_visualise.landmarks.networks.preparation import CELL, Fit, Size, fitting_size, prepare
-from ros_visualise.landmarks.networks.session import Port, Provider, Session
+from ros_visualise.landmarks.networks.preparation import CELL, Resizing, Size, fitting_size, prepare
+from ros_visualise.landmarks.networks.session import OnnxSession, Provider, TensorPort
 
 _TYPES: dict[str, np.dtype[Any]] = {
     "tensor(float)": np.dtype(np.float32),
     "tensor(float16)": np.dtype(np.float16),
 }
-_MIN_SCORE = Port(MIN_SCORE_INPUT, "tensor(float)", (1,))
+_MIN_SCORE = TensorPort(MIN_SCORE_INPUT, "tensor(float)", (1,))
 _USUAL_SIDE = 640
 _LARGEST_SIDE = 8192
 _MOST_OF_EACH = 6  # inputs or outputs that are told of
@@ -48,12 +48,14 @@ class Network:
     def __init__(
         self, path: str, provider: Provider = Provider.CPU, threads: int = 1, longest: int = 0
     ) -> None:
-        self._session = Session(path, provider, threads)
+        self._session = OnnxSession(path, provider, threads)
         self._image, self._dtype, self._fixed = _image_input(self._session)
         self.names = names_in(self._session.metadata)
         self._longest = longest or _side_in(self._session.metadata)
         self._cell = max(CELL, _numbers_in(self._session.metadata.get("stride", ""))[0])
-        self._blob = self._blob_of(fitting_size((1, 1), self._longest, Fit.STRETCH, self._cell))
+        self._blob = self._blob_of(
+            fitting_size((1, 1), self._longest, Resizing.STRETCH, self._cell)
+        )
         self.layout, self._outputs = self._recognise()
 
     @property
@@ -61,7 +63,7 @@ class Network:
         """What the file says of itself."""
         return self._session.metadata
 
-    def detect(self, pixels: Pixels, order: str, choice: Choice) -> Candidates:
+    def detect(self, pixels: Pixels, order: str, choice: SelectionRules) -> Candidates:
         """Find things in an image.
 
         Args:
@@ -106,7 +108,7 @@ class Network:
         outputs = zip(names, self._session.run(inputs, names), strict=True)
         return {name: _as_float32(output) for name, output in outputs}
 
-    def _recognise(self) -> tuple[Layout, list[str]]:
+    def _recognise(self) -> tuple[OutputLayout, list[str]]:
         names = [one.name for one in self._session.outputs]
         try:
             outputs = self._run(names)
@@ -131,7 +133,7 @@ def _size_of(blob: Floats) -> Size:
     return blob.shape[3], blob.shape[2]
 
 
-def _image_input(session: Session) -> tuple[str, np.dtype[Any], tuple[int, int]]:
+def _image_input(session: OnnxSession) -> tuple[str, np.dtype[Any], tuple[int, int]]:
     """Name and type of the input for images; its width and height, 0 where they are free."""
     others = [one for one in session.inputs if one.name != SIZES_INPUT]
     if len(others) == 1 and len(others[0].shape) == 4 and others[0].type in _TYPES:
@@ -162,7 +164,7 @@ def _numbers_in(text: str) -> list[int]:
     return [number for number in found if number <= _LARGEST_SIDE] or [0]
 
 
-def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:
+def _not_understood(session: OnnxSession, outputs: Mapping[str, Any]) -> str:
     inputs = _listed(session.inputs, [one.shape for one in session.inputs])
     came = _listed(session.outputs, [outputs[one.name].shape for one in session.outputs])
     task = session.metadata.get("task", "detect")
@@ -171,7 +173,7 @@ def _not_understood(session: Session, outputs: Mapping[str, Any]) -> str:
     return f"{session.path}: a network{of} of {inputs} to {came}; what is understood is {known}"
 
 
-def _listed(arrays: Sequence[Port], shapes: list[Sequence[Any]]) -> str:
+def _listed(arrays: Sequence[TensorPort], shapes: list[Sequence[Any]]) -> str:
     words = [f"{a.name[:40]} {str(list(s))[:60]}" for a, s in zip(arrays, shapes, strict=True)]
     told = ["".join(c for c in word if c.isprintable()) for word in words]
     more = ["..."] if len(told) > _MOST_OF_EACH else []

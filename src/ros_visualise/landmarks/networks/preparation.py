@@ -31,7 +31,7 @@ CELL = 32
 """Sides that are free are multiples of it: of the coarsest cells of most networks."""
 
 
-class Fit(Enum):
+class Resizing(Enum):
     """How an image is brought to the size that a network takes."""
 
     CENTER = "keeps its shape, with as much gray on both sides"
@@ -51,7 +51,7 @@ class Preparation:
         averaged: pixels are averaged where the image becomes smaller, as Pillow does it.
     """
 
-    fit: Fit
+    fit: Resizing
     order: str = "RGB"
     mean: tuple[float, float, float] = (0.0, 0.0, 0.0)
     std: tuple[float, float, float] = (255.0, 255.0, 255.0)
@@ -76,7 +76,7 @@ class Placement:
         return Candidates(boxes, found.scores, found.classes, points, covariances)
 
 
-def fitting_size(image: Size, longest: int, fit: Fit, cell: int = CELL) -> Size:
+def fitting_size(image: Size, longest: int, fit: Resizing, cell: int = CELL) -> Size:
     """The size to give to a network that takes any, for an image: no more gray than needed.
 
     Args:
@@ -85,7 +85,7 @@ def fitting_size(image: Size, longest: int, fit: Fit, cell: int = CELL) -> Size:
         fit: how the image is brought to it.
         cell: the side of the network's coarsest cells.
     """
-    sides = (1, 1) if fit in (Fit.STRETCH, Fit.WARP) else image
+    sides = (1, 1) if fit in (Resizing.STRETCH, Resizing.WARP) else image
     scale = longest / max(sides)
     width, height = (max(1, math.ceil(round(side * scale) / cell)) * cell for side in sides)
     return width, height
@@ -111,14 +111,14 @@ def prepare(pixels: Pixels, order: str, to: Preparation, blob: Floats) -> Placem
     return Placement(np.array(taken) / size, np.array([left, top], np.float64))
 
 
-def _layout(image: Size, network: Size, fit: Fit) -> tuple[Size, int, int]:
+def _layout(image: Size, network: Size, fit: Resizing) -> tuple[Size, int, int]:
     """The size that the image gets, and where its left and its upper edge are then."""
-    if fit in (Fit.STRETCH, Fit.WARP):
+    if fit in (Resizing.STRETCH, Resizing.WARP):
         return network, 0, 0
     scale = min(network[0] / image[0], network[1] / image[1])
     width = min(max(1, round(image[0] * scale)), network[0])
     height = min(max(1, round(image[1] * scale)), network[1])
-    if fit is Fit.CORNER:
+    if fit is Resizing.CORNER:
         return (width, height), 0, 0
     return (width, height), (network[0] - width) // 2, (network[1] - height) // 2
 
@@ -127,7 +127,7 @@ def _scale(pixels: Pixels, size: Size, to: Preparation) -> Pixels:
     before = (pixels.shape[1], pixels.shape[0])
     if before == size:
         return pixels
-    if to.fit is Fit.WARP:
+    if to.fit is Resizing.WARP:
         matrix = np.diag([size[0] / before[0], size[1] / before[1], 1.0])[:2]
         return cv2.warpAffine(pixels, matrix, size, borderMode=cv2.BORDER_REPLICATE)
     is_smaller = size[0] < before[0] or size[1] < before[1]

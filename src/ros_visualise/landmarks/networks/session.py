@@ -36,7 +36,7 @@ class Provider(Enum):
     CUDA = "cuda"
 
 
-class Port(NamedTuple):
+class TensorPort(NamedTuple):
     """An input or an output; a side of its shape that is free is None or has a name."""
 
     name: str
@@ -44,7 +44,7 @@ class Port(NamedTuple):
     shape: tuple[int | str | None, ...]
 
 
-class Session:
+class OnnxSession:
     """An ONNX file at work.
 
     Args:
@@ -120,8 +120,8 @@ def _cancel(options: Any) -> None:
         options.set_load_cancellation_flag(True)
 
 
-def _port(found: Any) -> Port:
-    return Port(found.name, found.type, tuple(found.shape))
+def _port(found: Any) -> TensorPort:
+    return TensorPort(found.name, found.type, tuple(found.shape))
 
 
 def _load_onnxruntime() -> Any:

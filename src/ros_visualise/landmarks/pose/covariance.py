@@ -7,12 +7,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.pose.rays import Rays
-from ros_visualise.landmarks.pose.refinement import Fit, linearise, moved
+from ros_visualise.landmarks.pose.refinement import RefinedPoses, linearise, moved
 
 _RIDGE = 1e-13  # of a scaled information, so that nothing is known of what it does not hold
 
 
-def covariances(fit: Fit, points: Floats, rays: Rays, whiten: Floats) -> Floats:
+def covariances(fit: RefinedPoses, points: Floats, rays: Rays, whiten: Floats) -> Floats:
     """(B, 6, 6) of refined poses; arguments as `refinement.refine` has them.
 
     To first order a covariance is the inverse of the information. How much is known of the tilt

@@ -19,7 +19,7 @@ from ros_visualise.landmarks.pose.corner_noise import (
 )
 from ros_visualise.landmarks.pose.covariance import covariances, difference
 from ros_visualise.landmarks.pose.rays import Rays, rays_of
-from ros_visualise.landmarks.pose.refinement import Fit, linearise, refine
+from ros_visualise.landmarks.pose.refinement import RefinedPoses, linearise, refine
 from ros_visualise.landmarks.pose.starting import starts
 
 _SQUARE = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) / 2
@@ -207,14 +207,14 @@ def _estimate(
     rms = np.sqrt((off * off).sum(axis=1) / points.shape[1])
     for number, body in enumerate(bodies):
         both = slice(2 * number, 2 * number + 2)
-        two = Fit(*(part[both] for part in fit))
+        two = RefinedPoses(*(part[both] for part in fit))
         spread_px = np.sqrt(corners[body].var(axis=0).sum())
         several = _solutions(two, spreads[both], rms[both])
         found[body] = tuple(one for one in several if one.rms_px < _NO_FIT * spread_px)
     return found
 
 
-def _solutions(fit: Fit, spreads: Floats, rms_px: Floats) -> tuple[PoseEstimate, ...]:
+def _solutions(fit: RefinedPoses, spreads: Floats, rms_px: Floats) -> tuple[PoseEstimate, ...]:
     chi2 = np.where(np.isfinite(spreads).all(axis=(1, 2)), fit.chi2, np.inf)
     better, worse = np.argsort(chi2)
     if not np.isfinite(chi2[better]):

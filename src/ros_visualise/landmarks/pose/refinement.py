@@ -22,7 +22,7 @@ _DAMPING, _MOST_DAMPING = 1e-4, 1e12
 _NEAR = 1e-6  # of a point's distance, that it has to lie in front of the camera
 
 
-class Fit(NamedTuple):
+class RefinedPoses(NamedTuple):
     """B refined poses of N points."""
 
     R: Floats
@@ -35,7 +35,7 @@ class Fit(NamedTuple):
     """(B, 6, 6) the inverse of the covariance to first order."""
 
 
-def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> Fit:
+def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> RefinedPoses:
     """Refine poses, each from its own start.
 
     Args:
@@ -68,7 +68,7 @@ def refine(R: Floats, t: Floats, points: Floats, rays: Rays, whiten: Floats) -> 
         settled = better & (gain < 1e-9 * (1 + chi2))
         if (tiny | settled | (damping >= _MOST_DAMPING) | ~np.isfinite(chi2)).all():
             break
-    return Fit(R, t, chi2, _normal_equations(residuals, jacobian)[0])
+    return RefinedPoses(R, t, chi2, _normal_equations(residuals, jacobian)[0])
 
 
 def linearise(

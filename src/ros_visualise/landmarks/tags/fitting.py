@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels
 from ros_visualise.landmarks.tags.appearance import Appearance, appearance
-from ros_visualise.landmarks.tags.samples import LEAST, Samples, homographies, sample_tags
+from ros_visualise.landmarks.tags.samples import LEAST, TagSamples, homographies, sample_tags
 
 _ROUNDS = 8
 _SETTLED_PX, _SETTLED = 5e-3, 0.5  # steps that are no more: in pixels, or deviations
@@ -43,7 +43,7 @@ class Fitted(NamedTuple):
     """(T, 8, 8) of u and v of the first corner, of the second, and so on; NaN where not fitted."""
 
 
-class _State(NamedTuple):
+class _FitState(NamedTuple):
     """What is fitted step by step to T tags: corners about their middles, and blurs."""
 
     corners: Floats
@@ -63,7 +63,7 @@ class _Linear(NamedTuple):
     """(T, N) which cell a pixel is in, -1 without weight."""
 
 
-_Of = TypeVar("_Of", _State, Samples, _Linear)
+_Of = TypeVar("_Of", _FitState, TagSamples, _Linear)
 
 
 def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -> Fitted:
@@ -92,14 +92,14 @@ def fit_tags(gray: Pixels, corners_uv: Floats, cells: npt.ArrayLike, rim: int) -
 
 
 def _fits(
-    begun: Floats, samples: Samples, patterns: Floats, square: Floats
+    begun: Floats, samples: TagSamples, patterns: Floats, square: Floats
 ) -> Iterator[tuple[npt.NDArray[np.intp], Floats, Floats]]:
     """Numbers of tags that have settled, their corners, and the covariances of these.
 
     A covariance is NaN where what is seen looks like no tag.
     """
     tags = np.arange(len(begun))
-    state = _State(begun, np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1)))
+    state = _FitState(begun, np.tile([_BLUR_PX2, 0.0, _BLUR_PX2], (len(begun), 1)))
     for number in range(_ROUNDS):
         linear = _linearised(state, samples, patterns, square)
         step, inverse = _solved(linear.J, linear.residual)
@@ -130,7 +130,7 @@ def _square(cells: int, rim: int) -> Floats:
     return np.array([[a, a], [b, a], [b, b], [a, b]])
 
 
-def _linearised(state: _State, samples: Samples, patterns: Floats, square: Floats) -> _Linear:
+def _linearised(state: _FitState, samples: TagSamples, patterns: Floats, square: Floats) -> _Linear:
     """How tags look in a state, the levels of gray chosen to fit best.
 
     Source of the choice: G. Golub, V. Pereyra, The Differentiation of Pseudo-Inverses and
@@ -197,14 +197,14 @@ def _solved(J: Floats, residual: Floats) -> tuple[Floats, Floats]:
     return (inverse @ (J @ residual[..., None]))[..., 0], inverse
 
 
-def _moved(state: _State, step: Floats) -> _State:
+def _moved(state: _FitState, step: Floats) -> _FitState:
     shift = np.clip(step[:, :8], -_STEP_PX, _STEP_PX).reshape(-1, 4, 2)
     blur = state.blur + np.clip(step[:, 8:11], -0.5, 0.5)
     least = np.maximum(state.blur / 2, _LEAST_BLUR)  # what has become sharp at once comes back late
     uu, vv = (np.clip(blur[:, axis], least[:, axis], _MOST_BLUR) for axis in (0, 2))
     most = 0.9 * np.sqrt(uu * vv)
     uv = np.clip(blur[:, 1], -most, most)
-    return _State(state.corners + shift, np.stack([uu, uv, vv], axis=1))
+    return _FitState(state.corners + shift, np.stack([uu, uv, vv], axis=1))
 
 
 def _deviation(left: Floats, inverse: Floats, weight: Floats) -> Floats:

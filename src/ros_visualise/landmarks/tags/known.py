@@ -71,11 +71,11 @@ def read_known_tags(path: str | Path) -> KnownTags:
         raise OpenError.missing(path, "give a YAML file of tags") from None
     except OSError as error:
         raise OpenError(f"{path}: {error.strerror}; give a YAML file of tags") from None
-    except (BadYaml, _Wrong) as error:
+    except (BadYaml, _Invalid) as error:
         raise OpenError(f"{path}: {error}") from None
 
 
-class _Wrong(ValueError):
+class _Invalid(ValueError):
     """Something in the file is wrong; says where, and what would be right."""
 
 
@@ -98,7 +98,7 @@ def _known(values: Any) -> KnownTags:
     every = [*names.values(), *(one.name for one in bundles)]
     for name in every:
         if every.count(name) > 1:
-            raise _Wrong(f"the name {name!r} is there twice; give each its own")
+            raise _Invalid(f"the name {name!r} is there twice; give each its own")
     return KnownTags(sizes, names, tuple(bundles))
 
 
@@ -108,7 +108,7 @@ def _refuse_shared(bundles: Sequence[Bundle]) -> None:
     for bundle in bundles:
         for id in bundle.corners_xyz:
             if id in bearer:
-                raise _Wrong(f"tag {id} is in two bundles, {bearer[id]!r} and {bundle.name!r}")
+                raise _Invalid(f"tag {id} is in two bundles, {bearer[id]!r} and {bundle.name!r}")
             bearer[id] = bundle.name
 
 
@@ -120,17 +120,19 @@ def _bundle(where: str, values: Any, sizes: Mapping[int, float]) -> Bundle:
         tag = {**_POSE, **_fields(place, one, ("id", "size"), tuple(_POSE))}
         id, size = _id(place, tag, corners), _size(place, tag)
         if sizes.get(id, size) != size:
-            raise _Wrong(
+            raise _Invalid(
                 f"{place}: size {size:g}, but standalone_tags say {sizes[id]:g} of tag {id}"
             )
         x, y, z, *quat_wxyz = (_number(place, tag, name) for name in _POSE)
         length = math.hypot(*quat_wxyz)
         if not 0.9 < length < 1.1:
-            raise _Wrong(f"{place}: qw, qx, qy, qz have length {length:g}; give a unit quaternion")
+            raise _Invalid(
+                f"{place}: qw, qx, qy, qz have length {length:g}; give a unit quaternion"
+            )
         R = rotations.to_matrix(np.roll(quat_wxyz, -1) / length)
         corners[id] = _SQUARE * size @ R.T + [x, y, z]
     if not corners:
-        raise _Wrong(f"{where}: its layout has no tags")
+        raise _Invalid(f"{where}: its layout has no tags")
     return Bundle(_name(where, bundle), corners)
 
 
@@ -139,36 +141,36 @@ def _fields(
 ) -> dict[str, Any]:
     every = (*needed, *allowed)
     if not isinstance(values, dict):
-        raise _Wrong(f"{where}: give keys and values, {', '.join(every)}")
+        raise _Invalid(f"{where}: give keys and values, {', '.join(every)}")
     for key in values:
         if key not in every:
-            raise _Wrong(f"{where}: no key {key!r}; choose from {', '.join(every)}")
+            raise _Invalid(f"{where}: no key {key!r}; choose from {', '.join(every)}")
     for key in needed:
         if key not in values:
-            raise _Wrong(f"{where}: has no {key}")
+            raise _Invalid(f"{where}: has no {key}")
     return values
 
 
 def _listed(values: Mapping[str, Any], name: str) -> list[Any]:
     found = values.get(name)
     if found is not None and not isinstance(found, list):
-        raise _Wrong(f"{name}: give a list")
+        raise _Invalid(f"{name}: give a list")
     return found or []
 
 
 def _id(where: str, tag: Mapping[str, Any], taken: Collection[int]) -> int:
     id = tag["id"]
     if isinstance(id, bool) or not isinstance(id, int) or id < 0:
-        raise _Wrong(f"{where}: id is {id!r}; give a whole number from 0 on")
+        raise _Invalid(f"{where}: id is {id!r}; give a whole number from 0 on")
     if id in taken:
-        raise _Wrong(f"{where}: tag {id} is there twice")
+        raise _Invalid(f"{where}: tag {id} is there twice")
     return id
 
 
 def _size(where: str, tag: Mapping[str, Any]) -> float:
     size = _number(where, tag, "size")
     if not _LEAST_M <= size <= _MOST_M:
-        raise _Wrong(f"{where}: size is {size:g}; give the side of its square in metres")
+        raise _Invalid(f"{where}: size is {size:g}; give the side of its square in metres")
     return size
 
 
@@ -176,12 +178,12 @@ def _number(where: str, tag: Mapping[str, Any], name: str) -> float:
     number = tag[name]
     is_number = isinstance(number, int | float) and not isinstance(number, bool)
     if not is_number or not abs(number) <= _FAR_M:
-        raise _Wrong(f"{where}: {name} is {number!r}; give a number of metres")
+        raise _Invalid(f"{where}: {name} is {number!r}; give a number of metres")
     return float(number)
 
 
 def _name(where: str, values: Mapping[str, Any]) -> str:
     name = values["name"]
     if not isinstance(name, str) or not name.strip():
-        raise _Wrong(f"{where}: name is {name!r}; give a word")
+        raise _Invalid(f"{where}: name is {name!r}; give a word")
     return name

@@ -9,8 +9,8 @@ import numpy as np
 
 from ros_visualise.core.errors import UncalibratedCamera, UnsupportedImage
 from ros_visualise.data import CameraInfo, Detection, Floats, Hypothesis
+from ros_visualise.landmarks.once_log import OnceLog
 from ros_visualise.landmarks.pose import EXACT, CameraError, PoseEstimate, rig_poses, squares_poses
-from ros_visualise.landmarks.remarks import Remarks
 from ros_visualise.landmarks.tags.finder import Tag
 from ros_visualise.landmarks.tags.known import Bundle, KnownTags
 
@@ -55,7 +55,7 @@ def locate_or_remark(
     size_m: float,
     info: CameraInfo | None,
     camera: CameraError,
-    remarks: Remarks,
+    remarks: OnceLog,
 ) -> tuple[Detection, ...]:
     """As `locate`; where a calibration or a size serves for no pose, that is remarked."""
     if info and not size_m and any(tag.id not in known.every for tag in tags):

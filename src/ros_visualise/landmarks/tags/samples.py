@@ -15,7 +15,7 @@ LEAST = 60
 """With fewer pixels than that, nothing is fitted to a tag."""
 
 
-class Samples(NamedTuple):
+class TagSamples(NamedTuple):
     """N pixels of each of T tags; of those that have fewer, some have no weight."""
 
     places: Floats
@@ -26,7 +26,7 @@ class Samples(NamedTuple):
 
 def sample_tags(
     gray: Pixels, corners: Floats, middles: Floats, patterns: Floats, square: Floats
-) -> Samples:
+) -> TagSamples:
     """The pixels of T tags.
 
     Args:
@@ -45,7 +45,7 @@ def sample_tags(
         places[tag, : len(one)], weight[tag, : len(one)] = one - middles[tag], 1
     u, v = (places + middles[:, None]).round().astype(int).reshape(-1, 2).T
     levels = gray[np.clip(v, 0, gray.shape[0] - 1), np.clip(u, 0, gray.shape[1] - 1)]
-    return Samples(places, levels.reshape(weight.shape).astype(np.float64), weight)
+    return TagSamples(places, levels.reshape(weight.shape).astype(np.float64), weight)
 
 
 def _near_edges(

@@ -18,14 +18,14 @@ _MOST = 0.5  # of the image: looking at more of it in parts takes longer than at
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _PreviousTag:
     """A tag in the image before, and how far (2,) its middle had moved there, in pixels."""
 
     tag: Tag
     moved: Floats
 
 
-class Search:
+class TagSearch:
     """Finds tags in the images of one camera, one after the other."""
 
     def __init__(self) -> None:
@@ -33,7 +33,7 @@ class Search:
 
     def reset(self) -> None:
         """Forget: the next image has nothing to do with the last."""
-        self._seen: list[_Seen] = []
+        self._seen: list[_PreviousTag] = []
         self._left = 0  # images until the next look at everything
 
     def find(self, finder: TagFinder, gray: Pixels, every: int) -> tuple[Tag, ...]:
@@ -52,7 +52,7 @@ class Search:
             tags = finder.find(gray)
             self._left = every
         self._left -= 1
-        self._seen = [_Seen(tag, self._moved(tag)) for tag in tags]
+        self._seen = [_PreviousTag(tag, self._moved(tag)) for tag in tags]
         return tags
 
     def _near_the_last(self, finder: TagFinder, gray: Pixels) -> tuple[Tag, ...] | None:

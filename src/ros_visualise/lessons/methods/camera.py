@@ -46,7 +46,7 @@ def distort(rays_xy: Floats, D: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class Calibration:
+class CalibrationResult:
     """What a calibration found: fx, fy, cx, cy, k1, k2, p1, p2, k3, and their deviations (9,)."""
 
     values: Floats
@@ -58,7 +58,7 @@ class Calibration:
 
 def calibrate(
     K: Floats, D: Floats, size: tuple[int, int], views: int, noise_px: float, seed: int
-) -> Calibration:
+) -> CalibrationResult:
     """Calibrate a camera that is known, by pictures of a board that are computed.
 
     Args:
@@ -80,7 +80,7 @@ def calibrate(
         points, pixels, size, np.eye(3), np.zeros(5)
     )
     values = np.array([matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2], *lens.ravel()[:5]])
-    return Calibration(values, np.asarray(deviations, float).ravel()[:9], float(rms), noisy)
+    return CalibrationResult(values, np.asarray(deviations, float).ravel()[:9], float(rms), noisy)
 
 
 def _view(

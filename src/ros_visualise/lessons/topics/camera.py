@@ -97,7 +97,7 @@ class LensParams:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _LensPictures:
     """A picture without and with a lens, and the camera."""
 
     straight: Pixels
@@ -132,14 +132,14 @@ def lens(image: Image, params: LensParams) -> dict[str, Message]:
     for line in _grid(width, height):
         figure.line(_to_pixels(distort(_to_rays(line, K), D), K), YELLOW, 1)
     length = float(np.linalg.norm(moved))
-    work = _Seen(bgr, bent, K, D)
+    work = _LensPictures(bgr, bent, K, D)
     return show(image, figure, text, work, u=moved[0], v=moved[1], length=length)
 
 
 @node("undistorted", inputs=TAKES, outputs=GIVES)
 def undistorted(image: Image, params: object) -> dict[str, Message]:
     """Undistorted: if the lens is known, its effect can be undone."""
-    seen = work_of(image, _Seen)
+    seen = work_of(image, _LensPictures)
     back = cv2.undistort(seen.bent, seen.K, seen.D)
     valid = cv2.undistort(np.full(back.shape[:2], 255, np.uint8), seen.K, seen.D) == 255
     difference = cv2.absdiff(back, seen.straight).mean(axis=2)
@@ -167,7 +167,7 @@ class CalibrationParams:
 @node("calibration", params=CalibrationParams, inputs=TAKES, outputs=GIVES)
 def calibration(image: Image, params: CalibrationParams) -> dict[str, Message]:
     """What a calibration finds."""
-    seen = work_of(image, _Seen)
+    seen = work_of(image, _LensPictures)
     height, width = seen.straight.shape[:2]
     size = (width, height)
     found = calibrate(seen.K, seen.D, size, params.views, params.noise, params.seed)

@@ -9,15 +9,7 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import (
-    BLUE,
-    GREEN,
-    ORANGE,
-    RED,
-    arrow,
-    by_direction,
-    levels,
-)
+from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, arrow, by_direction, levels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import canny

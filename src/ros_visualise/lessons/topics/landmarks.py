@@ -26,7 +26,7 @@ _TRIALS = 300
 
 
 @dataclass(frozen=True)
-class TagParams:
+class TagLessonParams:
     """The camera and the tag; where none is in the picture, one is drawn."""
 
     focal: float = param(0.9, "focal length as a fraction of the image's width", min=0.2, max=5,
@@ -40,8 +40,8 @@ class TagParams:
     turn: float = param(10.0, "how far the drawn tag is turned aside, degrees", min=-80, max=80)
 
 
-@node("tag", params=TagParams, inputs=TAKES, outputs=GIVES)
-def tag(image: Image, params: TagParams) -> dict[str, Message]:
+@node("tag", params=TagLessonParams, inputs=TAKES, outputs=GIVES)
+def tag(image: Image, params: TagLessonParams) -> dict[str, Message]:
     """A tag: a square that says its number."""
     bgr = work_of(image, np.ndarray)
     height, width = bgr.shape[:2]

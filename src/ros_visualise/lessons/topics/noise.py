@@ -20,7 +20,7 @@ from ros_visualise.sinks.figure import Figure
 from ros_visualise.vision.smoothing import bilateral, median, sigma_of
 
 
-class Noise(Enum):
+class NoiseModel(Enum):
     """Models of noise."""
 
     GAUSSIAN = "gaussian"
@@ -32,8 +32,8 @@ class Noise(Enum):
 class NoiseParams:
     """What is added to the picture."""
 
-    model: Noise = param(
-        Noise.GAUSSIAN,
+    model: NoiseModel = param(
+        NoiseModel.GAUSSIAN,
         "gaussian: from the electronics; salt_and_pepper: from broken pixels; poisson: from light"
         " itself",
     )
@@ -182,17 +182,17 @@ LESSON = Lesson(
 )
 
 _MODELS = {
-    Noise.GAUSSIAN: "To each pixel a random number is added, with a standard deviation of"
+    NoiseModel.GAUSSIAN: "To each pixel a random number is added, with a standard deviation of"
     " {strength:g} levels: the noise of the electronics.",
-    Noise.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white, as if they were"
+    NoiseModel.SALT_AND_PEPPER: "{strength:g} % of the pixels are black or white, as if they were"
     " broken, or lost in transmission.",
-    Noise.POISSON: "Light comes in photons, and how many arrive is random: the variance equals"
+    NoiseModel.POISSON: "Light comes in photons, and how many arrive is random: the variance equals"
     " the mean number. So bright pixels have more noise; white has a standard deviation of "
     "{strength:g} levels.",
 }
 
 
-def add_noise(gray: Pixels, model: Noise, strength: float, seed: int) -> Pixels:
+def add_noise(gray: Pixels, model: NoiseModel, strength: float, seed: int) -> Pixels:
     """A picture with noise, 8 bits.
 
     Args:
@@ -202,11 +202,11 @@ def add_noise(gray: Pixels, model: Noise, strength: float, seed: int) -> Pixels:
         seed: of the random numbers.
     """
     random = np.random.default_rng(seed)
-    if model is Noise.SALT_AND_PEPPER:
+    if model is NoiseModel.SALT_AND_PEPPER:
         chance = random.random(gray.shape)
         broken: Pixels = np.where(random.random(gray.shape) < 0.5, np.uint8(0), np.uint8(FULL))
         return np.where(chance < strength / 100, broken, gray)
-    if model is Noise.POISSON and strength > 0:
+    if model is NoiseModel.POISSON and strength > 0:
         photons = (FULL / strength) ** 2 / FULL  # for a level
         found = random.poisson(gray * photons) / photons
     else:

@@ -139,7 +139,7 @@ class _Samples:
 
 
 @node("measured", params=MeasuredParams, inputs={"imu": Imu}, outputs=GIVES)
-class Measured:
+class ImuReadings:
     """What the IMU measures."""
 
     def __init__(self, _: MeasuredParams) -> None:
@@ -245,7 +245,7 @@ LESSON = Lesson(
     "sensors",
     "a robot's sensors: KITTI's car, what each measures, and the Allan deviation of a real IMU",
     "",
-    [Step(Car), Step(Measured), Step(Allan)],
+    [Step(Car), Step(ImuReadings), Step(Allan)],
     sample=("husky", {"world": "plane", "mission": "none", "camera": False, "lidar": False}),
     streams=True,
     plays=True,

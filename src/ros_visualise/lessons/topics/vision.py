@@ -10,7 +10,7 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
-from ros_visualise.landmarks.networks.candidates import Candidates, Choice
+from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules
 from ros_visualise.landmarks.networks.network import Network
 from ros_visualise.lessons.drawing import RED, frame, levels, titled
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
@@ -34,7 +34,7 @@ _SOBEL = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _NetworkPicture:
     """A picture, the network and its first layer; what that answers before its ReLU."""
 
     bgr: Pixels
@@ -76,7 +76,7 @@ class Kernels:
                 no    Gx    Gy edge spot colour
             {rows}
             """
-        seen = _Seen(bgr, self._network, self._layer, respond(bgr, self._layer))
+        seen = _NetworkPicture(bgr, self._network, self._layer, respond(bgr, self._layer))
         rows = _table(kinds, sobel_cosines(kernels))
         edges, spots, colors = counts
         return show(image, _draw_kernels(kernels, kinds), text, seen, count=len(kernels),
@@ -86,7 +86,7 @@ class Kernels:
 @node("activations", inputs=TAKES, outputs=GIVES)
 def activations(image: Image, params: object) -> dict[str, Message]:
     """What each kernel sees in the picture."""
-    seen = work_of(image, _Seen)
+    seen = work_of(image, _NetworkPicture)
     maps = relu(seen.answers)
     active = (maps > 0).mean(axis=(1, 2))
     kinds = likeness(seen.layer.kernels)
@@ -112,7 +112,7 @@ def activations(image: Image, params: object) -> dict[str, Message]:
 @node("sobel", inputs=TAKES, outputs=GIVES)
 def filters(image: Image, params: object) -> dict[str, Message]:
     """Sobel's Gx and Gy, and the kernels that are most like them."""
-    seen = work_of(image, _Seen)
+    seen = work_of(image, _NetworkPicture)
     gray = cv2.cvtColor(seen.bgr, cv2.COLOR_BGR2GRAY)
     cosines = sobel_cosines(seen.layer.kernels)
     shown, rows = [], []
@@ -156,10 +156,10 @@ class ThingsParams:
 @node("things", params=ThingsParams, inputs=TAKES, outputs=GIVES)
 def things(image: Image, params: ThingsParams) -> dict[str, Message]:
     """What the whole network makes of it."""
-    seen = work_of(image, _Seen)
+    seen = work_of(image, _NetworkPicture)
     gray = cv2.cvtColor(seen.bgr, cv2.COLOR_BGR2GRAY)
     is_edge = np.hypot(*sobel(gray, 3)) > params.threshold
-    found = seen.network.detect(seen.bgr, "BGR", Choice(params.min_score))
+    found = seen.network.detect(seen.bgr, "BGR", SelectionRules(params.min_score))
     text = """
         A filter tells how the picture changes at each place: here |G| > {threshold} at {share:.1f}
         % of the pixels, on landmarks as well as on the ground beside them. It cannot tell what a

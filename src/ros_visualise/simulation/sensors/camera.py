@@ -23,7 +23,7 @@ _camera = partial(setting, group="camera")
 
 
 @dataclass(frozen=True)
-class CameraParams:
+class CameraSensorParams:
     """Parameters of a camera."""
 
     camera: bool = _camera(True, "switch the camera on")
@@ -39,7 +39,7 @@ class CameraParams:
     )
 
 
-def calibrate(params: CameraParams) -> CameraInfo:
+def calibrate(params: CameraSensorParams) -> CameraInfo:
     """The camera's calibration: no distortion, the optical axis through the image's middle."""
     width, height = params.camera_width, params.camera_height
     focal = width / 2 / math.tan(math.radians(params.camera_fov) / 2)
@@ -47,13 +47,13 @@ def calibrate(params: CameraParams) -> CameraInfo:
     return CameraInfo(height, width, K, P=np.hstack([K, np.zeros((3, 1))]))
 
 
-def vertical_fov(params: CameraParams) -> float:
+def vertical_fov(params: CameraSensorParams) -> float:
     """Degrees."""
     half = math.tan(math.radians(params.camera_fov) / 2)
     return 2 * math.degrees(math.atan(half * params.camera_height / params.camera_width))
 
 
-class Camera:
+class CameraSensor:
     """Images that a `Renderer` makes, with noise; the renderer is made for the first one.
 
     The noise of an image is a piece, at random, of one picture of Gaussian noise: drawing a million
@@ -62,7 +62,7 @@ class Camera:
 
     frame_id = "camera_optical"
 
-    def __init__(self, params: CameraParams, seed: int, model: Any) -> None:
+    def __init__(self, params: CameraSensorParams, seed: int, model: Any) -> None:
         self._params, self._seed, self._model = params, seed, model
         self._info = calibrate(params)
         self._renderer: Renderer | None = None
@@ -104,7 +104,7 @@ class Camera:
 def fit(fitting: Fitting) -> Make:
     """The camera on its mount."""
     body, mount = fitting.robot.body, fitting.mount
-    camera = Camera(fitting.settings, fitting.seed, fitting.model)
+    camera = CameraSensor(fitting.settings, fitting.seed, fitting.model)
     fitting.closing.append(camera.close)
 
     def measure(stamp_ns: int, index: int) -> Measured:
@@ -114,4 +114,4 @@ def fit(fitting: Fitting) -> Make:
     return measure
 
 
-SENSOR = SensorType(CameraParams, {"image": Image}, "camera_rate", fit, "camera")
+SENSOR = SensorType(CameraSensorParams, {"image": Image}, "camera_rate", fit, "camera")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ros_visualise.simulation.landmarks import Landmark, facing, lying
+from ros_visualise.simulation.landmarks import SimulatedLandmark, facing, lying
 from ros_visualise.simulation.missions import SHAPES
 from ros_visualise.simulation.mjcf import SHOWN, SUN_SLOPE, WorldBuilder
 from ros_visualise.simulation.sky import FACES, draw_sky
@@ -117,7 +117,7 @@ def _set_landmarks(scene: WorldBuilder) -> list[Shadow]:
         shadows.append(_cast(x, y, 0.7, 0.7, 0.09))
         upright = np.eye(3)
         scene.landmarks.append(
-            Landmark(f"post_{colour}", "post", (x, y, 0.7), upright, 1.4, colour=colour)
+            SimulatedLandmark(f"post_{colour}", "post", (x, y, 0.7), upright, 1.4, colour=colour)
         )
     _lay_helipad(scene)
     return shadows
@@ -128,7 +128,7 @@ def _lay_helipad(scene: WorldBuilder) -> None:
     material = scene.add_material("helipad", draw_helipad)
     scene.add("box", (half, half, 0.0025), (*HELIPAD_XY, 0.0025), material, SHOWN, axes)
     place = (*HELIPAD_XY, 0.005)
-    scene.landmarks.append(Landmark("helipad", "helipad", place, axes, _HELIPAD_M))
+    scene.landmarks.append(SimulatedLandmark("helipad", "helipad", place, axes, _HELIPAD_M))
 
 
 def _furnish(scene: WorldBuilder) -> list[Shadow]:

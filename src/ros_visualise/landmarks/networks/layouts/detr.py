@@ -18,11 +18,11 @@ from ros_visualise.landmarks.networks.layouts.boxes import (
 )
 from ros_visualise.landmarks.networks.layouts.layout import (
     SIZES_INPUT,
-    Layout,
+    OutputLayout,
     Outputs,
     Signature,
 )
-from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _MEAN, _STD = (123.675, 116.28, 103.53), (58.395, 57.12, 57.375)  # of ImageNet
 _ULTRALYTICS_QUERIES = 300
@@ -66,30 +66,30 @@ def _decode_ultralytics(outputs: Outputs, size: Size, min_score: float) -> Candi
     return likeliest(from_centers(output[:, :4] * np.array(size * 2, np.float32)), output[:, 4:])
 
 
-DETR = Layout(
+DETR = OutputLayout(
     "RT-DETRv2/D-FINE/DEIM",
     f"labels [1, N], boxes [1, N, 4] and scores [1, N], beside an input {SIZES_INPUT}",
-    Preparation(Fit.STRETCH, averaged=True),
+    Preparation(Resizing.STRETCH, averaged=True),
     _is_detr,
     _decode_detr,
     False,
 )
 """Corners for the size that the second input tells."""
 
-RF_DETR = Layout(
+RF_DETR = OutputLayout(
     "RF-DETR",
     "dets [1, N, 4] and labels [1, N, classes]",
-    Preparation(Fit.STRETCH, mean=_MEAN, std=_STD, averaged=True),
+    Preparation(Resizing.STRETCH, mean=_MEAN, std=_STD, averaged=True),
     _is_rf_detr,
     _decode_rf_detr,
     False,
 )
 """Centre and size from 0 to 1; logits of the classes, which of COCO are numbered from 1."""
 
-ULTRALYTICS_RT_DETR = Layout(
+ULTRALYTICS_RT_DETR = OutputLayout(
     "RT-DETR of Ultralytics",
     "[1, 300, 4 + classes]",
-    Preparation(Fit.STRETCH),
+    Preparation(Resizing.STRETCH),
     _is_ultralytics,
     _decode_ultralytics,
     False,

@@ -53,7 +53,7 @@ class Signature:
 
 
 @dataclass(frozen=True)
-class Layout:
+class OutputLayout:
     """One way in which networks answer.
 
     Args:

@@ -1,7 +1,7 @@
 """NanoDet-Plus: BGR, stretched; each side's distance is a distribution over 8 numbers.
 
 Its training maps the centre of the first pixel onto that of the first pixel, and boxes by the same
-factor, hence `Fit.WARP`.
+factor, hence `Resizing.WARP`.
 
 Source: NanoDet, nanodet/model/head/nanodet_plus_head.py, data/transform/warp.py and the
 configurations (read, not taken).
@@ -13,8 +13,8 @@ import numpy as np
 
 from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.landmarks.networks.layouts.boxes import grid, likeliest, only
-from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
-from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Outputs, Signature
+from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _STRIDES = (8, 16, 32, 64)
 _BINS = 8
@@ -42,10 +42,10 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     return likeliest(boxes, scores)
 
 
-NANODET_PLUS = Layout(
+NANODET_PLUS = OutputLayout(
     "NanoDet-Plus",
     "[1, cells, classes + 32]",
-    Preparation(Fit.WARP, "BGR", mean=(103.53, 116.28, 123.675), std=(57.375, 57.12, 58.395)),
+    Preparation(Resizing.WARP, "BGR", mean=(103.53, 116.28, 123.675), std=(57.375, 57.12, 58.395)),
     _is_nanodet,
     _decode,
     True,

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from ros_visualise.landmarks.networks.candidates import Candidates
-from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
-from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Outputs, Signature
+from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _SIDES = {"boxes": (4,), "scores": (), "classes": (), "points": (2,), "point_variances": (2,)}
 """Output -> its shape behind (1, things)."""
@@ -33,10 +33,10 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     )
 
 
-OWN = Layout(
+OWN = OutputLayout(
     "ros_visualise",
     "boxes [1, things, 4], scores, classes, points [1, things, 2], point_variances",
-    Preparation(Fit.CENTER),
+    Preparation(Resizing.CENTER),
     _is_own,
     _decode,
     True,

@@ -14,10 +14,10 @@ from ros_visualise.landmarks.networks.layouts.boxes import (
     likeliest,
     only,
 )
-from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
-from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Outputs, Signature
+from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
-_PREPARATION = Preparation(Fit.CENTER)
+_PREPARATION = Preparation(Resizing.CENTER)
 _GRIDS = ((8, 16, 32), (8, 16, 32, 64), (4, 8, 16, 32))  # of the plain ones, P6 and P2
 _ANCHORS = 3
 _MOST_CHOSEN = 1000
@@ -63,13 +63,15 @@ def _decode_10(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     return Candidates(output[:, :4], output[:, 4], class_numbers(output[:, 5]))
 
 
-YOLO_5 = Layout(
+YOLO_5 = OutputLayout(
     "YOLOv5/YOLOv7", "[1, 3 x cells, 5 + classes]", _PREPARATION, _is_5, _decode_5, True
 )
 """Centre, size, whether there is anything, and classes, for three anchors in each cell."""
 
-YOLO_8 = Layout("YOLOv8/11/12", "[1, 4 + classes, cells]", _PREPARATION, _is_8, _decode_8, True)
+YOLO_8 = OutputLayout(
+    "YOLOv8/11/12", "[1, 4 + classes, cells]", _PREPARATION, _is_8, _decode_8, True
+)
 """Centre, size and classes, one column for each cell."""
 
-YOLO_10 = Layout("YOLOv10/YOLO26", "[1, N, 6]", _PREPARATION, _is_10, _decode_10, False)
+YOLO_10 = OutputLayout("YOLOv10/YOLO26", "[1, N, 6]", _PREPARATION, _is_10, _decode_10, False)
 """Corners, score and class of the best ones; so do others that were exported with ``nms=True``."""

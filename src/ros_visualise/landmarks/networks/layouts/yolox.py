@@ -9,8 +9,8 @@ import numpy as np
 
 from ros_visualise.landmarks.networks.candidates import Candidates
 from ros_visualise.landmarks.networks.layouts.boxes import from_centers, grid, likeliest, only
-from ros_visualise.landmarks.networks.layouts.layout import Layout, Outputs, Signature
-from ros_visualise.landmarks.networks.preparation import Fit, Preparation, Size
+from ros_visualise.landmarks.networks.layouts.layout import OutputLayout, Outputs, Signature
+from ros_visualise.landmarks.networks.preparation import Preparation, Resizing, Size
 
 _STRIDES = (8, 16, 32)
 _LARGEST_LOG = 10  # 8 exp(10) pixels are none; sizes in pixels are larger in some cell
@@ -35,10 +35,10 @@ def _decode(outputs: Outputs, size: Size, min_score: float) -> Candidates:
     return likeliest(from_centers(boxes), output[:, 4:5] * output[:, 5:])
 
 
-YOLOX = Layout(
+YOLOX = OutputLayout(
     "YOLOX",
     "[1, cells, 5 + classes], not decoded",
-    Preparation(Fit.CORNER, "BGR", std=(1.0, 1.0, 1.0)),
+    Preparation(Resizing.CORNER, "BGR", std=(1.0, 1.0, 1.0)),
     _is_yolox,
     _decode,
     True,

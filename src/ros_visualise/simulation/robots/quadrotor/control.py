@@ -11,9 +11,13 @@ from ros_visualise.simulation.attitude import Vector, yaw_of
 from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.missions import Mission
 from ros_visualise.simulation.robot import Body, Robot
-from ros_visualise.simulation.robots.quadrotor.flight import FlightController, State, read_airframe
+from ros_visualise.simulation.robots.quadrotor.flight import (
+    BodyState,
+    FlightController,
+    read_airframe,
+)
 from ros_visualise.simulation.robots.quadrotor.lander import Lander
-from ros_visualise.simulation.robots.quadrotor.mode import Mode, tell_flight
+from ros_visualise.simulation.robots.quadrotor.mode import FlightMode, tell_flight
 from ros_visualise.simulation.robots.quadrotor.reference import Reference
 from ros_visualise.simulation.robots.quadrotor.settings import QuadrotorParams
 from ros_visualise.simulation.robots.quadrotor.touch_down import TouchDownDetector
@@ -48,9 +52,9 @@ class Quadrotor(Robot):
         self._steps = 0
         self._controller = FlightController(read_airframe(model))
         self._wind = Wind(model, data, params, seed)
-        state = State.of(self._data)
+        state = BodyState.of(self._data)
         self._odometry = VisualInertialOdometry(params, seed, state.position, state.attitude)
-        self._mode = Mode.LANDED
+        self._mode = FlightMode.LANDED
         self._home = state.position
         self._reference = Reference(state.position, yaw_of(state.attitude))
         self._carrot: Carrot | None = None
@@ -89,9 +93,9 @@ class Quadrotor(Robot):
         """Hover, and give up a goal or mission."""
         self._cancel()
         self._carrot = None
-        if self._mode is not Mode.LANDED:
-            self._mode = Mode.FLYING
-            place = State.of(self._data).position
+        if self._mode is not FlightMode.LANDED:
+            self._mode = FlightMode.FLYING
+            place = BodyState.of(self._data).position
             if math.dist(self._reference.position, place) > _HELD_M:
                 self._reference.move(place, (0.0, 0.0, 0.0))
             self._fly([], _CLIMB)
@@ -101,12 +105,12 @@ class Quadrotor(Robot):
 
         On the ground it waits for a velocity that goes up.
         """
-        if self._mode is Mode.LANDED and twist.linear_xyz[2] <= 0:
+        if self._mode is FlightMode.LANDED and twist.linear_xyz[2] <= 0:
             return
-        if self._mode is Mode.LANDED:
+        if self._mode is FlightMode.LANDED:
             self._begin_flight()
         self._cancel()
-        self._carrot, self._mode = None, Mode.COMMANDED
+        self._carrot, self._mode = None, FlightMode.COMMANDED
         self._command.give(twist, time_s)
 
     def go_to(self, goal: PoseStamped) -> None:
@@ -117,7 +121,7 @@ class Quadrotor(Robot):
         x, y, z, w = goal.quat_xyzw.tolist()
         px, py, pz = goal.position_xyz.tolist()
         if pz <= 0:
-            is_landed, height_m = self._mode is Mode.LANDED, self._reference.position[2]
+            is_landed, height_m = self._mode is FlightMode.LANDED, self._reference.position[2]
             pz = TAKE_OFF_M if is_landed else max(height_m, _LOWEST_M)
         yaw = yaw_of((w, x, y, z))
         self._cancel()
@@ -165,21 +169,21 @@ class Quadrotor(Robot):
     def control(self, time_s: float) -> None:
         """Set the motors' thrusts for the next step, and the air's forces."""
         self._wind.advance()
-        state = State.of(self._data)
+        state = BodyState.of(self._data)
         if self._steps % _NAVIGATION_STEPS == 0:
             self._navigate(time_s, state)
         self._steps += 1
-        if self._mode is Mode.LANDED:
+        if self._mode is FlightMode.LANDED:
             self._data.ctrl[:] = 0.0
             return
         self._reference.advance(self._dt_s)
         target = self._reference.set_point
         self._data.ctrl[:] = self._controller.control(state, target, self._dt_s)
 
-    def _navigate(self, time_s: float, state: State) -> None:
+    def _navigate(self, time_s: float, state: BodyState) -> None:
         """Choose how the reference moves on, and see whether the robot keeps up."""
         self._give_up_if_stuck(state)
-        if self._mode is Mode.LANDED:
+        if self._mode is FlightMode.LANDED:
             return
         self._steer(time_s, state)
         self._keep_near(state)
@@ -196,25 +200,25 @@ class Quadrotor(Robot):
 
     def _begin_flight(self) -> None:
         """Turn the motors on."""
-        state = State.of(self._data)
+        state = BodyState.of(self._data)
         self._controller.reset()
-        self._mode = Mode.FLYING
+        self._mode = FlightMode.FLYING
         self._home = state.position
         self._reference.begin(state.position, yaw_of(state.attitude))
 
     def _rise(self, height_m: float) -> None:
-        if self._mode is Mode.LANDED:
+        if self._mode is FlightMode.LANDED:
             self._begin_flight()
-        self._mode = Mode.FLYING
+        self._mode = FlightMode.FLYING
         x, y, z = self._reference.position
         self._fly([(x, y, max(z, height_m))], _CLIMB)
 
     def _after_take_off(self, height_m: float, then: Callable[[], None]) -> None:
-        if self._mode is Mode.LANDED:
+        if self._mode is FlightMode.LANDED:
             self._rise(max(height_m, _LOWEST_M))
             self._next.append(then)
         else:
-            self._mode = Mode.FLYING
+            self._mode = FlightMode.FLYING
             then()
 
     def _fly(self, points: list[Vector], speed: float, yaw: float | None = None) -> None:
@@ -227,8 +231,8 @@ class Quadrotor(Robot):
         self.mission.begin_leg()
 
     def _descend(self) -> None:
-        if self._mode is not Mode.LANDED:
-            self._mode, self._carrot = Mode.LANDING, None
+        if self._mode is not FlightMode.LANDED:
+            self._mode, self._carrot = FlightMode.LANDING, None
             self._touch_down.reset()
             self._command.set((0.0, 0.0, -_SINK))
             self.mission.begin_leg()
@@ -238,33 +242,33 @@ class Quadrotor(Robot):
         self._next, self._lander = [], None
         self.mission.cancel()
 
-    def _give_up_if_stuck(self, state: State) -> None:
+    def _give_up_if_stuck(self, state: BodyState) -> None:
         """Turn the motors off if it has tipped over; hover if its mission makes no progress."""
         place = state.position
         if self.tip_over.watch(state.attitude, self._long_dt_s):
             self.mission.end(f"quadrotor tipped over at {tell_place(place)}: motors off")
             self._cancel()
-            self._carrot, self._mode = None, Mode.LANDED
+            self._carrot, self._mode = None, FlightMode.LANDED
         gone_m = self._carrot.progress_m(place) if self._carrot else -place[2]
         if self.mission.watch(gone_m, place, self._long_dt_s):
             self.stop()
 
-    def _steer(self, time_s: float, state: State) -> None:
+    def _steer(self, time_s: float, state: BodyState) -> None:
         """Give the reference its acceleration."""
-        if self._lander is not None and self._lander.has_seen and self._mode is Mode.FLYING:
-            self._mode, self._carrot, self._next = Mode.HOMING, None, [self.mission.end]
+        if self._lander is not None and self._lander.has_seen and self._mode is FlightMode.FLYING:
+            self._mode, self._carrot, self._next = FlightMode.HOMING, None, [self.mission.end]
             self.mission.begin_leg()
-        if self._mode is Mode.COMMANDED:
+        if self._mode is FlightMode.COMMANDED:
             self._command.expire(time_s, self._params.command_timeout)
-        if self._mode is Mode.HOMING and self._lander is not None:
+        if self._mode is FlightMode.HOMING and self._lander is not None:
             self._lander.steer(self._reference, self._own, state)
-        elif self._mode is Mode.FLYING and self._carrot is not None:
+        elif self._mode is FlightMode.FLYING and self._carrot is not None:
             self._follow(self._carrot, state.position)
         else:
             velocity = self._command.velocity(self._reference.yaw)
             self._reference.take_up(velocity, self._command.turn)
 
-    def _keep_near(self, state: State) -> None:
+    def _keep_near(self, state: BodyState) -> None:
         """Hold the reference back if something holds the robot, so that it does not go on alone."""
         off = self._reference.hold_within(_REACH_M, state.position, state.velocity)
         away = math.hypot(*off)
@@ -282,17 +286,17 @@ class Quadrotor(Robot):
             self._next.pop(0)()
         self._reference.pull_to(target, carrot.yaw)
 
-    def _goes_down(self, state: State) -> bool:
+    def _goes_down(self, state: BodyState) -> bool:
         """Whether it lands, or a velocity sends it down and something holds it up."""
-        if self._mode is Mode.HOMING:
+        if self._mode is FlightMode.HOMING:
             return self._lander is not None and self._lander.touches_down
-        sinks = self._mode is Mode.COMMANDED and self._command.sinks
+        sinks = self._mode is FlightMode.COMMANDED and self._command.sinks
         is_held = self._reference.position[2] < state.position[2] - _HELD_M
-        return self._mode is Mode.LANDING or (sinks and is_held)
+        return self._mode is FlightMode.LANDING or (sinks and is_held)
 
-    def _detect_landing(self, state: State) -> None:
+    def _detect_landing(self, state: BodyState) -> None:
         """Turn the motors off when it stands on something."""
         if self._touch_down.watch(state.position, state.velocity, self._long_dt_s):
-            self._mode = Mode.LANDED
+            self._mode = FlightMode.LANDED
             if self._next:
                 self._next.pop(0)()

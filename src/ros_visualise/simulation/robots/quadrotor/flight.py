@@ -39,7 +39,7 @@ class Airframe:
     max_thrust: float
 
 
-class State(NamedTuple):
+class BodyState(NamedTuple):
     """The body's pose and motion: velocity in the world's axes, turn rates in its own."""
 
     position: Vector
@@ -48,7 +48,7 @@ class State(NamedTuple):
     rates: Vector
 
     @classmethod
-    def of(cls, data: Any) -> State:
+    def of(cls, data: Any) -> BodyState:
         """The state of the robot's base in an ``mjData``."""
         x, y, z, qw, qx, qy, qz = data.qpos[:7].tolist()
         vx, vy, vz, p, q, r = data.qvel[:6].tolist()
@@ -83,7 +83,7 @@ class FlightController:
         """Set the integrators to zero."""
         self._integral = [0.0, 0.0, 0.0]
 
-    def control(self, state: State, target: SetPoint, dt_s: float) -> tuple[float, ...]:
+    def control(self, state: BodyState, target: SetPoint, dt_s: float) -> tuple[float, ...]:
         """The thrust of each motor, N."""
         force = self._to_force(self._accelerate(state, target, dt_s))
         body_z = rows(state.attitude)
@@ -92,7 +92,7 @@ class FlightController:
         rates = self._turn(state.attitude, _attitude(force, target.yaw), target.yaw_rate)
         return self._mix(thrust, self._torque(state.rates, rates))
 
-    def _accelerate(self, state: State, target: SetPoint, dt_s: float) -> list[float]:
+    def _accelerate(self, state: BodyState, target: SetPoint, dt_s: float) -> list[float]:
         """The acceleration towards the set point, without gravity."""
         wanted = []
         for i in range(3):

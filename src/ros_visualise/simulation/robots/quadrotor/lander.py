@@ -14,7 +14,7 @@ import numpy as np
 from ros_visualise.data import Floats, Odometry
 from ros_visualise.geometry import rotations
 from ros_visualise.simulation.attitude import Vector, wrap, yaw_of
-from ros_visualise.simulation.robots.quadrotor.flight import State
+from ros_visualise.simulation.robots.quadrotor.flight import BodyState
 from ros_visualise.simulation.robots.quadrotor.reference import Reference
 
 _STIFFNESS = 4.0  # 1/s: how the reference is pulled to a target that moves
@@ -68,7 +68,7 @@ class Lander:
         """Take in where the target is, and how it moves."""
         self._target = target
 
-    def steer(self, reference: Reference, own: Odometry | None, state: State) -> None:
+    def steer(self, reference: Reference, own: Odometry | None, state: BodyState) -> None:
         """Pull the reference to the target, with the target's motion."""
         guidance = None if own is None else self.guide(own, yaw_of(state.attitude))
         if guidance is None:

@@ -6,7 +6,7 @@ from ros_visualise.simulation.mission_monitor import MissionMonitor
 from ros_visualise.simulation.route import Carrot, Route
 
 
-class Mode(Enum):
+class FlightMode(Enum):
     """What it is doing."""
 
     LANDED = "landed"
@@ -17,14 +17,14 @@ class Mode(Enum):
 
 
 _TOLD = {
-    Mode.COMMANDED: "is driven",
-    Mode.LANDING: "landing",
-    Mode.HOMING: "mission: landing on what it has seen",
+    FlightMode.COMMANDED: "is driven",
+    FlightMode.LANDING: "landing",
+    FlightMode.HOMING: "mission: landing on what it has seen",
 }
 
 
 def tell_flight(
-    mode: Mode, mission: MissionMonitor, carrot: Carrot | None, route: Route | None
+    mode: FlightMode, mission: MissionMonitor, carrot: Carrot | None, route: Route | None
 ) -> str:
     """What a quadrotor does, in a few words for people.
 
@@ -36,7 +36,7 @@ def tell_flight(
     """
     if mission.failure:
         return f"failed: {mission.failure}"
-    if mode is Mode.LANDED:
+    if mode is FlightMode.LANDED:
         return "mission over, landed" if mission.finished else "landed"
     if mode in _TOLD:
         return _TOLD[mode]

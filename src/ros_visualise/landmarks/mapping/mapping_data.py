@@ -14,7 +14,7 @@ from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Detection, Detections, Floats, Imu, Transforms
 from ros_visualise.geometry.frames import FrameTree, WrongTransforms
 from ros_visualise.landmarks.mapping.mounting import Gyro
-from ros_visualise.landmarks.mapping.problem import Odometry, Problem, Sighting
+from ros_visualise.landmarks.mapping.problem import CameraPath, Problem, TagSighting
 
 _FOR_EVER_S = 1e9
 _MOST_VIEWS = 3000
@@ -26,7 +26,7 @@ _MOST_BEFORE = 200
 _FROZEN = "images that show the same as those before them, as of a camera that froze"
 
 
-class Gathered:
+class MappingData:
     """Detections and frames of a recording; may be filled from any thread.
 
     Attributes:
@@ -107,7 +107,7 @@ class Gathered:
             for view, several in enumerate(found)
             for one, message in several
         ]
-        odometry = Odometry(np.array(T_fixed)) if frame_id and T_fixed else None
+        odometry = CameraPath(np.array(T_fixed)) if frame_id and T_fixed else None
         problem = Problem(np.array(stamps, np.int64), names, sightings, odometry)
         return problem if odometry else _together(problem, self.left_out)
 
@@ -173,11 +173,11 @@ def _stamp(message: Detections) -> int:
 
 def _sighting(
     view: int, names: list[str], one: Detection, message: Detections, size_m: float
-) -> Sighting:
+) -> TagSighting:
     assert message.camera_info is not None
     poses = [h for h in one.hypotheses if h.class_id == one.class_id and h.covariance.any()]
     tag = names.index(one.class_id)
-    return Sighting(view, tag, one.corners_uv, size_m, message.camera_info, poses)
+    return TagSighting(view, tag, one.corners_uv, size_m, message.camera_info, poses)
 
 
 def _together(problem: Problem, left_out: Counter[str]) -> Problem:

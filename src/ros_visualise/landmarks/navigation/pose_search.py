@@ -14,12 +14,12 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.track import DECIDED, log_score
-from ros_visualise.landmarks.navigation.landmark import Known, seen_noise
+from ros_visualise.landmarks.navigation.camera_view import CameraView, ObservedPose, Sighting
+from ros_visualise.landmarks.navigation.landmark import KnownLandmark, seen_noise
 from ros_visualise.landmarks.navigation.measuring import Pair
-from ros_visualise.landmarks.navigation.motion import OdometryNoise, Step, begin, predict
+from ros_visualise.landmarks.navigation.motion import OdometryNoise, OdometryStep, begin, predict
 from ros_visualise.landmarks.navigation.robot import CORE, POSE
-from ros_visualise.landmarks.navigation.sights import SeenPose, Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.updating import fits, level, update
 
 _MOST = 8  # places that are followed at a time
@@ -31,7 +31,7 @@ _VAGUER = 16.0  # than the picture: it only tells where to begin, and counts whe
 
 
 @dataclass(eq=False)
-class Place:
+class PoseCandidate:
     """Where the robot may be: a state of its own, in which the map's landmarks are considered.
 
     Attributes:
@@ -41,14 +41,14 @@ class Place:
         misses: how many in a row did not.
     """
 
-    state: State
+    state: FilterState
     evidence: float
     names: set[str] = field(default_factory=set)
     views: int = 0
     misses: int = 0
 
 
-class Prior(NamedTuple):
+class SearchPrior(NamedTuple):
     """What is known wherever the robot is.
 
     Attributes:
@@ -62,22 +62,24 @@ class Prior(NamedTuple):
     odometry: OdometryNoise
 
 
-class Search:
+class PoseSearch:
     """The places where the robot may be."""
 
     def __init__(self) -> None:
-        self.places: list[Place] = []
+        self.places: list[PoseCandidate] = []
 
     def clear(self) -> None:
         """Forget all of them."""
         self.places = []
 
-    def predict(self, steps: Sequence[Step], model: OdometryNoise) -> None:
+    def predict(self, steps: Sequence[OdometryStep], model: OdometryNoise) -> None:
         """Go on by what the odometry tells."""
         for place in self.places:
             place.state = predict(place.state, steps, model)
 
-    def look(self, view: View, known: Mapping[str, Known], prior: Prior) -> None:
+    def look(
+        self, view: CameraView, known: Mapping[str, KnownLandmark], prior: SearchPrior
+    ) -> None:
         """Compare with an image; ``known`` is the map, by name."""
         sights = [sight for sight in view.sights if sight.name in known]
         if not sights:
@@ -94,7 +96,7 @@ class Search:
         """The landmarks that the likeliest place was told by."""
         return self.places[0].names if self.places else set()
 
-    def found(self, least_names: int) -> State | None:
+    def found(self, least_names: int) -> FilterState | None:
         """The state at the one place that is left; None while that is not decided."""
         if not self.places:
             return None
@@ -104,7 +106,11 @@ class Search:
         return first.state if enough and decided and first.misses == 0 else None
 
     def _begin(
-        self, view: View, sights: list[Sight], known: Mapping[str, Known], prior: Prior
+        self,
+        view: CameraView,
+        sights: list[Sighting],
+        known: Mapping[str, KnownLandmark],
+        prior: SearchPrior,
     ) -> None:
         """Begin at each reading of each tag."""
         start = max((one.evidence for one in self.places), default=0.0)
@@ -117,13 +123,17 @@ class Search:
                 if not fit.is_inlier:
                     continue
                 evidence = start + fit.evidence + log_score(pose.score)
-                place = Place(state, evidence)
+                place = PoseCandidate(state, evidence)
                 self._compare(place, view, sights, known)
                 if place.misses == 0:
                     self.places.append(place)
 
     def _compare(
-        self, place: Place, view: View, sights: list[Sight], known: Mapping[str, Known]
+        self,
+        place: PoseCandidate,
+        view: CameraView,
+        sights: list[Sighting],
+        known: Mapping[str, KnownLandmark],
     ) -> None:
         """Let a place have an image."""
         state = place.state
@@ -145,26 +155,28 @@ class Search:
 
     def _thin_out(self) -> None:
         """Keep the likeliest, each once."""
-        kept: list[Place] = []
+        kept: list[PoseCandidate] = []
         for place in sorted(self.places, key=lambda one: -one.evidence):
             if len(kept) < _MOST and not any(_are_same(place.state, one.state) for one in kept):
                 kept.append(place)
         self.places = kept
 
 
-def _stand(view: View, known: Known, pose: SeenPose, model: OdometryNoise) -> State:
+def _stand(
+    view: CameraView, known: KnownLandmark, pose: ObservedPose, model: OdometryNoise
+) -> FilterState:
     """The robot where it sees a landmark of the map in one reading."""
     assert pose.R is not None
     R_camera = known.R @ pose.R.T
     p_camera = known.p - R_camera @ pose.t
     R = R_camera @ view.R_base_camera.T
-    state = State()
+    state = FilterState()
     covariance = known.covariance + _VAGUER * seen_noise(pose, R_camera, p_camera)
     begin(state, R, p_camera - R @ view.p_base_camera, covariance, model)
     return state
 
 
-def _are_same(one: State, other: State) -> bool:
+def _are_same(one: FilterState, other: FilterState) -> bool:
     """Whether two places have become one."""
     off = np.linalg.norm(one.p - other.p)
     cosine = (np.trace(one.R @ other.R.T) - 1) / 2
@@ -173,7 +185,7 @@ def _are_same(one: State, other: State) -> bool:
     return bool(near or _distance2(one, other, spread) < 1.0)
 
 
-def _distance2(one: State, other: State, spread: Floats) -> float:
+def _distance2(one: FilterState, other: FilterState, spread: Floats) -> float:
     turn = other.R @ one.R.T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
     if np.trace(turn) < 1:

@@ -17,10 +17,10 @@ import numpy as np
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.localization.estimate import GATES
 from ros_visualise.landmarks.navigation.robot import BEFORE, CORE, POSE
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 
 
-class Carried:
+class Propagation:
     """The robot some time after a state.
 
     Attributes:
@@ -28,20 +28,20 @@ class Carried:
         P: (CORE, CORE) covariance of its errors.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: FilterState) -> None:
         self.robot = state.robot
         self.P: Floats = state.covariance[:CORE, :CORE].copy()
         self._change = np.eye(CORE)  # how its errors follow from those of the state
         self._told = np.zeros((CORE, CORE))  # information on the state's errors, gained since
         self._push = np.zeros(CORE)
 
-    def copy(self) -> Carried:
+    def copy(self) -> Propagation:
         """Another one that goes on by itself."""
         new = copy(self)
         new.become(self)
         return new
 
-    def become(self, other: Carried) -> None:
+    def become(self, other: Propagation) -> None:
         """Be what another one is."""
         self.robot, self.P, self._change = other.robot, other.P.copy(), other._change.copy()
         self._told, self._push = other._told.copy(), other._push.copy()
@@ -86,7 +86,7 @@ class Carried:
         self.robot = self.robot.moved(gain @ residual)
         return True
 
-    def into(self, state: State, frozen: bool) -> State:
+    def into(self, state: FilterState, frozen: bool) -> FilterState:
         """The whole state as it is by now; ``frozen`` landmarks learn nothing of it."""
         P = state.covariance.copy()
         across = P[:CORE, CORE:].copy()

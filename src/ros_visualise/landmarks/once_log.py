@@ -7,7 +7,7 @@ import logging
 log = logging.getLogger(__name__)
 
 
-class Remarks:
+class OnceLog:
     """Warnings of one node, each of which is logged once.
 
     Args:

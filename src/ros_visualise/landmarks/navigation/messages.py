@@ -24,12 +24,12 @@ from ros_visualise.data.markers import MarkerType
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.common_error import split
 from ros_visualise.landmarks.localization.estimate import known
-from ros_visualise.landmarks.localization.shown import ellipsoid
-from ros_visualise.landmarks.localization.track import Branch, Track
-from ros_visualise.landmarks.navigation.chart import Mode
+from ros_visualise.landmarks.localization.messages import ellipsoid
+from ros_visualise.landmarks.localization.track import Branch, LandmarkTrack
 from ros_visualise.landmarks.navigation.landmark import Landmark, told_covariance
-from ros_visualise.landmarks.navigation.navigator import Navigator, Now
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.landmark_map import MapMode
+from ros_visualise.landmarks.navigation.navigator import Navigator, RobotEstimate
+from ros_visualise.landmarks.navigation.state import FilterState
 
 _GREEN, _RED, _GRAY, _BLUE = (0.1, 0.8, 0.2), (0.95, 0.15, 0.1), (0.6, 0.6, 0.6), (0.2, 0.5, 1.0)
 _PLATE_M, _TEXT_M = 0.02, 0.25
@@ -45,7 +45,9 @@ def landmarks_of(navigator: Navigator, header: Header) -> Detections3D:
     return Detections3D(tuple(there), header)
 
 
-def tracks_of(navigator: Navigator, given: Mapping[str, Track]) -> tuple[list[Track], Floats]:
+def tracks_of(
+    navigator: Navigator, given: Mapping[str, LandmarkTrack]
+) -> tuple[list[LandmarkTrack], Floats]:
     """The map, as `ros_visualise.landmarks.localization.map_file` writes it.
 
     And the covariance (6, 6) of what its landmarks are off together.
@@ -54,24 +56,24 @@ def tracks_of(navigator: Navigator, given: Mapping[str, Track]) -> tuple[list[Tr
         given: that of before; a landmark that was not seen is as it was.
     """
     chart, state, common = navigator.chart, navigator.state, navigator.common
-    if navigator.settings.rules.mode is Mode.FROZEN:
+    if navigator.settings.rules.mode is MapMode.FROZEN:
         return list(given.values()), common
     before = [one for name, one in given.items() if name not in chart.landmarks]
     found = [one for one in chart.landmarks.values() if one.is_used]
-    if navigator.settings.rules.mode is Mode.BUILD:
+    if navigator.settings.rules.mode is MapMode.BUILD:
         common = _common(state, [one.key for one in found if one.is_turned])
         return [_track(one, state, 0.0) for one in found], common
     return [*before, *(_track(one, state, common) for one in found)], common
 
 
-def _common(state: State, keys: list[str]) -> Floats:
+def _common(state: FilterState, keys: list[str]) -> Floats:
     """(6, 6) what tags are off together, of what the state has."""
     rows = np.array([np.arange(state.rows(key).start, state.rows(key).stop) for key in keys], int)
     rows = rows.ravel()
     return split(state.covariance[np.ix_(rows, rows)].reshape(len(keys), 6, len(keys), 6))[0]
 
 
-def markers_of(navigator: Navigator, now: Now, header: Header) -> MarkerArray:
+def markers_of(navigator: Navigator, now: RobotEstimate, header: Header) -> MarkerArray:
     """The robot's ellipsoid, and the landmarks': green used, red refused with the reason."""
     axes_lengths, axes = ellipsoid(now.covariance[:3, :3])
     color = np.array([*(_BLUE if now.is_located else _RED), 0.4])
@@ -82,7 +84,9 @@ def markers_of(navigator: Navigator, now: Now, header: Header) -> MarkerArray:
     return MarkerArray(tuple(replace(one, header=header) for one in drawn))
 
 
-def diagnostics_of(navigator: Navigator, now: Now | None, header: Header) -> DiagnosticArray:
+def diagnostics_of(
+    navigator: Navigator, now: RobotEstimate | None, header: Header
+) -> DiagnosticArray:
     """Whether it knows where the robot is, how well, and what became of the last image."""
     judged = navigator.judged
     lost = not navigator.is_located
@@ -115,12 +119,12 @@ def _imu(navigator: Navigator) -> str:
     return "used" if navigator.past.imu.is_there else "none"
 
 
-def _pose(state: State, key: str) -> tuple[Floats, Floats]:
+def _pose(state: FilterState, key: str) -> tuple[Floats, Floats]:
     (place,) = state.indices([key])
     return state.landmarks_p[place], state.landmarks_R[place]
 
 
-def _detection(one: Landmark, state: State, common: Floats) -> Detection3D:
+def _detection(one: Landmark, state: FilterState, common: Floats) -> Detection3D:
     hypotheses = []
     for key, weight in zip(one.keys, one.weights, strict=True):
         p, R = _pose(state, key)
@@ -131,10 +135,10 @@ def _detection(one: Landmark, state: State, common: Floats) -> Detection3D:
     return Detection3D(first.position_xyz, first.quat_xyzw, _size(one), tuple(hypotheses), one.name)
 
 
-def _track(one: Landmark, state: State, common: Floats | float) -> Track:
+def _track(one: Landmark, state: FilterState, common: Floats | float) -> LandmarkTrack:
     p, R = _pose(state, one.key)
     branch = Branch(known(p, R, told_covariance(state, one.key, common)), 0.0)
-    return Track(
+    return LandmarkTrack(
         one.kind,
         one.number,
         one.is_turned,

@@ -23,7 +23,7 @@ from ros_visualise.data import (
 from ros_visualise.data.markers import MarkerAction, MarkerType
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.localization.localizer import ELLIPSOID
-from ros_visualise.landmarks.localization.track import Track
+from ros_visualise.landmarks.localization.track import LandmarkTrack
 
 _COLORS = np.array(
     [
@@ -41,7 +41,7 @@ _LABEL_M = 0.15  # the least height of a name's letters
 _SHAPES = ("covariance", "box", "axes", "label")
 
 
-class _Drawn(NamedTuple):
+class _LandmarkDrawing(NamedTuple):
     """One landmark in all messages, but for the time of these."""
 
     known: tuple[int, int]
@@ -50,23 +50,23 @@ class _Drawn(NamedTuple):
     markers: tuple[Marker, ...]
 
 
-class Shown:
+class LandmarkMessages:
     """Makes messages of landmarks; of one that nothing new is known of, those of before."""
 
     def __init__(self) -> None:
-        self._drawn: dict[int, _Drawn] = {}
+        self._drawn: dict[int, _LandmarkDrawing] = {}
         self._is_new = True
 
-    def detections(self, landmarks: Iterable[Track], header: Header) -> Detections3D:
+    def detections(self, landmarks: Iterable[LandmarkTrack], header: Header) -> Detections3D:
         """Where landmarks are; of one that may be in two poses, both."""
         return Detections3D(tuple(self._draw(one).detection for one in landmarks), header)
 
-    def transforms(self, landmarks: Iterable[Track], header: Header) -> Transforms:
+    def transforms(self, landmarks: Iterable[LandmarkTrack], header: Header) -> Transforms:
         """A frame for each landmark, called as it; that of a thing without orientation is level."""
         frames = (self._draw(one).frame for one in landmarks)
         return Transforms(tuple(replace(frame, header=header) for frame in frames))
 
-    def markers(self, landmarks: Iterable[Track], header: Header) -> MarkerArray:
+    def markers(self, landmarks: Iterable[LandmarkTrack], header: Header) -> MarkerArray:
         """Shapes for landmarks; those of landmarks that are no more are deleted.
 
         An ellipsoid is where each is with a probability of 95 %, a plate or box how large it is.
@@ -84,17 +84,17 @@ class Shown:
         several = (*first, *gone, *(marker for one in there.values() for marker in one))
         return MarkerArray(tuple(replace(marker, header=header) for marker in several))
 
-    def _draw(self, track: Track) -> _Drawn:
+    def _draw(self, track: LandmarkTrack) -> _LandmarkDrawing:
         known, drawn = (track.seen, track.last_ns), self._drawn.get(track.number)
         if drawn is None or drawn.known != known:
             at, quat = track.best.position_xyz, rotations.from_matrix(track.best.R_fixed_landmark)
             frame = TransformStamped(track.name, at, quat)
-            drawn = _Drawn(known, _detection(track, quat), frame, _markers(track, quat))
+            drawn = _LandmarkDrawing(known, _detection(track, quat), frame, _markers(track, quat))
             self._drawn[track.number] = drawn
         return drawn
 
 
-def _detection(track: Track, quat: Floats) -> Detection3D:
+def _detection(track: LandmarkTrack, quat: Floats) -> Detection3D:
     hypotheses = tuple(
         Hypothesis(
             track.class_id,
@@ -110,7 +110,7 @@ def _detection(track: Track, quat: Floats) -> Detection3D:
     return Detection3D(at, quat, track.size_xyz, hypotheses, track.name)
 
 
-def _markers(track: Track, quat: Floats) -> tuple[Marker, ...]:
+def _markers(track: LandmarkTrack, quat: Floats) -> tuple[Marker, ...]:
     at, number = track.best.position_xyz, track.number
     extent = float(track.size_xyz.max()) or _UNKNOWN_M
     scale, axes = ellipsoid(track.covariance[:3, :3])

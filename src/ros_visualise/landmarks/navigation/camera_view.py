@@ -19,7 +19,7 @@ _CORNERS = 4  # of a tag
 
 
 @dataclass(frozen=True, eq=False)
-class SeenPose:
+class ObservedPose:
     """One reading of a landmark: its pose in the camera's frame, and the covariance of that.
 
     ``covariance`` (6, 6) is that of the position and of a turn about the camera's axes. Where
@@ -34,7 +34,7 @@ class SeenPose:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class Sighting:
     """One landmark in one image.
 
     Attributes:
@@ -51,7 +51,7 @@ class Sight:
     side_m: float
     rays: Rays | None
     noise_px2: Floats
-    poses: tuple[SeenPose, ...]
+    poses: tuple[ObservedPose, ...]
 
     @property
     def has_corners(self) -> bool:
@@ -65,7 +65,7 @@ class Sight:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CameraView:
     """One image: when it was taken, where its camera is on the robot, and what is in it.
 
     Attributes:
@@ -78,7 +78,7 @@ class View:
     stamp_ns: int
     R_base_camera: Floats
     p_base_camera: Floats
-    sights: tuple[Sight, ...]
+    sights: tuple[Sighting, ...]
     left_out: dict[str, str]
     print: bytes
 
@@ -89,7 +89,7 @@ def view_of(
     prefix: str = "",
     floor_px: float = 0.0,
     moving: Container[str] = (),
-) -> View:
+) -> CameraView:
     """What detections tell.
 
     Args:
@@ -114,7 +114,7 @@ def view_of(
     left_out |= {name: "twice in an image" for name, count in often.items() if count > 1}
     kept = tuple(sight for sight in sights if sight.name not in left_out)
     R, p = T_base_camera[:3, :3], T_base_camera[:3, 3]
-    return View(detections.header.stamp_ns, R, p, kept, left_out, _print(found))
+    return CameraView(detections.header.stamp_ns, R, p, kept, left_out, _print(found))
 
 
 def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
@@ -131,12 +131,12 @@ def _rays(found: list[Detection], detections: Detections) -> dict[int, Rays]:
     return {n: Rays(d, px) for n, d, px in several if np.isfinite(d).all()}
 
 
-def _sight(one: Detection, rays: Rays | None, prefix: str, floor_px: float) -> Sight:
+def _sight(one: Detection, rays: Rays | None, prefix: str, floor_px: float) -> Sighting:
     first = one.hypotheses[0]
     name = prefix + first.class_id if first.class_id.isdigit() else first.class_id
     several = (_pose(h) for h in one.hypotheses if h.class_id == first.class_id)
     poses = tuple(pose for pose in several if pose is not None)
-    return Sight(name, first.number, one.side_m, rays, _noise(one, floor_px), poses)
+    return Sighting(name, first.number, one.side_m, rays, _noise(one, floor_px), poses)
 
 
 def _noise(one: Detection, floor_px: float) -> Floats:
@@ -148,7 +148,7 @@ def _noise(one: Detection, floor_px: float) -> Floats:
     return noise
 
 
-def _pose(hypothesis: Hypothesis) -> SeenPose | None:
+def _pose(hypothesis: Hypothesis) -> ObservedPose | None:
     """One reading; None of what has no pose."""
     t, covariance = hypothesis.position_xyz, hypothesis.covariance
     range_m = float(np.linalg.norm(t))
@@ -161,7 +161,7 @@ def _pose(hypothesis: Hypothesis) -> SeenPose | None:
     has_range = bool(ray @ covariance[:3, :3] @ ray < UNKNOWN)
     is_turned = has_range and bool(np.trace(covariance[3:, 3:]) < UNKNOWN)
     R = rotations.to_matrix(hypothesis.quat_xyzw) if is_turned else None
-    return SeenPose(R, t, covariance, hypothesis.score, has_range)
+    return ObservedPose(R, t, covariance, hypothesis.score, has_range)
 
 
 def _print(found: Iterable[Detection]) -> bytes:

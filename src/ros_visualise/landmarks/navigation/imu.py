@@ -12,14 +12,14 @@ import numpy as np
 
 from ros_visualise.data import Floats
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import (
     ACCEL,
     CORE,
     GRAVITY,
     GYRO,
     VELOCITY,
-    Robot,
+    RobotState,
 )
 
 _EYE = np.eye(3)
@@ -47,14 +47,14 @@ class ImuNoise:
 
 
 @dataclass(frozen=True, eq=False)
-class Mounting:
+class ImuMounting:
     """Where an IMU is on the robot: T_base_imu, (3, 3) and (3,)."""
 
     R: Floats
     p: Floats
 
 
-class Part(NamedTuple):
+class ImuInterval(NamedTuple):
     """Some seconds in which rates (3,) in rad/s and force (3,) in m/s^2 hardly changed."""
 
     seconds: float
@@ -62,10 +62,10 @@ class Part(NamedTuple):
     force: Floats
 
 
-Parts = list[Part]
+ImuIntervals = list[ImuInterval]
 
 
-class Inertial:
+class ImuBuffer:
     """The last seconds of an IMU, in the robot's axes and at the robot's origin."""
 
     def __init__(self) -> None:
@@ -78,7 +78,7 @@ class Inertial:
         """Whether it has measured."""
         return bool(self._stamps_ns)
 
-    def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: Mounting) -> None:
+    def add(self, stamp_ns: int, rates: Floats, force: Floats, mounting: ImuMounting) -> None:
         """Take a measurement, in the IMU's axes, that is newer than all others.
 
         Away from the robot's origin an IMU also feels how the robot turns about that.
@@ -98,7 +98,7 @@ class Inertial:
         self._rates.append(w)
         self._forces.append(f)
 
-    def between(self, from_ns: int, to_ns: int) -> Parts | None:
+    def between(self, from_ns: int, to_ns: int) -> ImuIntervals | None:
         """All parts of a time, in the robot's axes; None where there is too little."""
         times = self._stamps_ns
         first, end = bisect_right(times, from_ns) - 1, bisect_left(times, to_ns)
@@ -112,7 +112,7 @@ class Inertial:
         for n, (a, b) in enumerate(pairwise(stamps), first):
             m = min(n + 1, len(times) - 1)
             mean = (self._rates[n] + self._rates[m]) / 2, (self._forces[n] + self._forces[m]) / 2
-            parts.append(Part((b - a) / 1e9, *mean))
+            parts.append(ImuInterval((b - a) / 1e9, *mean))
         return parts
 
     def forget_all(self) -> None:
@@ -125,7 +125,7 @@ class Inertial:
         del self._stamps_ns[:count], self._rates[:count], self._forces[:count]
 
 
-def by_imu(carried: Carried, parts: Parts, model: ImuNoise) -> None:
+def by_imu(carried: Propagation, parts: ImuIntervals, model: ImuNoise) -> None:
     """Go on by all that an IMU measured in a time, with one Jacobian for the whole of it.
 
     Source: A. Barrau, S. Bonnabel, as in `ros_visualise.landmarks.navigation.robot`: how pose and
@@ -152,7 +152,7 @@ def by_imu(carried: Carried, parts: Parts, model: ImuNoise) -> None:
     carried.robot = replace(robot, R=R, p=p[-1], v=v[-1])
 
 
-def _attitudes(robot: Robot, parts: Parts) -> tuple[Floats, Floats]:
+def _attitudes(robot: RobotState, parts: ImuIntervals) -> tuple[Floats, Floats]:
     """(K, 3, 3) in the middle of each part, and (3, 3) at the end."""
     R, middles = robot.R, []
     for part in parts:

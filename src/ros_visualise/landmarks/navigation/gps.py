@@ -12,9 +12,9 @@ from ros_visualise.data import Floats
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.geodesy import LocalPlane
 from ros_visualise.landmarks.navigation import twists
-from ros_visualise.landmarks.navigation.carried import Carried
+from ros_visualise.landmarks.navigation.propagation import Propagation
 from ros_visualise.landmarks.navigation.robot import CORE, DATUM, POSE, SLOW, YAW
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 
 _BACK_NS = 2_000_000_000  # a stamp that is so much older than the last: that one was wrong
 _LONGEST_S = 0.5  # a fix that is so much older than the next odometry tells nothing
@@ -41,7 +41,7 @@ class GpsNoise:
     origin: tuple[float, float, float] | None = None
 
 
-class Fix(NamedTuple):
+class GpsFix(NamedTuple):
     """One fix: east, north and up of the origin, in metres.
 
     Attributes:
@@ -57,7 +57,7 @@ class Fix(NamedTuple):
     arm: Floats
 
 
-class Satellites:
+class GpsBuffer:
     """The last seconds of a receiver.
 
     Attributes:
@@ -70,7 +70,7 @@ class Satellites:
         self._plane = LocalPlane(*model.origin) if model.origin else None
         self._is_placed = model.origin is not None
         self._first: tuple[Floats, Floats] | None = None
-        self._fixes: list[Fix] = []
+        self._fixes: list[GpsFix] = []
 
     def add(self, stamp_ns: int, geodetic: Floats, covariance: Floats, arm: Floats) -> bool:
         """Take a fix (3,) that is newer than all others; a covariance of zeros is not known."""
@@ -84,10 +84,10 @@ class Satellites:
         if not (np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance)[0] > 0):
             covariance = np.diag([1, 1, _HEIGHT**2]) * self.model.sigma_m**2
         enu = self._plane.to_enu(geodetic)
-        self._fixes.append(Fix(stamp_ns, before_ns, enu, covariance, arm))
+        self._fixes.append(GpsFix(stamp_ns, before_ns, enu, covariance, arm))
         return True
 
-    def place(self, state: State, now: Carried) -> bool:
+    def place(self, state: FilterState, now: Propagation) -> bool:
         """Find out where GPS counts from, as soon as the robot has gone far enough; whether now."""
         if self._is_placed or not self._fixes:
             return False
@@ -109,7 +109,7 @@ class Satellites:
         self._is_placed = True
         return True
 
-    def between(self, from_ns: int, to_ns: int) -> list[Fix]:
+    def between(self, from_ns: int, to_ns: int) -> list[GpsFix]:
         """Those after a time, until another."""
         if not self._is_placed:
             return []
@@ -122,7 +122,7 @@ class Satellites:
         del self._fixes[: max(bisect_right(stamps, before_ns) - 1, 0)]
 
 
-def correct(carried: Carried, fix: Fix, stamp_ns: int, model: GpsNoise) -> bool:
+def correct(carried: Propagation, fix: GpsFix, stamp_ns: int, model: GpsNoise) -> bool:
     """Let a fix correct a robot of soon after; whether it fits."""
     late_s = (stamp_ns - fix.stamp_ns) / 1e9
     if late_s > _LONGEST_S:
@@ -140,7 +140,7 @@ def correct(carried: Carried, fix: Fix, stamp_ns: int, model: GpsNoise) -> bool:
     return carried.correct(residual, H, (1 - model.slow) * fix.covariance, 0.0)
 
 
-def _age(carried: Carried, seconds: float, model: GpsNoise) -> None:
+def _age(carried: Propagation, seconds: float, model: GpsNoise) -> None:
     """The slow error goes on: a first-order Gauss-Markov process.
 
     Source: A. Gelb, Applied Optimal Estimation, 1974, section 2.4.

@@ -6,13 +6,18 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
-from ros_visualise.landmarks.navigation.landmark import Known, Landmark, begin, told_covariance
+from ros_visualise.landmarks.navigation.camera_view import CameraView, Sighting
+from ros_visualise.landmarks.navigation.landmark import (
+    KnownLandmark,
+    Landmark,
+    begin,
+    told_covariance,
+)
 from ros_visualise.landmarks.navigation.measuring import Pair, camera_of
-from ros_visualise.landmarks.navigation.points import Match, Plane, match, nearby
+from ros_visualise.landmarks.navigation.points import GroundPlane, PointMatch, match, nearby
 from ros_visualise.landmarks.navigation.points import begin as begin_point
 from ros_visualise.landmarks.navigation.robot import CORE
-from ros_visualise.landmarks.navigation.sights import Sight, View
-from ros_visualise.landmarks.navigation.state import State
+from ros_visualise.landmarks.navigation.state import FilterState
 from ros_visualise.landmarks.navigation.updating import fits, update
 
 _SIDES = 0.1  # by which two sides of one tag may differ, as a part
@@ -20,7 +25,7 @@ _MOVED = 8  # images in a row in which it is not where it should be, while other
 _MOST_CONSIDERED = 60  # landmarks of a map that does not change, that the state holds
 
 
-class Mode(Enum):
+class MapMode(Enum):
     """What is done with the map: begun, gone on with, or left as it is."""
 
     BUILD = "build"
@@ -29,24 +34,24 @@ class Mode(Enum):
 
 
 @dataclass(frozen=True)
-class Rules:
+class MapRules:
     """When a new landmark may correct the robot.
 
     Attributes:
-        mode: see `Mode`.
+        mode: see `MapMode`.
         sightings: it was seen so often,
         reach: from places that are apart by this part of its range.
         plane: the ground, where new points stand; None where nobody knows.
     """
 
-    mode: Mode = Mode.BUILD
+    mode: MapMode = MapMode.BUILD
     sightings: int = 5
     reach: float = 0.1
-    plane: Plane | None = None
+    plane: GroundPlane | None = None
 
 
 @dataclass
-class Judged:
+class ImageOutcome:
     """What became of the sights of an image: names, and why they are refused.
 
     ``doubts`` are what a person should look at where it stays so, by what it is about.
@@ -58,7 +63,7 @@ class Judged:
     doubts: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def same(cls, names: Iterable[str]) -> Judged:
+    def same(cls, names: Iterable[str]) -> ImageOutcome:
         """Of an image that is the one before again."""
         doubts = {"the camera": "images with tags are all the same: is the camera frozen?"}
         return cls(refused=dict.fromkeys(names, "the same image"), doubts=doubts)
@@ -69,7 +74,7 @@ class Judged:
         self.doubts[name] = f"{name} is left out, as it {why.partition(':')[0]}: {advice}"
 
 
-class Chart:
+class LandmarkMap:
     """The landmarks that are in the state.
 
     Attributes:
@@ -78,16 +83,16 @@ class Chart:
         is_frozen: they stay as they are.
     """
 
-    def __init__(self, rules: Rules, known: Mapping[str, Known]) -> None:
+    def __init__(self, rules: MapRules, known: Mapping[str, KnownLandmark]) -> None:
         self.landmarks: dict[str, Landmark] = {}
         self.known = dict(known)
         self._rules = rules
         self._count = len(self.known)
-        self.is_frozen = rules.mode is Mode.FROZEN
+        self.is_frozen = rules.mode is MapMode.FROZEN
 
-    def take(self, state: State, view: View) -> tuple[State, Judged]:
+    def take(self, state: FilterState, view: CameraView) -> tuple[FilterState, ImageOutcome]:
         """Correct the state by an image."""
-        judged = Judged(refused=dict(view.left_out))
+        judged = ImageOutcome(refused=dict(view.left_out))
         tags = [sight for sight in view.sights if sight.is_turned]
         tags = [sight for sight in tags if self._has_its_side(sight, judged)]
         for sight in tags:
@@ -107,7 +112,7 @@ class Chart:
             self._thin_out(state)
         return state, judged
 
-    def _points(self, state: State, view: View) -> list[Match]:
+    def _points(self, state: FilterState, view: CameraView) -> list[PointMatch]:
         """Which points are seen; those of the map that may be are in the state by then."""
         sights = [sight for sight in view.sights if not sight.is_turned]
         if not sights:
@@ -119,7 +124,7 @@ class Chart:
         several = [one for one in self.landmarks.values() if not one.is_turned]
         return match(state, view, sights, several)
 
-    def map_of(self, state: State) -> dict[str, Known]:
+    def map_of(self, state: FilterState) -> dict[str, KnownLandmark]:
         """All that is known by now of tags that may be used, by name."""
         known = {name: one for name, one in self.known.items() if not one.kind}
         for name, one in self.landmarks.items():
@@ -128,10 +133,10 @@ class Chart:
                 R, p = state.landmarks_R[place], state.landmarks_p[place]
                 told = told_covariance(state, one.key)
                 if one.is_turned:
-                    known[name] = Known.of(R, p, told, one.side_m)
+                    known[name] = KnownLandmark.of(R, p, told, one.side_m)
         return known
 
-    def _has_its_side(self, sight: Sight, judged: Judged) -> bool:
+    def _has_its_side(self, sight: Sighting, judged: ImageOutcome) -> bool:
         """Whether its detector and the map agree on how large it is."""
         known = self.known.get(sight.name) or self.landmarks.get(sight.name)
         sides = (sight.side_m, known.side_m) if known else (0.0, 0.0)
@@ -141,15 +146,19 @@ class Chart:
         judged.refuse(sight.name, why, "check the size that its detector was given")
         return False
 
-    def _enter(self, state: State, name: str) -> None:
+    def _enter(self, state: FilterState, name: str) -> None:
         """Take a landmark of the map into the state."""
         known = self.known[name]
         state.add(name, known.R, known.p, known.covariance)
         self.landmarks[name] = Landmark.known(name, known)
 
     def _correct(
-        self, state: State, view: View, there: list[tuple[Sight, Landmark]], judged: Judged
-    ) -> State:
+        self,
+        state: FilterState,
+        view: CameraView,
+        there: list[tuple[Sighting, Landmark]],
+        judged: ImageOutcome,
+    ) -> FilterState:
         """By all that fit of those that may be used."""
         there = [one for one in there if one[1].is_used]
         pairs = [Pair(sight, landmark.key) for sight, landmark in there]
@@ -171,7 +180,7 @@ class Chart:
         self._let_go_of_moved(state, judged)
         return state
 
-    def _let_go_of_moved(self, state: State, judged: Judged) -> None:
+    def _let_go_of_moved(self, state: FilterState, judged: ImageOutcome) -> None:
         """A landmark that others contradict, image after image, is not there any more."""
         if self.is_frozen:
             return
@@ -183,8 +192,13 @@ class Chart:
                 judged.refused[name] = "was moved: it begins anew"
 
     def _watch(
-        self, state: State, view: View, sight: Sight, landmark: Landmark, judged: Judged
-    ) -> State:
+        self,
+        state: FilterState,
+        view: CameraView,
+        sight: Sighting,
+        landmark: Landmark,
+        judged: ImageOutcome,
+    ) -> FilterState:
         """A view of one that is not used yet."""
         state = landmark.watch(state, view, sight)
         if landmark.is_contradictory:
@@ -197,14 +211,18 @@ class Chart:
         judged.watched.append(landmark.name)
         return state
 
-    def _begin(self, state: State, view: View, sights: list[Sight], judged: Judged) -> None:
+    def _begin(
+        self, state: FilterState, view: CameraView, sights: list[Sighting], judged: ImageOutcome
+    ) -> None:
         for sight in sights:
             is_new = sight.name not in self.landmarks and sight.name not in judged.refused
             if is_new and any(pose.R is not None for pose in sight.poses):
                 self.landmarks[sight.name] = begin(state, view, sight)
                 judged.watched.append(sight.name)
 
-    def _begin_points(self, state: State, view: View, matches: list[Match], judged: Judged) -> None:
+    def _begin_points(
+        self, state: FilterState, view: CameraView, matches: list[PointMatch], judged: ImageOutcome
+    ) -> None:
         """Points that are new, and why others are left out."""
         for sight, landmark, why in matches:
             if why:
@@ -218,12 +236,12 @@ class Chart:
                 self.landmarks[name] = new
                 judged.watched.append(name)
 
-    def _drop(self, state: State, landmark: Landmark) -> None:
+    def _drop(self, state: FilterState, landmark: Landmark) -> None:
         for key in landmark.keys:
             state.remove(key)
         del self.landmarks[landmark.name]
 
-    def _thin_out(self, state: State) -> None:
+    def _thin_out(self, state: FilterState) -> None:
         """Let go of what was not seen for long: the map still has it."""
         several = sorted(self.landmarks.values(), key=lambda one: one.last_ns)
         for landmark in several[: max(len(several) - _MOST_CONSIDERED, 0)]:

@@ -1,27 +1,29 @@
 """What a person is told: once, and only where it stays so."""
 
-from ros_visualise.landmarks.navigation.chart import Judged
-from ros_visualise.landmarks.navigation.doubts import Doubts
+from ros_visualise.landmarks.navigation.landmark_map import ImageOutcome
+from ros_visualise.landmarks.navigation.rejections import Rejections
 
 
 def refused():
-    judged = Judged()
+    judged = ImageOutcome()
     judged.refuse("tag36h11_3", "is not where the map has it: 7 times too far", "was it moved?")
     return judged
 
 
 def test_a_tag_that_is_always_refused_is_named_once():
-    doubts = Doubts()
+    doubts = Rejections()
     said = [text for _ in range(30) for text in doubts.look(refused())]
     assert said == ["tag36h11_3 is left out, as it is not where the map has it: was it moved?"]
 
 
 def test_one_that_is_refused_now_and_then_is_not_worth_a_word():
-    doubts = Doubts()
-    images = [*[refused()] * 4, Judged(used=["tag36h11_3"])] * 5
+    doubts = Rejections()
+    images = [*[refused()] * 4, ImageOutcome(used=["tag36h11_3"])] * 5
     assert not [text for judged in images for text in doubts.look(judged)]
 
 
 def test_images_without_it_change_nothing():
-    doubts = Doubts()
-    assert [text for _ in range(9) for one in (refused(), Judged()) for text in doubts.look(one)]
+    doubts = Rejections()
+    assert [
+        text for _ in range(9) for one in (refused(), ImageOutcome()) for text in doubts.look(one)
+    ]
