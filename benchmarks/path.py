@@ -20,7 +20,7 @@ from ros_visualise.data import Header, Odometry, Path
 from ros_visualise.messages import to_message, type_name
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.nodes.path import PathNode, PathParams
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.figure import Figure
 
 HZ = 100
 STARTED_NS = 1_700_000_000_000_000_000

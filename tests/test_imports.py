@@ -15,6 +15,7 @@ LAYERS = [
     {"data", "geometry"},
     {"messages", "vision"},
     {"sources", "sinks"},
+    {"plotting"},
     {"landmarks"},
     {"simulation"},
     {"nodes"},

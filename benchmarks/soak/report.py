@@ -8,8 +8,8 @@ import numpy as np
 from samples import Sample, read
 from slopes import Slope, slope_of
 
-from ros_visualise.sinks.figure import Figure
-from ros_visualise.ui.colors import PALETTE
+from ros_visualise.plotting.colors import PALETTE
+from ros_visualise.plotting.figure import Figure
 
 SETTLE_S = 600.0
 """What comes before is not counted: caches and histories fill."""

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ros_visualise.data import Header
-from ros_visualise.geometry.thinning import thin
-from ros_visualise.geometry.track import Track
+from ros_visualise.geometry.thinning import simplify
+from ros_visualise.geometry.track import ThinnedPath
 
 
 def wander(count, seed=0, dimensions=3):
@@ -29,7 +29,7 @@ def distances(points, line):
 
 
 def thinned(points, count):
-    return thin(points, np.zeros(len(points) - 1), count)
+    return simplify(points, np.zeros(len(points) - 1), count)
 
 
 @pytest.mark.parametrize("count", [2, 3, 57, 199, 200, 300])
@@ -64,7 +64,7 @@ def test_the_corners_of_a_polygon_are_what_stays():
 def test_what_was_astray_before_stays_counted():
     points = wander(100)
     before = np.full(99, 0.25)
-    _, astray_m = thin(points, before, 20)
+    _, astray_m = simplify(points, before, 20)
     _, anew_m = thinned(points, 20)
     assert astray_m.min() >= 0.25
     assert astray_m.max() <= anew_m.max() + 0.25 + 1e-12
@@ -85,7 +85,7 @@ def test_large_coordinates_change_nothing():
 
 def test_a_track_thinned_again_and_again_keeps_to_its_bound():
     points = wander(5000)
-    track = Track()
+    track = ThinnedPath()
     for number, xyz in enumerate(points):
         track.append(number, np.array([*xyz, 0, 0, 0, 1]), 200)
         assert len(track) <= 200
@@ -99,7 +99,7 @@ def test_a_track_thinned_again_and_again_keeps_to_its_bound():
 
 
 def test_a_straight_track_is_never_astray():
-    track = Track()
+    track = ThinnedPath()
     for number in range(3000):
         track.append(number, np.array([number / 8, 0, 0, 0, 0, 0, 1.0]), 100)
     assert len(track) <= 100
@@ -107,7 +107,7 @@ def test_a_straight_track_is_never_astray():
 
 
 def test_what_was_given_outlives_the_thinning():
-    track = Track()
+    track = ThinnedPath()
     points = wander(300)
     given = []
     for number, xyz in enumerate(points):
@@ -120,7 +120,7 @@ def test_what_was_given_outlives_the_thinning():
 
 
 def test_fewer_poses_than_before_may_be_asked_for():
-    track = Track()
+    track = ThinnedPath()
     for number, xyz in enumerate(wander(1000)):
         track.append(number, np.array([*xyz, 0, 0, 0, 1]), 1000 if number < 900 else 50)
     assert len(track) <= 50

@@ -11,13 +11,14 @@ from scene_messages import odometry
 from scene_runtime import Told
 
 from ros_visualise.data import Image, Odometry
+from ros_visualise.geometry.thinning import extremes
 from ros_visualise.graph.pipelines import film_pipeline, recording_pipeline
 from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.sources.opening import open_recording
 from ros_visualise.sources.playback import Playback
 from ros_visualise.ui.look import Looker
 from ros_visualise.ui.look.answers import Question
-from ros_visualise.ui.look.curve import Curve, thin
+from ros_visualise.ui.look.curve import Curve
 
 BLOCK = """{n}
 00:00:{a:02d},000 --> 00:00:{b:02d},000
@@ -134,7 +135,8 @@ def test_thinned_curves_keep_each_peak():
     values = np.sin(times_s / 500)
     values[[777, 54_321]] = [9, -7]
     values[1234] = np.nan
-    kept_s, kept = thin(times_s, values, 400)
+    chosen = extremes(values, 400)
+    kept_s, kept = times_s[chosen], values[chosen]
     assert len(kept) <= 400
     assert (kept.max(), kept.min()) == (9, -7)
     assert kept_s[kept.argmax()] == 777

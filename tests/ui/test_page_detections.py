@@ -12,9 +12,9 @@ from ros_visualise.graph import Graph, place
 from ros_visualise.messages.definitions import Definitions
 from ros_visualise.messages.recorded import Recorded
 from ros_visualise.nodes import node
+from ros_visualise.plotting.colors import color_of
 from ros_visualise.sinks.encoding import Encoder
 from ros_visualise.ui.boxes import Boxes, paint
-from ros_visualise.ui.colors import color_of
 from ros_visualise.ui.pane import Pane
 from ros_visualise.ui.shown import detections_of
 from ros_visualise.ui.tiling import Box

@@ -19,9 +19,9 @@ from ros_visualise.graph import Graph, Node
 from ros_visualise.graph.pipelines import chain, image_pipeline
 from ros_visualise.nodes import NodeType, NoParams, find
 from ros_visualise.nodes.filters import FiltersParams
+from ros_visualise.plotting.colors import PALETTE
 from ros_visualise.runtime.remote.declaring import Told, declared
 from ros_visualise.runtime.report import NodeReport, RunReport, TopicReport
-from ros_visualise.ui.colors import PALETTE
 from ros_visualise.ui.page.controls import Controls, add_element, shown
 from ros_visualise.ui.page.graph import graph_picture
 from ros_visualise.ui.page.tables import loss_lines, topic_table, travel_lines

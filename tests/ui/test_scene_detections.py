@@ -12,7 +12,7 @@ from ros_visualise.data import (
     MarkerArray,
     MarkerType,
 )
-from ros_visualise.ui.colors import color_of
+from ros_visualise.plotting.colors import color_of
 
 
 def thing(xyz, name="dog", size=(1, 2, 3), quat=LEVEL):

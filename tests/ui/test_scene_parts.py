@@ -9,13 +9,14 @@ from ros_visualise.data import CameraInfo, Image, LaserScan, Odometry, Transform
 from ros_visualise.data.frames import is_static
 from ros_visualise.geometry import rotations
 from ros_visualise.ui.scene.axes import clusters
-from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo
+from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of
 from ros_visualise.ui.scene.drawings.cameras import view_of
 from ros_visualise.ui.scene.drawings.lines import Trail, thinned
 from ros_visualise.ui.scene.drawings.points import choose, ends_of
 from ros_visualise.ui.scene.drawings.poses import ellipsoid
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.kinds import is_beside_image, is_spatial
+from ros_visualise.vision.measurements import turbo
 
 BLUE, RED = turbo(np.array([0.0, 1]), 0, 1).tolist()
 LINE = np.stack([np.zeros(11), np.zeros(11), np.arange(11.0)], axis=1)

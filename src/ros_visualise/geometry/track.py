@@ -1,4 +1,4 @@
-"""The poses of a path, in bounded memory."""
+"""Poses of a path, in bounded memory."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Path
-from ros_visualise.geometry.thinning import Indices, thin
+from ros_visualise.geometry.thinning import Indices, simplify
 
 
-class Track:
+class ThinnedPath:
     """Poses (x, y, z and a quaternion x, y, z, w), each appended in amortized constant time.
 
     Beyond the maximum, the older half is thinned to half its poses. Paths that `path` gave stay as
@@ -23,7 +23,7 @@ class Track:
     def __init__(self) -> None:
         self._poses = np.zeros((0, 7))
         self._stamps_ns = np.zeros(0, np.int64)
-        self._astray_m = np.zeros(0)
+        self._errors_m = np.zeros(0)
         self._count = 0
         self.deviation_m = 0.0
 
@@ -31,7 +31,7 @@ class Track:
         return self._count
 
     def is_apart(self, pose: Floats, distance_m: float, angle_rad: float) -> bool:
-        """Whether a pose is that far from the last one, or turned by that angle."""
+        """True if a pose is that far from the last one, or rotated by that angle."""
         if not self._count:
             return True
         last = self._poses[self._count - 1]
@@ -46,7 +46,7 @@ class Track:
             self._move(np.arange(self._count), room=self._count + 64)
         self._poses[self._count] = pose
         self._stamps_ns[self._count] = stamp_ns
-        self._astray_m[self._count] = 0  # of the line to the next pose
+        self._errors_m[self._count] = 0  # of the line to the next pose
         self._count += 1
 
     def path(self, header: Header) -> Path:
@@ -56,21 +56,21 @@ class Track:
 
     def _thin(self, max_poses: int) -> None:
         half = self._count - max_poses // 2
-        astray_m = self._astray_m[: half - 1]
-        kept, now_astray_m = thin(self._poses[:half, :3], astray_m, max_poses // 4)
+        errors_m = self._errors_m[: half - 1]
+        kept, now_errors_m = simplify(self._poses[:half, :3], errors_m, max_poses // 4)
         self._move(np.concatenate([kept, np.arange(half, self._count)]), room=max_poses // 4)
-        self._astray_m[: len(now_astray_m)] = now_astray_m
-        self.deviation_m = float(self._astray_m[: self._count].max())
+        self._errors_m[: len(now_errors_m)] = now_errors_m
+        self.deviation_m = float(self._errors_m[: self._count].max())
 
     def _move(self, kept: Indices, room: int) -> None:
-        """Copy these poses to where so many more have room."""
+        """Copy these poses to arrays with room for so many more."""
         self._poses = np.concatenate([self._poses[kept], np.empty((room, 7))])
         self._stamps_ns = np.concatenate([self._stamps_ns[kept], np.empty(room, np.int64)])
-        self._astray_m = np.concatenate([self._astray_m[kept], np.zeros(room)])
+        self._errors_m = np.concatenate([self._errors_m[kept], np.zeros(room)])
         self._count = len(kept)
 
 
 def _angle(quat: Floats, other: Floats) -> float:
-    """The angle between two attitudes, 0 where one of them is none (all zero)."""
+    """Angle between two attitudes, 0 where one of them is missing (all zero)."""
     scale = math.sqrt(quat @ quat) * math.sqrt(other @ other)
     return 2 * math.acos(min(abs(float(quat @ other)) / scale, 1.0)) if scale else 0.0

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ros_visualise.data import Floats, Header, Marker, MarkerArray, MarkerType
-from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, ORANGE, RED, frame
-from ros_visualise.sinks.figure import Color, Figure
+from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, ORANGE, RED, Color
+from ros_visualise.plotting.figure import Figure
 
 _SIZE = np.array([4.8, 1.8, 1.5])
 _MIDDLE = np.array([0.6, 0.16])  # of the car, from above
@@ -54,7 +54,7 @@ def figure() -> Figure:
         ("from above", 270.0, width),
     ):
         drawn.text(left + 8, top + 24, name, 17)
-        frame(drawn, (left, top, length, tall), GRAY, 2)
+        drawn.outline((left, top, length, tall), GRAY, 2)
     drawn.line(np.array([[left - 40, 230], [left + length + 40, 230]]), GRAY, 1)
     for x in (left + 90, left + length - 90):
         drawn.dot(x, 210, 20, GRAY)

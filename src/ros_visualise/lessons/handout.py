@@ -17,7 +17,7 @@ from ros_visualise.data import Image, Message, Text
 from ros_visualise.lessons.lesson import FigureImage, Lesson
 from ros_visualise.lessons.prose import to_html
 from ros_visualise.nodes import NoParams, action, node
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.figure import Figure
 from ros_visualise.sinks.files import write_file
 
 NAME = "handout"

@@ -13,7 +13,10 @@ import numpy as np
 from ros_visualise.core.errors import UnsupportedImage
 from ros_visualise.data import Deferred, Header, Image, Message, Pixels, Text
 from ros_visualise.nodes import NodeType
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.figure import Figure
+
+WIDTH = 480
+"""Width of figures with texts: they stay readable in a window of some 300 pixels."""
 
 W = TypeVar("W")
 

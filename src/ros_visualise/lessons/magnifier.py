@@ -10,9 +10,9 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Pixels
-from ros_visualise.lessons.drawing import YELLOW, frame
 from ros_visualise.lessons.lesson import FigureImage
-from ros_visualise.sinks.figure import Box, Color, Figure
+from ros_visualise.plotting.colors import YELLOW, Color
+from ros_visualise.plotting.figure import Box, Figure
 
 _LEFT, _SIDE = 240, 400  # width of the pictures on the left, and of the pixels on the right
 _GAP = 8
@@ -90,7 +90,7 @@ class Zoom:
     def mark(self, x: int, y: int, color: Color) -> None:
         """The outline of a pixel."""
         left, top = self.place(x, y) - self._side / 2
-        frame(self._figure, (left, top, self._side, self._side), color, 3)
+        self._figure.outline((left, top, self._side, self._side), color, 3)
 
     def place(self, x: float, y: float) -> Floats:
         """Where the middle of a pixel is on the figure, (2,)."""
@@ -117,5 +117,5 @@ def magnified(
         figure.picture((0, top, width * scale, height * scale), picture, (0, 0))
     half = (reach + 0.5) * scale + 3
     left, top = (pixel[0] + 0.5) * scale - half, (pixel[1] + 0.5) * scale - half
-    frame(figure, (left, top, 2 * half, 2 * half), YELLOW)
+    figure.outline((left, top, 2 * half, 2 * half), YELLOW)
     return figure, Zoom(figure, (_LEFT + _GAP, 0, _SIDE, _SIDE), pixel, reach)

@@ -22,7 +22,7 @@ from ros_visualise.data import (
 from ros_visualise.geometry.frames import FrameTree
 from ros_visualise.geometry.located import PLANE_FRAME, Located, Locator
 from ros_visualise.geometry.pair import FramePair
-from ros_visualise.geometry.track import Track
+from ros_visualise.geometry.track import ThinnedPath
 from ros_visualise.geometry.travel import Travel
 from ros_visualise.nodes import action, node
 
@@ -158,7 +158,7 @@ class PathNode:
         }
 
     def _begin(self) -> None:
-        self._track = Track()
+        self._track = ThinnedPath()
         self._travel = Travel()
         self._pacer = Pacer()
         self._header = Header()

@@ -14,8 +14,8 @@ import numpy as np
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detection, Detections, Image, Pixels
 from ros_visualise.messages.recorded import Recorded, content
+from ros_visualise.plotting.colors import Color, color_of
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.colors import Color, color_of
 from ros_visualise.ui.feed import Feed
 
 _KEPT = 64

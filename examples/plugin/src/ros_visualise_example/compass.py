@@ -6,7 +6,7 @@ import numpy as np
 import viser
 
 from ros_visualise.data import MagneticField
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look
 
 

@@ -12,8 +12,9 @@ from ros_visualise.landmarks.calibration.calibrating import APART, CameraCalibra
 from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.views import Coverage
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Color, Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import Color
+from ros_visualise.plotting.figure import Figure
 
 _SHADES = " .:*#"
 _BAR = 20
@@ -132,7 +133,7 @@ def draw(found: CameraCalibration, coverage: Coverage) -> Figure:
     figure.text(70, 28, f"{title}, {coverage.share:.0%} of the image covered", 15)
     box = (70.0, 60.0, 700.0, 700.0 * height / width)
     low, high = np.array([0.0, -height]), np.array([width, 0.0])
-    image = Axes(figure, box, low, high, equal=True)
+    image = PlotAxes(figure, box, low, high, equal=True)
     image.draw("u (px); lines: 100 times the residual", "-v (px)")
     for number, (view, residuals) in enumerate(zip(found.views, found.fit.residuals, strict=True)):
         start = view.points.uv * [1, -1]

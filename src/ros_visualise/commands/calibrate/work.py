@@ -20,7 +20,7 @@ from ros_visualise.landmarks.calibration.calibrating import better_lens, calibra
 from ros_visualise.landmarks.calibration.collecting import ViewCollector
 from ros_visualise.landmarks.calibration.lenses import Lens
 from ros_visualise.landmarks.calibration.sheet import SHEET_FORMATS, lay_out
-from ros_visualise.sinks.figure import FIGURE_FORMATS
+from ros_visualise.plotting.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets
 from ros_visualise.sinks.trajectory import save

@@ -15,12 +15,16 @@ from ros_visualise.commands.trajectory.report import figures, summary, table, to
 from ros_visualise.core.errors import UsageError
 from ros_visualise.core.printing import answer, answer_json, say, shown
 from ros_visualise.geometry.planes import Plane, planes_of
+from ros_visualise.plotting.figure import FIGURE_FORMATS
+from ros_visualise.plotting.trajectory_plot import (
+    PlottedTrajectory,
+    draw_in_text,
+    plot_trajectories,
+)
 from ros_visualise.running.interruptible import interruptible
-from ros_visualise.sinks.figure import FIGURE_FORMATS
 from ros_visualise.sinks.files import TargetFile
 from ros_visualise.sinks.names import check_targets, parse_target
 from ros_visualise.sinks.trajectory import FORMATS, save
-from ros_visualise.sinks.trajectory_plot import Drawn, draw_in_text, plot_trajectories
 from ros_visualise.sources.trajectories import Trajectory
 
 _ROWS = 28  # of what is drawn in a terminal
@@ -77,21 +81,23 @@ def _read_and_compare(options: TrajectoryOptions) -> tuple[Inputs, Compared]:
     ]
 
 
-def _drawn(inputs: Inputs, compared: Compared) -> list[Drawn]:
+def _drawn(inputs: Inputs, compared: Compared) -> list[PlottedTrajectory]:
     """The truth beneath the others, which lie as they were aligned."""
     truth = inputs.truth
-    drawn = [] if truth is None else [Drawn(shown(truth.topic), truth.path, is_truth=True)]
+    drawn = (
+        [] if truth is None else [PlottedTrajectory(shown(truth.topic), truth.path, is_truth=True)]
+    )
     for found, one in compared:
         path = one.trajectory.path if one else found.path
-        astray = (one.moments, one.ate.translation_m) if one else None
-        drawn.append(Drawn(shown(found.topic), path, astray=astray))
+        errors = (one.moments, one.ate.translation_m) if one else None
+        drawn.append(PlottedTrajectory(shown(found.topic), path, errors=errors))
     return drawn
 
 
 def _files(
     inputs: Inputs,
     compared: Compared,
-    drawn: list[Drawn],
+    drawn: list[PlottedTrajectory],
     planes: tuple[Plane, ...],
     options: TrajectoryOptions,
 ) -> dict[Path, bytes]:
@@ -127,7 +133,7 @@ def _report(inputs: Inputs, compared: Compared, options: TrajectoryOptions) -> d
 def _lines(
     inputs: Inputs,
     compared: Compared,
-    drawn: list[Drawn],
+    drawn: list[PlottedTrajectory],
     planes: tuple[Plane, ...],
     options: TrajectoryOptions,
 ) -> list[str]:

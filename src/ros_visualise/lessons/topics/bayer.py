@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import levels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import mosaic as methods
 from ros_visualise.lessons.methods.quality import psnr
 from ros_visualise.nodes import node
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.colors import levels
+from ros_visualise.plotting.figure import Figure
 
 _REACH = 8
 _GAIN = 4  # of errors, to be seen

@@ -10,11 +10,11 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
-from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, YELLOW
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.camera import BOARD, calibrate, camera_matrix, distort, project
 from ros_visualise.nodes import node
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.colors import BLUE, GREEN, ORANGE, RED, YELLOW
+from ros_visualise.plotting.figure import Figure
 
 _NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 _COLORS = (BLUE, RED, GREEN, ORANGE, YELLOW)

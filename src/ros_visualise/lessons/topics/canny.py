@@ -9,14 +9,14 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, arrow, by_direction, levels
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods import canny
 from ros_visualise.lessons.methods.canny import NEIGHBOURS, Edges, Gradient, Mask
 from ros_visualise.lessons.methods.sobel import direction
 from ros_visualise.nodes import node
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.colors import BLUE, GREEN, ORANGE, RED, by_direction, levels
+from ros_visualise.plotting.figure import Figure
 from ros_visualise.vision.edges import Aperture, smooth
 
 _REACH = 3
@@ -251,7 +251,7 @@ def _draw_suppression(
     zoom.mark(x, y, BLUE)
     along = np.array([found.dx[y, x], found.dy[y, x]], float)
     along *= 2.5 / max(float(np.linalg.norm(along)), 1.0)
-    arrow(figure, zoom.place(x, y), zoom.place(x + along[0], y + along[1]), GREEN)
+    figure.arrow(zoom.place(x, y), zoom.place(x + along[0], y + along[1]), GREEN)
     return figure
 
 

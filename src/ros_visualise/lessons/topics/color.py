@@ -19,12 +19,12 @@ from ros_visualise.data import (
     Message,
     Pixels,
 )
-from ros_visualise.lessons.drawing import GRAY, WIDTH, titled
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.colors import GRAY_WEIGHTS, to_gray, to_hsv
 from ros_visualise.nodes import node
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.colors import GRAY
+from ros_visualise.plotting.figure import Figure, picture_grid
 from ros_visualise.vision.color import hsv_mask
 
 _SIDE, _DOT, _LETTERS = 1.6, 0.02, 0.1
@@ -94,7 +94,7 @@ def hsv(image: Image, params: PixelParams) -> dict[str, Message]:
         """
     blue, green, red = (int(one) for one in bgr[y, x])
     h, s, v = (int(one) for one in found[y, x])
-    seen = titled(
+    seen = picture_grid(
         [("picture", bgr), ("H: hue", hue), ("S: saturation", found[..., 1]),
          ("V: value", found[..., 2])],
         2,
@@ -170,7 +170,7 @@ def gray(image: Image, params: object) -> dict[str, Message]:
         """
     apart = cv2.absdiff(weighted, mean)
     blue, _, red = cv2.split(bgr)
-    seen = titled(
+    seen = picture_grid(
         [("weighted", weighted), ("plain mean", mean), ("red alone", red), ("blue alone", blue)], 2
     )
     return show(

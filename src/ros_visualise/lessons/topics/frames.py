@@ -12,12 +12,12 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Message, Odometry, Transforms
 from ros_visualise.geometry import rotations
 from ros_visualise.geometry.frames import FrameTree
-from ros_visualise.lessons.drawing import BLUE, GRAY, GREEN, INK, RED, WIDTH
-from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
+from ros_visualise.lessons.lesson import GIVES, WIDTH, Lesson, Step, show_at
 from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapped
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, INK, RED
+from ros_visualise.plotting.figure import Figure
 
 _PERIOD_NS = 1_000_000_000
 _ROW, _INDENT = 30, 34
@@ -237,13 +237,13 @@ def _draw_way(
     """Ways from above, and below them how the error grows."""
     figure = Figure(WIDTH, 620 if error else 430)
     every = np.concatenate([places for places, _ in ways])
-    axes = Axes(figure, (70, 30, WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)
+    axes = PlotAxes(figure, (70, 30, WIDTH - 90, 350), every.min(axis=0), every.max(axis=0), True)
     axes.draw("x (m)", "y (m)")
     for places, color in ways:
         axes.curve(places, color)
     if error is not None:
         points = np.stack([(error[0] - error[0][0]) / 1e9, error[1]], axis=1)
-        below = Axes(figure, (70, 440, WIDTH - 90, 130), np.zeros(2), points.max(axis=0))
+        below = PlotAxes(figure, (70, 440, WIDTH - 90, 130), np.zeros(2), points.max(axis=0))
         below.draw("time (s)", "error (m)")
         below.curve(points, RED)
     return figure

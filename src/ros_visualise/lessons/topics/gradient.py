@@ -9,23 +9,13 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
-from ros_visualise.lessons.drawing import (
-    BLUE,
-    ORANGE,
-    RED,
-    WIDTH,
-    YELLOW,
-    by_direction,
-    draw_level,
-    levels,
-    titled,
-)
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams
 from ros_visualise.lessons.methods.sobel import central_difference, direction, magnitude, sobel
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, ORANGE, RED, YELLOW, by_direction, levels
+from ros_visualise.plotting.figure import Figure, picture_grid
 from ros_visualise.vision.edges import Aperture
 
 _BAND, _CURVE, _GAP = 120, 84, 40
@@ -105,7 +95,7 @@ def derivatives(image: Image, params: DerivativesParams) -> dict[str, Message]:
     shown = [(name, _signed(one, top)) for name, one in (("Gx", dx), ("Gy", dy))]
     return show(
         image,
-        titled(shown, 2),
+        picture_grid(shown, 2),
         text,
         _Gradient(dx, dy),
         aperture=params.aperture.value,
@@ -239,8 +229,8 @@ def _draw_profile(gray: Pixels, pixel: tuple[int, int], slope: Floats) -> Figure
     for number, (values, name, color) in enumerate(curves):
         box = (left, shown + 24 + number * (_CURVE + _GAP), across, _CURVE)
         points = np.stack([x, values], axis=1)
-        axes = Axes(figure, box, points.min(axis=0), points.max(axis=0))
+        axes = PlotAxes(figure, box, points.min(axis=0), points.max(axis=0))
         axes.draw("x (pixels)" if number else "", name)
         axes.curve(points, color)
-        draw_level(axes, at, values.max(), ORANGE, values.min())
+        axes.vertical(at, values.max(), ORANGE, values.min())
     return figure

@@ -10,11 +10,11 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message
-from ros_visualise.lessons.drawing import BLUE, GREEN, INK, RED, WIDTH, arrow, frame
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, GREEN, INK, RED
+from ros_visualise.plotting.figure import Figure
 
 _KEPT = 200
 _WIDE, _TALL, _ROW = 120, 36, 92  # of the boxes of nodes, and from one row to the next
@@ -193,7 +193,7 @@ def _draw_intervals(by_stamp: Floats, by_clock: Floats) -> Figure:
     figure = Figure(WIDTH, 360)
     top = max([1.0, *by_stamp, *by_clock])
     high = np.array([max(len(by_stamp), 2) - 1.0, top])
-    axes = Axes(figure, (70, 30, WIDTH - 90, 270), np.zeros(2), high)
+    axes = PlotAxes(figure, (70, 30, WIDTH - 90, 270), np.zeros(2), high)
     axes.draw("message", "interval (ms)")
     for values, color in ((by_clock, RED), (by_stamp, BLUE)):
         axes.curve(np.stack([np.arange(len(values)), values], axis=1), color)
@@ -203,8 +203,8 @@ def _draw_intervals(by_stamp: Floats, by_clock: Floats) -> Figure:
 def _draw_share(taken: int, came: int) -> Figure:
     figure = Figure(WIDTH, 120)
     across = (WIDTH - 40) * taken / came
-    figure.area(_box(20, 40, WIDTH - 40, 40), (235, 200, 195))
-    figure.area(_box(20, 40, across, 40), GREEN)
+    figure.fill((20, 40, WIDTH - 40, 40), (235, 200, 195))
+    figure.fill((20, 40, across, 40), GREEN)
     figure.text(20, 30, f"taken: {taken}", 14)
     figure.text(WIDTH - 20, 100, f"dropped: {came - taken}", 14, "end", RED)
     return figure
@@ -224,19 +224,14 @@ def _draw_graph() -> Figure:
             places[name] = np.array([WIDTH * (number + 0.5) / len(beside), 10.0 + _ROW * row])
     for name, before in {"picture": "source", **befores}.items():
         start, end = places[before] + [0, _TALL], places[name]
-        arrow(figure, start, end, BLUE, 1.8)
+        figure.arrow(start, end, BLUE, 1.8)
         topic = "/image_raw" if before == "source" else f"/{before}"
         is_left = end[0] < start[0]
         x, y = (start + end) / 2 + [-12 if is_left else 12, 4]
         figure.text(x, y, topic, 14, "end" if is_left else "start", BLUE)
     for name, (x, y) in places.items():
         box = (x - _WIDE / 2, y, _WIDE, _TALL)
-        figure.area(_box(*box), (240, 240, 240))
-        frame(figure, box, INK, 1.2)
+        figure.fill(box, (240, 240, 240))
+        figure.outline(box, INK, 1.2)
         figure.text(x, y + 24, name, 16, "middle", INK)
     return figure
-
-
-def _box(left: float, top: float, width: float, height: float) -> Floats:
-    right, bottom = left + width, top + height
-    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])

@@ -9,21 +9,13 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import ENCODINGS, Image, Message
-from ros_visualise.lessons.drawing import (
-    BLUE,
-    GREEN,
-    RED,
-    WIDTH,
-    YELLOW,
-    draw_histogram,
-    titled,
-)
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import PixelParams, magnified
 from ros_visualise.lessons.methods.quality import entropy, psnr, quantize
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes, draw_histogram
+from ros_visualise.plotting.colors import BLUE, GREEN, RED, YELLOW
+from ros_visualise.plotting.figure import Figure, picture_grid
 
 _REACH = 4
 _ENCODED = ("mono8", "mono16", "bgr8", "rgb8", "bgra8", "bgr16", "bayer_rggb8")
@@ -80,7 +72,7 @@ is. OpenCV keeps them in the order blue, green, red; most other programs begin w
 
 {table}
 """
-    return show(image, titled([("in colours", bgr), *named], 2), text)
+    return show(image, picture_grid([("in colours", bgr), *named], 2), text)
 
 
 @dataclass(frozen=True)
@@ -129,7 +121,7 @@ def histogram(image: Image, params: object) -> dict[str, Message]:
     draw_histogram(figure, (60, 26, WIDTH - 80, 120), gray)
     counts = [np.bincount(one.ravel(), minlength=256) for one in cv2.split(bgr)]
     top = np.array([255.0, max(count.max() for count in counts)])
-    axes = Axes(figure, (60, 226, WIDTH - 80, 120), np.zeros(2), top)
+    axes = PlotAxes(figure, (60, 226, WIDTH - 80, 120), np.zeros(2), top)
     axes.draw("level", "pixels, of each channel")
     for count, color in zip(counts, (BLUE, GREEN, RED), strict=True):
         axes.curve(np.stack([np.arange(256), count], axis=1).astype(float), color)

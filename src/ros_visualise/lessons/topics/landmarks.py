@@ -12,15 +12,15 @@ from ros_visualise.core.params import param
 from ros_visualise.data import CameraInfo, Floats, Image, Message
 from ros_visualise.geometry import rotations
 from ros_visualise.landmarks.pose import PoseEstimate, square_poses, squares_poses
-from ros_visualise.lessons.drawing import BLUE, GREEN, ORANGE, RED, WIDTH
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.magnifier import Zoom
 from ros_visualise.lessons.methods.camera import camera_matrix, project
 from ros_visualise.lessons.methods.homography import apply, ellipse, homography
 from ros_visualise.lessons.methods.tags import SQUARE, TagSeen, draw_tag, find_tag
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, GREEN, ORANGE, RED
+from ros_visualise.plotting.figure import Figure
 
 _TRIALS = 300
 
@@ -282,7 +282,7 @@ def _draw_ellipse(away_mm: Floats, covariance: Floats) -> Figure:
     figure = Figure(WIDTH, 480)
     lines = [ellipse(covariance, count) for count in (1, 2)]
     reach = np.abs(np.concatenate([*lines, away_mm])).max(axis=0)
-    axes = Axes(figure, (70, 30, WIDTH - 90, 390), -reach, reach, equal=True)
+    axes = PlotAxes(figure, (70, 30, WIDTH - 90, 390), -reach, reach, equal=True)
     axes.draw("to the right (mm)", "ahead (mm)")
     for x, y in axes.places(away_mm):
         figure.dot(x, y, 2, BLUE)

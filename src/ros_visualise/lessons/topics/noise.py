@@ -11,12 +11,12 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import INK, RED, WIDTH
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.quality import FULL, mean_square, psnr
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import INK, RED
+from ros_visualise.plotting.figure import Figure
 from ros_visualise.vision.smoothing import bilateral, median, sigma_of
 
 
@@ -227,7 +227,7 @@ def _beside(work: _Noisy, smoothed: Pixels) -> Figure:
     figure = Figure(width, round(shown + 190))
     figure.picture((60, 0, width - 70, shown), smoothed)
     row = smoothed.shape[0] // 2
-    axes = Axes(figure, (60, shown + 30, width - 70, 110), np.zeros(2),
+    axes = PlotAxes(figure, (60, shown + 30, width - 70, 110), np.zeros(2),
                 np.array([smoothed.shape[1] - 1.0, FULL]))  # fmt: skip
     axes.draw("x (pixels)", f"level along row {row}: noisy, truth and smoothed")
     x = np.arange(smoothed.shape[1])

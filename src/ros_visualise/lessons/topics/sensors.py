@@ -9,12 +9,12 @@ import numpy as np
 from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Imu, MarkerArray, Message
 from ros_visualise.lessons import car
-from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH
-from ros_visualise.lessons.lesson import GIVES, Lesson, Step, show_at
+from ros_visualise.lessons.lesson import GIVES, WIDTH, Lesson, Step, show_at
 from ros_visualise.lessons.methods.allan import OF_BIAS, allan_deviation, random_walk
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, GREEN, RED
+from ros_visualise.plotting.figure import Figure
 
 _PERIOD_S = 1.0
 _GROWS = 0.02
@@ -265,7 +265,7 @@ def _draw_measured(times_s: Floats, values: Floats) -> Figure:
     ):  # fmt: skip
         low = np.array([times_s[0], three.min()])
         high = np.array([times_s[-1], three.max()])
-        axes = Axes(figure, (70, 30 + 225 * number, WIDTH - 90, 150), low, high)
+        axes = PlotAxes(figure, (70, 30 + 225 * number, WIDTH - 90, 150), low, high)
         axes.draw("time (s)", name)
         for column, color in zip(three.T, (RED, GREEN, BLUE), strict=True):
             axes.curve(np.stack([times_s, column], axis=1), color, 1)
@@ -282,7 +282,7 @@ def _draw_allan(times_s: Floats, gyro: Floats, force: Floats) -> Figure:
     ]
     every = np.concatenate([curve for curve, _, _ in curves])
     low, high = np.array([across[0], every.min()]), np.array([across[-1], every.max()])
-    axes = Axes(figure, (70, 50, WIDTH - 90, 370), low, high)
+    axes = PlotAxes(figure, (70, 50, WIDTH - 90, 370), low, high)
     axes.draw("log10 of the time t (s)", "log10 of the Allan deviation")
     for number, (curve, color, name) in enumerate(curves):
         white = curve[0] - (across - across[0]) / 2

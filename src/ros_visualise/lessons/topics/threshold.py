@@ -9,12 +9,12 @@ import numpy as np
 
 from ros_visualise.core.params import param
 from ros_visualise.data import Image, Message, Pixels
-from ros_visualise.lessons.drawing import BLUE, GREEN, RED, WIDTH, draw_histogram, draw_level
-from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
+from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.thresholds import LEVELS, between_classes, otsu, tone_curves
 from ros_visualise.nodes import node
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.axes import PlotAxes, draw_histogram
+from ros_visualise.plotting.colors import BLUE, GREEN, RED
+from ros_visualise.plotting.figure import Figure
 from ros_visualise.vision.threshold import adaptive
 
 _TALL = 130  # of the picture that is parted
@@ -163,7 +163,7 @@ def _draw_types(gray: Pixels, level: int) -> Figure:
         height = shown * gray.shape[0] / gray.shape[1]
         figure.picture((left, top + 24, shown, height), cv2.LUT(gray, curve))
         box = (left + shown + 6, top + 24, side - 4, side - 4)
-        axes = Axes(figure, box, np.zeros(2), np.full(2, 255.0))
+        axes = PlotAxes(figure, box, np.zeros(2), np.full(2, 255.0))
         corners = np.array([[0, 0], [255, 0], [255, 255], [0, 255], [0, 0]], float)
         axes.curve(corners, (200, 200, 200), 1)
         axes.curve(np.stack([LEVELS, curve], axis=1).astype(float), BLUE, 2)
@@ -180,11 +180,11 @@ def _draw_otsu(gray: Pixels, level: int) -> Figure:
     is_above = np.where(gray > level, np.uint8(255), np.uint8(0))
     figure.picture((70 + (across - wide) / 2, 0, wide, shown), is_above)
     axes = draw_histogram(figure, (70, shown + 26, across, 80), gray)
-    draw_level(axes, level, counts.max(), RED)
+    axes.vertical(level, counts.max(), RED)
     measure = between_classes(counts)
     box = (70, shown + 170, across, 80)
-    below = Axes(figure, box, np.zeros(2), np.array([255.0, measure.max()]))
+    below = PlotAxes(figure, box, np.zeros(2), np.array([255.0, measure.max()]))
     below.draw("threshold t", "variance between the classes")
     below.curve(np.stack([LEVELS, measure], axis=1), GREEN)
-    draw_level(below, level, measure.max(), RED)
+    below.vertical(level, measure.max(), RED)
     return figure

@@ -12,7 +12,6 @@ from ros_visualise.core.params import param
 from ros_visualise.data import Floats, Image, Message, Pixels
 from ros_visualise.landmarks.networks.candidates import Candidates, SelectionRules
 from ros_visualise.landmarks.networks.network import Network
-from ros_visualise.lessons.drawing import RED, frame, levels, titled
 from ros_visualise.lessons.lesson import GIVES, TAKES, Lesson, Step, show, work_of
 from ros_visualise.lessons.methods.layer import (
     KINDS,
@@ -28,7 +27,8 @@ from ros_visualise.lessons.methods.layer import (
 from ros_visualise.lessons.methods.sobel import sobel
 from ros_visualise.nodes import NoParams, node
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
-from ros_visualise.sinks.figure import Figure
+from ros_visualise.plotting.colors import RED, levels
+from ros_visualise.plotting.figure import Figure, picture_grid
 
 _SOBEL = np.array([[-1, 0, 1], [-2, 0, 2], [-1, 0, 1]], float)
 
@@ -104,8 +104,8 @@ def activations(image: Image, params: object) -> dict[str, Message]:
         (f"{number}: {KINDS[kinds[number].argmax()]}", levels(maps[number]))
         for number in _order(kinds)
     ]
-    return show(image, titled(shown, 4), text, most=int(active.argmax()), share=100 * active.max(),
-                least=int(active.argmin()), rare=100 * active.min(),
+    return show(image, picture_grid(shown, 4), text, most=int(active.argmax()),
+                share=100 * active.max(), least=int(active.argmin()), rare=100 * active.min(),
                 silent=np.count_nonzero(active == 0), count=len(active))  # fmt: skip
 
 
@@ -140,7 +140,7 @@ def filters(image: Image, params: object) -> dict[str, Message]:
         Sobel's derivative at all places of this picture. 1 would mean: the same, but for scale and
         bias.
         """
-    return show(image, titled(shown, 3), text, rows="\n".join(rows))
+    return show(image, picture_grid(shown, 3), text, rows="\n".join(rows))
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ def _draw_kernels(kernels: Floats, kinds: Floats) -> Figure:
         kind = int(kinds[number].argmax())
         bgr = np.ascontiguousarray(kernels[number, ::-1].transpose(1, 2, 0))
         shown.append((f"{number}: {KINDS[kind]}", _signed(bgr)))
-    return titled(shown, 6)
+    return picture_grid(shown, 6)
 
 
 def _signed(values: Floats | Pixels) -> Pixels:
@@ -232,7 +232,7 @@ def _draw_things(bgr: Pixels, found: Candidates, names: dict[int, str]) -> Figur
     figure.picture((0, 0, width, height), bgr)
     for box, score, number in zip(found.boxes_xyxy, found.scores, found.classes, strict=True):
         left, top, right, bottom = box + 0.5
-        frame(figure, (left, top, right - left, bottom - top), RED, 2)
+        figure.outline((left, top, right - left, bottom - top), RED, 2)
         figure.text(left, max(top - 4, 12), f"{names[int(number)]} {score:.2f}", 14, color=RED)
     return figure
 

@@ -9,6 +9,8 @@ from bisect import bisect_left
 import numpy as np
 import numpy.typing as npt
 
+from ros_visualise.geometry.thinning import extremes
+
 _MOST = 5_000_000
 
 Numbers = npt.NDArray[np.float64]
@@ -49,25 +51,5 @@ class Curve:
             times_s, values = np.array(self._times_s), np.array(self._values)
         first = max(int(np.searchsorted(times_s, start_s)) - 1, 0)
         last = int(np.searchsorted(times_s, end_s, "right")) + 1
-        return thin(times_s[first:last], values[first:last], points)
-
-
-def thin(times_s: Numbers, values: Numbers, points: int) -> tuple[Numbers, Numbers]:
-    """At most so many of the points (N,): of each stretch its lowest and its highest value.
-
-    No peak is lost. What is no number is left out where a stretch holds numbers too.
-    """
-    if len(values) <= points:
-        return times_s, values
-    stretches = max(points // 2, 1)
-    edges = np.linspace(0, len(values), stretches + 1).astype(np.intp)[:-1]
-    low = _extremes(np.where(np.isfinite(values), values, np.inf), edges)
-    high = _extremes(np.where(np.isfinite(values), -values, np.inf), edges)
-    kept = np.unique(np.concatenate([low, high]))
-    return times_s[kept], values[kept]
-
-
-def _extremes(values: Numbers, edges: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-    """Where the lowest value of each stretch is; each begins at an edge and ends at the next."""
-    parts = np.split(np.arange(len(values)), edges[1:])
-    return np.array([part[np.argmin(values[part])] for part in parts], np.intp)
+        chosen = first + extremes(values[first:last], points)
+        return times_s[chosen], values[chosen]

@@ -10,8 +10,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ros_visualise.core.errors import RosVisualiseError, did_you_mean
+from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.colors import PALETTE, css
 from ros_visualise.ui.look.answers import READ_ONLY, Answer, Question, Refusal, as_json
 from ros_visualise.ui.look.curves import Curves
 from ros_visualise.ui.look.images import Images

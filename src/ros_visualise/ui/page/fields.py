@@ -10,6 +10,7 @@ import numpy as np
 import viser
 
 from ros_visualise.data import Message
+from ros_visualise.geometry.thinning import evenly
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
 from ros_visualise.ui.look.trees import fields_of
@@ -48,8 +49,7 @@ class History:
         rows = np.array(self._rows, np.float64).reshape(-1, 1 + len(self.paths))
         if len(rows):
             rows = rows[rows[:, 0] >= rows[-1, 0] - length_s]
-        rows = rows[:: -(-len(rows) // _DRAWN) or 1]
-        return tuple(column.copy() for column in rows.T)
+        return tuple(column.copy() for column in rows[evenly(len(rows), _DRAWN)].T)
 
     def _time_s(self, stamp_ns: int) -> float:
         return (stamp_ns - (self._first_ns or 0)) / _NS

@@ -8,11 +8,12 @@ import numpy.typing as npt
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import CameraInfo, Floats, Image, Pixels, PointCloud
 from ros_visualise.geometry import transforms
+from ros_visualise.geometry.thinning import evenly
 from ros_visualise.runtime.base import Runtime
 from ros_visualise.ui.feed import Feed
-from ros_visualise.ui.scene.coloring import turbo
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.scene import Scene
+from ros_visualise.vision.measurements import turbo
 from ros_visualise.vision.projection import project
 
 _NEAR_M, _FAR_M = 2.0, 45.0
@@ -109,7 +110,7 @@ def paint(
         ValueError: the camera's model is not known.
     """
     xyz = cloud.xyz
-    xyz = xyz[:: -(-len(xyz) // _MAX_POINTS) or 1]
+    xyz = xyz[evenly(len(xyz), _MAX_POINTS)]
     points = transforms.apply(T_camera_cloud, xyz)
     pixels, in_front = project(points, info, rectified)
     places = scaled(pixels, info, shown.shape[:2])

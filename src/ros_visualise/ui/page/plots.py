@@ -11,8 +11,8 @@ import viser
 from viser import uplot
 
 from ros_visualise.graph import Graph
+from ros_visualise.plotting.colors import PALETTE, css
 from ros_visualise.runtime.report import RunReport
-from ros_visualise.ui.colors import PALETTE, css
 
 _KEPT = 60
 

@@ -12,8 +12,8 @@ from typing import Any
 import viser
 
 from ros_visualise.data import Detections3D, Marker, MarkerArray, OccupancyGrid, PointCloud
+from ros_visualise.plotting.colors import Color, css
 from ros_visualise.runtime.base import Runtime
-from ros_visualise.ui.colors import Color, css
 from ros_visualise.ui.page.pointing import Pointing
 from ros_visualise.ui.page.worker import Listener, Worker
 from ros_visualise.ui.scene.kinds import DRAWINGS, is_beside_image

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from enum import Enum
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.data import Floats, Pixels, PointCloud
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
+from ros_visualise.vision.measurements import turbo, usual_range
 
 _RGB = ("rgb", "rgba")
 _INTENSITY = ("intensity", "intensities", "reflectivity", "i")
 _SAMPLE = 4096
-_OUTLIERS = 2  # percent at either end
 
 
 class Coloring(Enum):
@@ -27,27 +26,10 @@ class Coloring(Enum):
     PLAIN = "plain"
 
 
-_TURBO: Pixels = cv2.cvtColor(
-    cv2.applyColorMap(np.arange(256, dtype=np.uint8), cv2.COLORMAP_TURBO), cv2.COLOR_BGR2RGB
-).reshape(256, 3)
-
-
-def turbo(values: npt.NDArray[np.floating], low: float, high: float) -> Pixels:
-    """Colours (N, 3) uint8, RGB, from blue at ``low`` to red at ``high``; no number is low."""
-    scale = 255 / max(high - low, 1e-9)
-    steps = np.nan_to_num(np.clip((values - low) * scale, 0, 255), copy=False)
-    colors: Pixels = _TURBO[steps.astype(np.uint8)]
-    return colors
-
-
-def usual_range(values: npt.NDArray[np.floating]) -> tuple[float, float]:
-    """From where to where most values are, outliers left out."""
+def by_value(values: npt.NDArray[np.floating]) -> Pixels:
+    """Colours (N, 3) uint8, RGB: from blue to red over the usual range of the values."""
     sample = values[:: max(len(values) // _SAMPLE, 1)]
-    sample = sample[np.isfinite(sample)]
-    if not len(sample):
-        return 0.0, 1.0
-    low, high = np.percentile(sample, (_OUTLIERS, 100 - _OUTLIERS))
-    return float(low), float(high)
+    return turbo(values, *(usual_range(sample) or (0.0, 1.0)))
 
 
 def colors_of(
@@ -76,9 +58,8 @@ def colors_of(
     if coloring is not Coloring.HEIGHT:
         field = next((name for name in names if name.lower() in _INTENSITY), None)
         if field is not None:
-            values = points[field].astype(np.float32)
-            return turbo(values, *usual_range(values))
-    return turbo(heights, *usual_range(heights))
+            return by_value(points[field].astype(np.float32))
+    return by_value(heights)
 
 
 def heights_of(xyz: npt.NDArray[np.floating], T_fixed_frame: Floats) -> npt.NDArray[np.floating]:

@@ -12,7 +12,7 @@ import viser
 
 from ros_visualise.data import Floats
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.frames import Frames
 
 _LEAST_FOR_POINTS = 0.5

@@ -23,7 +23,7 @@ import trimesh
 import viser
 
 from ros_visualise.core.regular_files import read_file
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 
 SUFFIXES = (".stl", ".obj", ".dae")
 _LARGEST = 32 << 20

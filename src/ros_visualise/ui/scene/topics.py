@@ -25,7 +25,7 @@ from ros_visualise.data import (
     Transforms,
 )
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import PALETTE, Color
+from ros_visualise.plotting.colors import PALETTE, Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, node_name
 from ros_visualise.ui.scene.drawings.markers import Markers
 from ros_visualise.ui.scene.drawings.poses import Pose

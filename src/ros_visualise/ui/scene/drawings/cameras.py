@@ -10,7 +10,7 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import CameraInfo, Image
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.preview import rgb_preview
 from ros_visualise.ui.scene.drawing import Drawing, Look
 

@@ -11,7 +11,7 @@ import viser
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import Detections3D
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import Color, color_of
+from ros_visualise.plotting.colors import Color, color_of
 from ros_visualise.ui.scene.drawing import Drawing, Look
 from ros_visualise.ui.scene.solid_batch import SolidBatch
 from ros_visualise.ui.scene.solids import mesh_of

@@ -13,7 +13,7 @@ import viser
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import OccupancyGrid, Pixels
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move
 
 _SHARP_PX, _MAX_PX = 800, 2048

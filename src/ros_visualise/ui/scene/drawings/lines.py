@@ -9,7 +9,8 @@ import numpy.typing as npt
 import viser
 
 from ros_visualise.data import Floats, Path, PolygonStamped
-from ros_visualise.ui.colors import Color
+from ros_visualise.geometry.thinning import evenly
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look
 
 _MAX_VERTICES = 5000
@@ -127,9 +128,4 @@ class Trail:
 
 def thinned(vertices: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
     """Some of many points (N, 3), evenly, with the first and the last."""
-    if len(vertices) <= _MAX_VERTICES:
-        return vertices
-    kept: npt.NDArray[np.floating] = vertices[
-        np.linspace(0, len(vertices) - 1, _MAX_VERTICES).astype(np.intp)
-    ]
-    return kept
+    return vertices[evenly(len(vertices), _MAX_VERTICES)]

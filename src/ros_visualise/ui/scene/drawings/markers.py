@@ -14,7 +14,7 @@ import viser
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Marker, MarkerAction, MarkerArray, MarkerType
 from ros_visualise.geometry import transforms
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.marker_nodes import add_node, looks_like

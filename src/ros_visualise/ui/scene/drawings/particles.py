@@ -10,7 +10,7 @@ import viser
 
 from ros_visualise.data import PoseArray
 from ros_visualise.geometry import rotations
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look
 from ros_visualise.ui.scene.drawings.lines import thinned
 

@@ -10,8 +10,9 @@ import viser
 
 from ros_visualise.core.errors import DamagedMessage
 from ros_visualise.data import LaserScan, Pixels, PointCloud
-from ros_visualise.ui.colors import Color
-from ros_visualise.ui.scene.coloring import Coloring, colors_of, heights_of, turbo, usual_range
+from ros_visualise.geometry.thinning import evenly
+from ros_visualise.plotting.colors import Color
+from ros_visualise.ui.scene.coloring import Coloring, by_value, colors_of, heights_of
 from ros_visualise.ui.scene.drawing import Drawing, Look
 
 Precision = Literal["float16", "float32"]
@@ -91,8 +92,7 @@ class Scan(_Dots):
         points, valid = ends_of(message)
         colors = np.array(self._color, np.uint8)
         if len(message.intensities) == len(message.ranges) and self.coloring is not Coloring.PLAIN:
-            values = message.intensities[valid]
-            colors = turbo(values, *usual_range(values))
+            colors = by_value(message.intensities[valid])
         self._show(points, colors, 1.5 * look.point_size)
 
 
@@ -103,7 +103,7 @@ def choose(cloud: PointCloud, max_points: int) -> tuple[npt.NDArray[np.void], Po
     if not finite.all():
         points, xyz = points[finite], xyz[finite]
     if len(xyz) > max_points:
-        chosen = np.linspace(0, len(xyz) - 1, max_points).astype(np.intp)
+        chosen = evenly(len(xyz), max_points)
         points, xyz = points[chosen], xyz[chosen]
     return points, xyz
 

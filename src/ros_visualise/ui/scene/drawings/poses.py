@@ -17,7 +17,7 @@ from ros_visualise.data import (
     TransformStamped,
 )
 from ros_visualise.geometry import rotations, transforms
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 

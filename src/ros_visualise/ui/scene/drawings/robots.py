@@ -10,7 +10,7 @@ import viser
 
 from ros_visualise.core.errors import NoTransform
 from ros_visualise.data import Floats, Text
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, move
 from ros_visualise.ui.scene.frames import Frames
 from ros_visualise.ui.scene.meshes import add_mesh, load_mesh

@@ -13,7 +13,7 @@ from ros_visualise.core.errors import DamagedMessage, NoTransform
 from ros_visualise.data import Floats, Imu, NavSatFix
 from ros_visualise.geometry import rotations, transforms
 from ros_visualise.geometry.geodesy import LocalPlane
-from ros_visualise.ui.colors import Color
+from ros_visualise.plotting.colors import Color
 from ros_visualise.ui.scene.drawing import Drawing, Look, to_wxyz
 from ros_visualise.ui.scene.drawings.lines import Line, Trail, thinned
 from ros_visualise.ui.scene.frames import Frames

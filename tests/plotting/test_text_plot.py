@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ros_visualise.sinks.text_plot import draw_text
+from ros_visualise.plotting.text_plot import draw_text
 
 
 def test_a_square_is_drawn_as_one():

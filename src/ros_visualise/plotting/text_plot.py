@@ -14,12 +14,12 @@ _TALL = 2.0  # a letter's height, in its widths
 def draw_text(
     curves: Sequence[tuple[str, Floats]], across: str, up: str, columns: int, rows: int
 ) -> list[str]:
-    """A frame with curves in it, both directions at one scale, and what the frame spans.
+    """A frame with curves in it, both directions at one scale, and its ranges.
 
     Args:
         curves: the letter and the points (N, 2) of each; later ones are drawn over earlier ones.
         across, up: names of the two directions.
-        columns, rows: the room that there is, frame and text included.
+        columns, rows: available size, frame and text included.
     """
     points = np.concatenate([curve for _, curve in curves])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -39,7 +39,7 @@ def draw_text(
 
 
 def _scale(extent: Floats, room: Floats) -> float:
-    """Letters a unit, so that all of it has room."""
+    """Letters per unit, so that everything fits."""
     room = room - [1, _TALL]
     fits = room[extent > 0] / extent[extent > 0]
     return float(fits.min()) if len(fits) else 1.0

@@ -1,4 +1,4 @@
-"""A picture of trajectories: in the planes in which they move, over time, and how far astray."""
+"""Plots of trajectories: in the planes in which they move, over time, and their errors."""
 
 from __future__ import annotations
 
@@ -10,21 +10,20 @@ import numpy as np
 
 from ros_visualise.data import Floats, Path
 from ros_visualise.geometry.planes import AXES, Plane, other_axis
-from ros_visualise.sinks.axes import Axes
-from ros_visualise.sinks.figure import Color, Figure
-from ros_visualise.sinks.text_plot import draw_text
+from ros_visualise.plotting.axes import PlotAxes
+from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, RED, Color
+from ros_visualise.plotting.figure import Box, Figure
+from ros_visualise.plotting.text_plot import draw_text
 
 _STYLES: tuple[tuple[Color, str], ...] = (
-    ((31, 111, 178), "*"),
+    (BLUE, "*"),
     ((226, 120, 20), "o"),
     ((130, 70, 170), "x"),
     ((0, 150, 136), "+"),
     ((190, 60, 120), "%"),
 )
-_TRUTH: tuple[Color, str] = (150, 150, 150), "."
+_TRUTH: tuple[Color, str] = GRAY, "."
 """Colours and letters."""
-_START: Color = (44, 145, 60)
-_END: Color = (200, 50, 40)
 
 _LEFT, _WIDE = 70, 700
 _TALL, _LOW = 460, 140
@@ -34,32 +33,32 @@ _LEGEND_ROW = 18
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """One trajectory as it is drawn.
+class PlottedTrajectory:
+    """A trajectory to plot.
 
     Attributes:
-        name: for the legend.
-        path: where it went, in one pose or more.
-        is_truth: whether the others are compared with it.
-        astray: stamps or numbers of poses (N,), and how far they are from the truth (N,), metres.
+        name: its name in the legend.
+        path: its poses, at least one.
+        is_truth: True if the others are compared with it.
+        errors: stamps or numbers of poses (N,), and their distances from the truth (N,), metres.
     """
 
     name: str
     path: Path
     is_truth: bool = False
-    astray: tuple[Floats, Floats] | None = None
+    errors: tuple[Floats, Floats] | None = None
 
 
 def plot_trajectories(
-    drawn: Sequence[Drawn], planes: Sequence[Plane], title: str, stamped: bool
+    drawn: Sequence[PlottedTrajectory], planes: Sequence[Plane], title: str, stamped: bool
 ) -> Figure:
     """Draw trajectories; the later ones are drawn over the earlier ones.
 
     Args:
         drawn: the trajectories.
-        planes: those to draw; where it is one, the axis that it lacks is drawn over time.
-        title: the words above.
-        stamped: whether all of them have times; else their poses are counted.
+        planes: planes to draw; with only one, the third axis is drawn over time.
+        title: title of the figure.
+        stamped: True if all of them have times; else their poses are numbered.
     """
     legend = _LEGEND_ROW * len(drawn) if len(drawn) > 1 else 0
     tall = _TALL if len(planes) == 1 else _THIRD
@@ -81,9 +80,9 @@ def plot_trajectories(
 
 
 def draw_in_text(
-    drawn: Sequence[Drawn], planes: Sequence[Plane], columns: int, rows: int
+    drawn: Sequence[PlottedTrajectory], planes: Sequence[Plane], columns: int, rows: int
 ) -> list[str]:
-    """The same planes drawn with letters, side by side, and whose they are."""
+    """The same planes drawn with letters, side by side, and a legend."""
     letters = [letter for _, letter in _styles(drawn)]
     each = columns // len(planes) - 1
     panels = []
@@ -100,34 +99,32 @@ def draw_in_text(
     return lines
 
 
-def _styles(drawn: Sequence[Drawn]) -> list[tuple[Color, str]]:
+def _styles(drawn: Sequence[PlottedTrajectory]) -> list[tuple[Color, str]]:
     styles = cycle(_STYLES)
     return [_TRUTH if one.is_truth else next(styles) for one in drawn]
 
 
-def _label(one: Drawn) -> str:
+def _label(one: PlottedTrajectory) -> str:
     return f"{one.name} (truth)" if one.is_truth else one.name
 
 
-def _draw_legend(figure: Figure, drawn: Sequence[Drawn]) -> None:
+def _draw_legend(figure: Figure, drawn: Sequence[PlottedTrajectory]) -> None:
     for row, (one, (color, _)) in enumerate(zip(drawn, _styles(drawn), strict=True)):
         y = 52 + row * _LEGEND_ROW
         figure.line(np.array([[_LEFT, y], [_LEFT + 24, y]]), color, 3)
         figure.text(_LEFT + 32, y + 4, _label(one))
 
 
-def _draw_plane(
-    figure: Figure, box: tuple[float, float, float, float], drawn: Sequence[Drawn], plane: Plane
-) -> None:
+def _draw_plane(figure: Figure, box: Box, drawn: Sequence[PlottedTrajectory], plane: Plane) -> None:
     curves = [one.path.positions_xyz[:, plane] for one in drawn]
     points = np.concatenate(curves)
-    axes = Axes(figure, box, points.min(axis=0), points.max(axis=0), equal=True)
+    axes = PlotAxes(figure, box, points.min(axis=0), points.max(axis=0), equal=True)
     axes.draw(*(f"{AXES[axis]} (m)" for axis in plane))
     for curve, (color, _) in zip(curves, _styles(drawn), strict=True):
         axes.curve(curve, color)
     for name, color, x, place in (
-        ("start", _START, 650, axes.places(curves[0][:1])[0]),
-        ("end", _END, 715, axes.places(curves[0][-1:])[0]),
+        ("start", GREEN, 650, axes.places(curves[0][:1])[0]),
+        ("end", RED, 715, axes.places(curves[0][-1:])[0]),
     ):
         figure.dot(place[0], place[1], 5, color)
         figure.dot(x, box[1] - 12, 4, color)
@@ -138,9 +135,9 @@ _Curve = tuple[Floats, Color]
 
 
 def _series(
-    drawn: Sequence[Drawn], planes: Sequence[Plane], stamped: bool
+    drawn: Sequence[PlottedTrajectory], planes: Sequence[Plane], stamped: bool
 ) -> list[tuple[str, list[_Curve]]]:
-    """(Name, curves) of what is drawn over time, in points (N, 2)."""
+    """(Name, curves) of the plots over time, in points (N, 2)."""
     moments = [
         one.path.stamps_ns if stamped else np.arange(len(one.path.stamps_ns)) for one in drawn
     ]
@@ -154,12 +151,12 @@ def _series(
             for one, when, (color, _) in zip(drawn, moments, styles, strict=True)
         ]
         found.append((f"{AXES[axis]} (m)", curves))
-    astray = [
-        (np.stack([(one.astray[0] - zero) / unit, one.astray[1]], axis=1), color)
+    errors = [
+        (np.stack([(one.errors[0] - zero) / unit, one.errors[1]], axis=1), color)
         for one, (color, _) in zip(drawn, styles, strict=True)
-        if one.astray is not None
+        if one.errors is not None
     ]
-    return [*found, ("distance from the truth (m)", astray)] if astray else found
+    return [*found, ("distance from the truth (m)", errors)] if errors else found
 
 
 def _span(series: Sequence[tuple[str, Sequence[_Curve]]]) -> Floats:
@@ -169,15 +166,15 @@ def _span(series: Sequence[tuple[str, Sequence[_Curve]]]) -> Floats:
 
 def _draw_series(
     figure: Figure,
-    box: tuple[float, float, float, float],
+    box: Box,
     curves: Sequence[_Curve],
     names: tuple[str, str],
     span: Floats,
 ) -> None:
-    """One of several; all of them span the same (2,) moments."""
+    """Draw one plot over time; all of them span the same (2,) moments."""
     values = np.concatenate([curve[:, 1] for curve, _ in curves])
     low, high = np.array([span, [values.min(), values.max()]]).T
-    axes = Axes(figure, box, low, high)
+    axes = PlotAxes(figure, box, low, high)
     axes.draw(*names)
     for curve, color in curves:
         axes.curve(curve, color)

@@ -1,4 +1,4 @@
-"""Axes with marks at round numbers, in which a figure shows curves."""
+"""The axes of a plot: a grid with ticks at round numbers, and curves in it."""
 
 from __future__ import annotations
 
@@ -6,23 +6,24 @@ import math
 
 import numpy as np
 
-from ros_visualise.data import Floats
-from ros_visualise.geometry.thinning import thin
-from ros_visualise.sinks.figure import Color, Figure
+from ros_visualise.data import Floats, Pixels
+from ros_visualise.geometry.thinning import simplify
+from ros_visualise.plotting.colors import GRAY, Color
+from ros_visualise.plotting.figure import Box, Figure
 
 _GRID: Color = (225, 225, 225)
 _FRAME: Color = (120, 120, 120)
 _SPACING = (90, 50)  # of the grid's lines, about
 _MOST_POINTS = 3000
-"""Points of a curve; more are thinned, which no eye sees at this size."""
+"""Points of a curve; more are thinned, which is invisible at this size."""
 
 
-class Axes:
-    """A rectangle of a figure, and what part of the plane it shows.
+class PlotAxes:
+    """A rectangle of a figure that shows a part of the plane.
 
     Args:
-        figure: what is drawn on.
-        box: left, top, width, height.
+        figure: the figure to draw on.
+        box: the rectangle.
         low, high: (2,) each, the least and the greatest numbers to show, right and up.
         equal: both directions have one scale.
     """
@@ -30,7 +31,7 @@ class Axes:
     def __init__(
         self,
         figure: Figure,
-        box: tuple[float, float, float, float],
+        box: Box,
         low: Floats,
         high: Floats,
         equal: bool = False,
@@ -45,33 +46,35 @@ class Axes:
         self._low = (low + high) / 2 - size / self._scale / 2
 
     def draw(self, across: str, up: str) -> None:
-        """The frame, a grid at round numbers, and the names of the two directions."""
+        """Draw the frame, a grid at round numbers, and the names of the two directions."""
         left, top, width, height = self._box
         for axis in (0, 1):
             high = self._low[axis] + self._box[2 + axis] / self._scale[axis]
             about = self._box[2 + axis] / _SPACING[axis]
-            for number, text in marks(float(self._low[axis]), float(high), about):
-                self._mark(axis, number, text)
-        right, bottom = left + width, top + height
-        corners = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]]
-        self._figure.line(np.array(corners), _FRAME, 1)
-        self._figure.text(right, bottom + 34, across, anchor="end")
+            for number, text in ticks(float(self._low[axis]), float(high), about):
+                self._draw_tick(axis, number, text)
+        self._figure.outline(self._box, _FRAME, 1)
+        self._figure.text(left + width, top + height + 34, across, anchor="end")
         self._figure.text(left, top - 8, up)
 
     def curve(self, points: Floats, color: Color, width: float = 1.8) -> None:
-        """A line through points (N, 2)."""
+        """Draw a line through points (N, 2)."""
         places = self.places(points)
         if len(places) > 1:
-            kept, _ = thin(places, np.zeros(len(places) - 1), _MOST_POINTS)
+            kept, _ = simplify(places, np.zeros(len(places) - 1), _MOST_POINTS)
             self._figure.line(places[kept], color, width)
 
+    def vertical(self, at: float, top: float, color: Color, foot: float = 0.0) -> None:
+        """Draw a vertical line."""
+        self.curve(np.array([[at, foot], [at, top]]), color, 2)
+
     def places(self, points: Floats) -> Floats:
-        """Where on the figure points (N, 2) are."""
+        """Places on the figure of points (N, 2)."""
         left, top, _, height = self._box
         shown = (points - self._low) * self._scale
         return np.stack([left + shown[:, 0], top + height - shown[:, 1]], axis=1)
 
-    def _mark(self, axis: int, number: float, text: str) -> None:
+    def _draw_tick(self, axis: int, number: float, text: str) -> None:
         left, top, width, height = self._box
         at = np.array([self._low])
         at[0, axis] = number
@@ -84,9 +87,20 @@ class Axes:
             self._figure.text(left - 6, y + 4, text, 11, "end")
 
 
-def marks(low: float, high: float, about: float) -> list[tuple[float, str]]:
-    """Round numbers from low to high and how to write them, some ``about`` of them; two, if so
-    few are round."""
+def draw_histogram(figure: Figure, box: Box, pixels: Pixels, color: Color = GRAY) -> PlotAxes:
+    """Draw how many pixels have each of 256 levels; returns the axes."""
+    counts = np.bincount(pixels.ravel(), minlength=256)
+    axes = PlotAxes(figure, box, np.zeros(2), np.array([255.0, counts.max()]))
+    axes.draw("level", "pixels")
+    edges = np.repeat(np.arange(257) - 0.5, 2)
+    heights = np.concatenate([[0], np.repeat(counts, 2), [0]])
+    figure.area(axes.places(np.stack([edges, heights], axis=1)), color)
+    return axes
+
+
+def ticks(low: float, high: float, about: float) -> list[tuple[float, str]]:
+    """Round numbers from low to high and how to write them: ``about`` so many, at least two if
+    possible."""
     rough = (high - low) / about
     power = 10.0 ** math.floor(math.log10(rough))
     steps = [factor * power for factor in (0.5, 1, 2, 5, 10)]
