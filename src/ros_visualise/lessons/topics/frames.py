@@ -17,6 +17,7 @@ from ros_visualise.lessons.methods.drift import aligned, error_by_heading, wrapp
 from ros_visualise.nodes import node
 from ros_visualise.plotting.axes import PlotAxes
 from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, INK, RED
+from ros_visualise.plotting.diagrams import tree_rows
 from ros_visualise.plotting.figure import Figure
 
 _PERIOD_NS = 1_000_000_000
@@ -76,7 +77,7 @@ class Tree:
             answer = str(error)
         return show_at(
             tf.header,
-            _draw_tree(chains),
+            _draw_tree(frames),
             text,
             count=len(chains),
             product=_product(target, chains.get(source, [source])),
@@ -212,18 +213,18 @@ def _answer(T: Floats, target: str, source: str) -> str:
     return f"Now {source} is at ({x:.3f}, {y:.3f}, {z:.3f}) m in {target}, with {turned}."
 
 
-def _draw_tree(chains: dict[str, list[str]]) -> Figure:
+def _draw_tree(frames: FrameTree) -> Figure:
     """Each frame below its parent, and a line between them."""
-    order = sorted(chains.values())
-    rows = {chain[-1]: number for number, chain in enumerate(order)}
+    names = sorted(frames.frames())
+    rows = tree_rows({name: parent for name in names if (parent := frames.parent(name))})
     figure = Figure(WIDTH, max(_ROW * len(rows) + 20, 60))
-    for chain in order:
-        left, top = 20 + _INDENT * (len(chain) - 1), 26 + _ROW * rows[chain[-1]]
-        if len(chain) > 1:
-            x, above = left - _INDENT + 5, 26 + _ROW * rows[chain[-2]]
+    for number, row in enumerate(rows):
+        left, top = 20 + _INDENT * row.depth, 26 + _ROW * number
+        if row.parent is not None:
+            x, above = left - _INDENT + 5, 26 + _ROW * row.parent
             figure.line(np.array([[x, above + 4], [x, top - 5], [left - 4, top - 5]]), GRAY, 1.5)
-        figure.dot(left + 1, top - 5, 5, RED if len(chain) == 1 else BLUE)
-        figure.text(left + 12, top, chain[-1], 14, color=INK)
+        figure.dot(left + 1, top - 5, 5, RED if row.parent is None else BLUE)
+        figure.text(left + 12, top, row.name, 14, color=INK)
     return figure
 
 

@@ -13,11 +13,12 @@ from ros_visualise.data import Floats, Image, Message
 from ros_visualise.lessons.lesson import GIVES, TAKES, WIDTH, Lesson, Step, show, work_of
 from ros_visualise.nodes import node
 from ros_visualise.plotting.axes import PlotAxes
-from ros_visualise.plotting.colors import BLUE, GREEN, INK, RED
+from ros_visualise.plotting.colors import BLUE, GRAY, GREEN, INK, RED
+from ros_visualise.plotting.diagrams import GraphLayout, GraphNode
 from ros_visualise.plotting.figure import Figure
 
 _KEPT = 200
-_WIDE, _TALL, _ROW = 120, 36, 92  # of the boxes of nodes, and from one row to the next
+_ROW, _BOX, _CHARACTER = 54.0, 28.0, 9.0  # heights of rows and boxes, width of a letter
 
 
 @node("message", inputs=TAKES, outputs=GIVES)
@@ -153,9 +154,9 @@ class Slow:
 def nodes(image: Image, params: object) -> dict[str, Message]:
     """The graph: nodes, and the topics between them."""
     text = """
-        Each box is a node, which does one thing; each arrow is a topic, with its name. Here all
-        nodes are threads of one process, and messages are not copied. On a ROS graph the same nodes
-        can be processes on several machines; rosrun ros_visualise viewer shows them in this page.
+        Each box is a node, which does one thing; the names between them are topics. Here all nodes
+        are threads of one process, and messages are not copied. On a ROS graph the same nodes can
+        be processes on several machines; rosrun ros_visualise viewer shows them in this page.
         The main panel shows the whole graph that is running (graph), and the rates and drops of its
         topics (table of topics).
         """
@@ -211,27 +212,24 @@ def _draw_share(taken: int, came: int) -> Figure:
 
 
 def _draw_graph() -> Figure:
-    """The nodes of this lesson, each below the one whose topic it takes."""
-    befores = {step.declared.name: step.after or "picture" for step in LESSON.steps}
-    rows = {"source": 0, "picture": 1}
-    for name, before in befores.items():
-        rows[name] = rows[before] + 1
-    figure = Figure(WIDTH, _ROW * max(rows.values()) + _TALL + 20)
-    places = {}
-    for row in set(rows.values()):
-        beside = [name for name in rows if rows[name] == row]
-        for number, name in enumerate(beside):
-            places[name] = np.array([WIDTH * (number + 0.5) / len(beside), 10.0 + _ROW * row])
-    for name, before in {"picture": "source", **befores}.items():
-        start, end = places[before] + [0, _TALL], places[name]
-        figure.arrow(start, end, BLUE, 1.8)
-        topic = "/image_raw" if before == "source" else f"/{before}"
-        is_left = end[0] < start[0]
-        x, y = (start + end) / 2 + [-12 if is_left else 12, 4]
-        figure.text(x, y, topic, 14, "end" if is_left else "start", BLUE)
-    for name, (x, y) in places.items():
-        box = (x - _WIDE / 2, y, _WIDE, _TALL)
-        figure.fill(box, (240, 240, 240))
-        figure.outline(box, INK, 1.2)
-        figure.text(x, y + 24, name, 16, "middle", INK)
+    """The nodes of this lesson, and the topics between them."""
+    takes = {step.declared.name: step.after or "picture" for step in LESSON.steps}
+    published = {"source": "/image_raw", **{name: f"/{name}" for name in takes.values()}}
+    takes = {"picture": "source", **takes}
+    nodes = [GraphNode("source", [], ["/image_raw"])]
+    for name, before in takes.items():
+        outputs = [published[name]] if name in published else []
+        nodes.append(GraphNode(name, [published[before]], outputs))
+    layout = GraphLayout(nodes, WIDTH, _ROW, _CHARACTER)
+    figure = Figure(WIDTH, round(layout.height))
+    half = np.array([0, _BOX / 2])
+    for above, below in layout.arrows:
+        figure.arrow(layout.places[above] + half, layout.places[below] - half, GRAY, 1.5)
+    for (kind, name), (x, y) in layout.places.items():
+        width = layout.width_of(name)
+        if kind == "node":
+            box = (x - width / 2, y - _BOX / 2, width, _BOX)
+            figure.fill(box, (240, 240, 240))
+            figure.outline(box, INK, 1.2)
+        figure.text(x, y + 5, name, 15, "middle", INK if kind == "node" else BLUE)
     return figure
