@@ -9,8 +9,7 @@ import pytest
 from ros_visualise.core.supervision import PROCESS
 from ros_visualise.messages.recorded import TopicType
 from ros_visualise.sources.recordings import TopicInfo
-from ros_visualise.ui.look.curve import Curve
-from ros_visualise.ui.look.decoding import Decoding
+from ros_visualise.ui.look.curve import Curve, RecordedCurves
 from ros_visualise.ui.page.worker import Worker
 from ros_visualise.ui.rounds import Rounds
 
@@ -74,7 +73,7 @@ def test_a_recording_that_is_read_wrongly_is_no_curve_and_holds_up_nobody(at_ope
             raise KeyError("a bug")
         return Odd()
 
-    decoding = Decoding(open_it, None)
+    decoding = RecordedCurves(open_it, None)
     curve = Curve(0.0)
     assert decoding.first("/odd", PATIENCE_S) is None
     decoding.fill("/odd", {"x": curve})
