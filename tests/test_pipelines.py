@@ -5,6 +5,7 @@ import pytest
 from ros_visualise.core.errors import OpenError, ParameterError, UsageError
 from ros_visualise.core.synchronizer import Latest
 from ros_visualise.data import Image, Odometry, ParameterEvent
+from ros_visualise.graph.landmarks import with_tags
 from ros_visualise.graph.pipelines import (
     alone,
     demo_pipeline,
@@ -210,7 +211,7 @@ def test_its_inputs_may_be_chosen_and_it_then_stands_behind_whoever_publishes_th
 
 def test_an_input_that_nothing_fits_is_named_with_what_there_is():
     landscape, husky = image_pipeline("landscape"), simulation_pipeline("husky")
-    with pytest.raises(UsageError, match="locator: needs a topic of Odometry as odom; there is no"):
+    with pytest.raises(UsageError, match="locator: needs a topic of Odometry as odom; none is"):
         landscape.insert(locator.declared, "filters")
     with pytest.raises(UsageError, match=r"as odom; add ,odom=TOPIC .* one of /odom, "):
         husky.insert(locator.declared, "filters", {"odom": "/imu/data"})
@@ -264,28 +265,32 @@ def test_of_two_nodes_that_show_one_picture_one_is_put_aside():
     assert aside(simulation_pipeline("husky")) == ["fps_control"]  # the robot has buttons
 
 
+def navigating(robot):
+    return with_tags(simulation_pipeline(robot), None, "")
+
+
 def test_who_navigates_is_held_against_the_truth_where_there_is_one():
-    graph = simulation_pipeline("husky", landmarks=True, navigate=True)
+    graph = navigating("husky")
     inputs = graph.node("pose_error").inputs
     assert inputs == {"pose": "/navigation/pose", "truth": "/ground_truth/odom"}
 
 
 def test_who_navigates_takes_an_imu_and_gps_where_they_are():
-    inputs = simulation_pipeline("husky", landmarks=True, navigate=True).node("landmark_navigator")
+    inputs = navigating("husky").node("landmark_navigator")
     assert inputs.inputs["imu"] == "/imu/data"
     assert inputs.inputs["gps"] == "/fix"
 
 
 @pytest.mark.parametrize("navigate", [False, True])
 def test_a_pad_to_land_on_is_no_landmark(navigate):
-    graph = simulation_pipeline("quadrotor", landmarks=True, navigate=navigate)
+    graph = with_tags(simulation_pipeline("quadrotor"), True, "" if navigate else None)
     mapping = graph.node("landmark_navigator" if navigate else "landmark_localizer")
     assert mapping.params.moving == graph.node("landing_target").params.target
 
 
 @pytest.mark.parametrize("navigate", [False, True])
 def test_one_alone_tells_where_odom_is_in_the_map(navigate):
-    graph = simulation_pipeline("husky", landmarks=True, navigate=navigate)
+    graph = with_tags(simulation_pipeline("husky"), True, "" if navigate else None)
     assert graph.source.params.map_to_odom is not navigate
 
 

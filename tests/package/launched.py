@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ros_visualise.graph import Graph
-from ros_visualise.graph.pipelines import alone, chain
+from ros_visualise.graph.pipelines import alone, build
 from ros_visualise.nodes import find
 
 PACKAGE = Path(__file__).parents[2]
@@ -47,8 +47,8 @@ class LaunchedGraph:
     def _graph_nodes(self) -> list[Any]:
         if "pipeline" in self.ours:
             given = self.params("pipeline")
-            nodes = [find(n) for n in given["nodes"].split()]
-            return list(chain(nodes, given.get("source")).members)
+            nodes = given["nodes"].split()
+            return list(build(given.get("source"), "/image_raw", through=nodes).members)
         nodes = [process for process in self.ours if process != "player"]
         return [n for process in nodes for n in alone(find(process)).members]
 

@@ -14,10 +14,8 @@ from ros2_launch import Launched, Refused, begun_without, full
 
 from ros_visualise.core.params import update
 from ros_visualise.graph.pipelines import (
-    IMAGE_NODES,
     alone,
-    chain,
-    image_pipeline,
+    build,
     simulation_pipeline,
 )
 from ros_visualise.nodes import NODES, SourceType, find
@@ -42,8 +40,7 @@ WHAT_IS_PLAYED = {"path", "uri"}
 )
 def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
     launched = Launched(name, pipeline=pipeline, **args)
-    nodes = [find(node) for node in IMAGE_NODES]
-    expected = image_pipeline(source) if source else chain(nodes)
+    expected = build(source, "/image_raw")
     assert launched.graph() == joined(expected)
 
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from launched import PACKAGE
 
+from ros_visualise.graph.landmarks import with_tags
 from ros_visualise.graph.pipelines import simulation_pipeline
 
 CONFIG = PACKAGE / "config"
@@ -47,7 +48,7 @@ def test_classes_are_those_of_rviz2(name: str) -> None:
 @pytest.mark.parametrize("name", FILES)
 def test_what_is_kept_for_the_late_is_asked_of_those_who_keep_it(name: str) -> None:
     """A subscriber that asks for more than a publisher offers would get nothing."""
-    graph = simulation_pipeline("husky", landmarks=True, navigate=name == "navigation.rviz")
+    graph = with_tags(simulation_pipeline("husky"), True, "" if name == "navigation.rviz" else None)
     latched = {
         topic.removeprefix("/")
         for member in graph.members

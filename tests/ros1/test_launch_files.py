@@ -22,7 +22,8 @@ from launched import (
 )
 
 from ros_visualise.core.params import specs, update
-from ros_visualise.graph.pipelines import IMAGE_NODES, chain, image_pipeline, simulation_pipeline
+from ros_visualise.graph.landmarks import with_tags
+from ros_visualise.graph.pipelines import build, simulation_pipeline
 from ros_visualise.nodes import SourceType, find, find_all
 from ros_visualise.running.executables import names
 from ros_visualise.runtime.playing import playing_params
@@ -72,8 +73,7 @@ class Launched(LaunchedGraph):
 )
 def test_graph_is_that_of_the_pipelines(name, args, source, pipeline):
     launched = Launched(name, pipeline=pipeline, **args)
-    nodes = [find(node) for node in IMAGE_NODES]
-    expected = image_pipeline(source) if source else chain(nodes)
+    expected = build(source, "/image_raw")
     assert launched.graph() == joined(expected)
     assert len(launched.ours) == (1 if pipeline == "true" else len(expected.members))
 
@@ -106,7 +106,7 @@ def test_usb_cam_publishes_what_the_nodes_take():
 @pytest.mark.parametrize("pipeline", ["false", "true"])
 def test_recording_plays_what_the_nodes_take(pipeline):
     launched = Launched("main_rosbag", pipeline=pipeline, image="/cam00/image_rect")
-    assert launched.graph() == joined(chain([find(node) for node in IMAGE_NODES]))
+    assert launched.graph() == joined(build(None, "/image_raw"))
     given = launched.params("player")
     assert (given["path"], given["image"]) == ("/flight.bag", "/cam00/image_rect")
     assert given["wait_for"] == "image_raw"
@@ -136,7 +136,7 @@ def test_path_follows_a_simulated_robot(robot):
 @pytest.mark.parametrize("robot", ["husky", "quadrotor"])
 def test_landmarks_of_a_simulated_world_are_found_with_the_sizes_of_its_tags(robot):
     launched = Launched("main_landmarks", simulator=robot, world="playpen")
-    graph, expected = launched.graph(), joined(simulation_pipeline(robot, landmarks=True))
+    graph, expected = launched.graph(), joined(with_tags(simulation_pipeline(robot), True, None))
     assert graph[robot] == expected[robot]
     assert graph["tag_detector"] == expected["tag_detector"]
     localizer = graph["landmark_localizer"]
@@ -351,7 +351,7 @@ def test_rviz_shows_topics_of_the_graph(config, outside):
     shown = set(re.findall(r"Topic: (\S+)", text))
     published = {
         name.removeprefix("/")
-        for name in simulation_pipeline("husky", landmarks=True, navigate=navigate).topics
+        for name in with_tags(simulation_pipeline("husky"), True, "" if navigate else None).topics
     }
     assert shown
     assert shown <= published | outside

@@ -16,8 +16,8 @@ from ros_visualise.core.errors import ParameterError
 from ros_visualise.core.params import Parameters, param, specs
 from ros_visualise.data import Image
 from ros_visualise.graph import Graph, Node
-from ros_visualise.graph.pipelines import chain, image_pipeline
-from ros_visualise.nodes import NodeType, NoParams, find
+from ros_visualise.graph.pipelines import build, image_pipeline
+from ros_visualise.nodes import NodeType, NoParams
 from ros_visualise.nodes.filters import FiltersParams
 from ros_visualise.plotting.colors import PALETTE
 from ros_visualise.runtime.remote.declaring import Told, declared
@@ -147,7 +147,7 @@ def test_what_comes_from_outside_stands_above_who_takes_it():
 
 
 def image_chain():
-    return chain([find(name) for name in ("fps_control", "filters", "edge_detector")])
+    return build(None, "/image_raw")
 
 
 def seen_elsewhere(name, takes, gives):

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from argparse import ArgumentParser
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.running.options import PlayingOptions, add_playing_options, add_size_option
 from ros_visualise.simulation.robots import ROBOTS
+
+if TYPE_CHECKING:
+    from ros_visualise.graph import Graph
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,13 +41,10 @@ def run(options: DemoOptions) -> int:
     from ros_visualise.running.play import play
     from ros_visualise.sources.video_pixels import parse_size
 
-    landmarks, navigate = options.landmarks is not False, options.navigate is not None
-    selection = Selection(
-        options.scene or "demo",
-        lambda _: demo_pipeline(options.scene, parse_size(options.size), landmarks, navigate),
-        size=options.size,
-    )
-    return play(selection, options)
+    def graph(_: object) -> Graph:
+        return demo_pipeline(options.scene, parse_size(options.size))
+
+    return play(Selection(options.scene or "demo", graph, size=options.size), options)
 
 
 COMMAND = Command(

@@ -77,11 +77,11 @@ def run(options: ExplainOptions) -> int:
 
 def _selection(lesson: Lesson, path: str | None, folder: Path, at_end: bool) -> Selection:
     """A lesson on a file; on another one in its place it goes on."""
+    from ros_visualise.lessons.pipeline import lesson_pipeline
     from ros_visualise.running.graphs import Selection
-    from ros_visualise.running.lesson_graphs import lesson_graph
 
     def graph(undo: ExitStack) -> Graph:
-        return lesson_graph(lesson, path, folder, at_end, undo)
+        return lesson_pipeline(lesson, path, folder, at_end, undo)
 
     def another(other: str) -> Selection:
         return _selection(lesson, other, folder, at_end)

@@ -46,7 +46,6 @@ def run(options: SimOptions) -> int:
 
     mission = options.mission or "none"
     is_endless = options.duration is None and options.frames is None
-    landmarks, navigate = options.landmarks is not False, options.navigate is not None
 
     def graph(_: object) -> Graph:
         if mission == "none" and options.view == "none" and is_endless:
@@ -56,7 +55,7 @@ def run(options: SimOptions) -> int:
             )
         scenario = {"world": options.world, "mission": mission, "seed": options.seed}
         size = parse_size(options.size)
-        return simulation_pipeline(options.robot, size, landmarks, navigate, **scenario)
+        return simulation_pipeline(options.robot, size, **scenario)
 
     return play(Selection(options.robot, graph, size=options.size), options)
 

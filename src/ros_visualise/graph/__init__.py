@@ -1,8 +1,8 @@
-"""Graphs of nodes: what runs, and which topics join it."""
+"""Graphs of nodes: what runs, and the topics that connect it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
@@ -10,6 +10,7 @@ from typing import Any, Protocol, TypeVar
 from ros_visualise.core import params
 from ros_visualise.core.declarations import TRANSFORMS
 from ros_visualise.core.errors import ParameterError, UsageError, did_you_mean
+from ros_visualise.data import Image
 from ros_visualise.messages import type_name
 from ros_visualise.messages.qos import LATCHED, VOLATILE
 from ros_visualise.messages.recorded import TopicType
@@ -26,12 +27,15 @@ SOURCE_TOPICS = {
 }
 """Output of a source -> its topic, where that is not named after the output."""
 
+IMAGE_NODES = ("fps_control", "filters", "edge_detector")
+"""The nodes that images pass in the pipelines, in order."""
+
 
 @dataclass(frozen=True)
 class TopicSpec:
-    """A topic: the class of its messages, who publishes it, and whether only on demand.
+    """A topic: the class of its messages, its publisher, and if it publishes on demand only.
 
-    ``ros`` is its type on a ROS graph and in recordings, and whether its last message holds.
+    ``ros`` is its type on a ROS graph and in recordings, with its quality of service.
     """
 
     type: type
@@ -42,10 +46,10 @@ class TopicSpec:
 
 @dataclass(frozen=True)
 class Member:
-    """A node or a source in a graph: its name there, its type, what it starts with, its topics.
+    """A node or a source in a graph: its name there, its type, its parameters, its topics.
 
-    ``inputs`` and ``outputs`` map the names in its declaration to topics. ``aside``: others show
-    what it does, so that a page need not begin with a window for it.
+    ``inputs`` and ``outputs`` map the names in its declaration to topics. ``aside``: another member
+    shows the same picture, so that a page begins without a window for this one.
     """
 
     name: str
@@ -57,7 +61,7 @@ class Member:
 
     @property
     def topics(self) -> dict[str, TopicSpec]:
-        """What it publishes, by the topics' names."""
+        """Published topics, by name."""
         return {topic: self._topic(port) for port, topic in self.outputs.items()}
 
     def configured(self: M, changes: Mapping[str, Any]) -> M:
@@ -87,12 +91,12 @@ class Node(Member):
 
 @dataclass(frozen=True)
 class SourceNode(Member):
-    """What a graph starts from."""
+    """The source of a graph."""
 
     type: SourceType
 
     def configured(self, changes: Mapping[str, Any]) -> SourceNode:
-        """The same with other starting parameters; one of them may bring more of them."""
+        """The same with other starting parameters; one of them may bring further ones."""
         decisive, extend = self.type.extend or ("", None)
         if extend is None or decisive not in changes:
             return super().configured(changes)
@@ -107,10 +111,10 @@ class SourceNode(Member):
 
 
 class Change(Protocol):
-    """Makes another of a node or a source."""
+    """Changes a node or a source."""
 
     def __call__(self, member: M, /) -> M:
-        """What is to take its place."""
+        """The member in its place."""
 
 
 @dataclass(frozen=True)
@@ -125,22 +129,22 @@ class Graph:
 
     @property
     def members(self) -> tuple[Member, ...]:
-        """The source, if there is one, and the nodes."""
+        """The source, if any, and the nodes."""
         return (*(() if self.source is None else (self.source,)), *self.nodes)
 
     @property
     def live(self) -> bool:
-        """Whether what it starts from cannot wait for whoever is slow."""
+        """True if its source cannot wait for slow nodes."""
         return self.source is None or self.source.type.live
 
     @property
     def makes_time(self) -> bool:
-        """Whether its source tells what time it is."""
+        """True if its source sets the time."""
         return self.source is not None and self.source.type.makes_time
 
     @property
     def inputs(self) -> dict[str, type]:
-        """The topics that come from outside, and the type of their messages."""
+        """Topics published elsewhere, and the type of their messages."""
         return {
             topic: node.type.inputs[port]
             for node in self.members
@@ -157,13 +161,13 @@ class Graph:
         """The node or the source of that name.
 
         Raises:
-            UsageError: there is none; those that there are are listed.
+            UsageError: unknown name; the known ones are listed.
         """
         for member in self.members:
             if member.name == name:
                 return member
-        there = [member.name for member in self.members]
-        raise UsageError(f"no node {name!r} here{did_you_mean(name, there)}")
+        names = [member.name for member in self.members]
+        raise UsageError(f"no node {name!r} here{did_you_mean(name, names)}")
 
     def changed(self, change: Change) -> Graph:
         """The same graph with another in place of each node and of the source."""
@@ -184,32 +188,53 @@ class Graph:
 
         return self.changed(configured)
 
+    def joined(self, *nodes: Node) -> Graph:
+        """The same graph with more nodes at its end."""
+        return replace(self, nodes=(*self.nodes, *nodes))._with_frames()
+
+    def chained(self, added: Sequence[NodeType], topic: str = "/image_raw") -> Graph:
+        """The same graph with nodes that images of a topic pass, one after the other.
+
+        Raises:
+            UsageError: two of the same name, or one whose input is not what comes before it.
+        """
+        graph, given = self, Image
+        for declared in added:
+            if any(node.name == declared.name for node in graph.nodes):
+                raise UsageError(f"{declared.name}: duplicate node")
+            if list(declared.stepped.values()) != [given]:
+                raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
+            node = place(declared, {next(iter(declared.stepped)): topic})
+            graph = graph.joined(node)
+            passed = [port for port, kind in declared.outputs.items() if kind is given]
+            topic = next((node.outputs[p] for p in passed if p not in declared.on_demand), topic)
+        return graph._with_one_picture()
+
     def insert(
         self,
         added: NodeType,
         after: str,
         topics: Mapping[str, str] = MappingProxyType({}),
     ) -> Graph:
-        """The same graph with one node more.
+        """The same graph with a node among the others.
 
-        Its inputs are the topics that are given; the first other of that type is the main output of
-        ``after``; then those that are called as the input, or are the only ones of its type.
-        The main output is the first of a type that the node takes, rather one that a node hears.
-        Whoever listened to the main output listens to the new node's instead, if that has this one
-        input, and an output of that type that is not made on demand.
+        Its inputs are the given topics; the first other input of that type takes the main output
+        of ``after``; the others take topics of their own name, or the only one of their type. The
+        main output is the first of a type that the node takes, preferably one with a subscriber.
+        If the node has this one input, and an output of that type that is not on demand, the
+        subscribers of the main output subscribe to that instead.
 
         Args:
             added: the new node.
             after: the node that it comes after.
-            topics: input -> topic, where it says. Where somebody publishes the topic of an output
-                already, that is ``/NODE/OUTPUT``.
+            topics: input -> topic. An output whose topic is taken publishes on ``/NODE/OUTPUT``.
 
         Raises:
             UsageError: no such node or topic, the name is taken, or nothing fits an input.
         """
         before = self.node(after)
         if any(member.name == added.name for member in self.members):
-            raise UsageError(f"there is a node {added.name!r} already; name yours differently")
+            raise UsageError(f"a node {added.name!r} already exists; choose another name")
         main, given = self._main_output(added, before)
         new = self._beside_others(place(added, self._inputs_of(added, main, given, topics)))
         makes = [
@@ -224,21 +249,43 @@ class Graph:
         publishers = {after, *(self.topics[topic].publisher for topic in new.inputs.values())}
         last = max(n for n, member in enumerate(self.members) if member.name in publishers)
         begin = last + (self.source is None)
-        return Graph(self.source, (*nodes[:begin], new, *nodes[begin:])).with_frames()
+        return Graph(self.source, (*nodes[:begin], new, *nodes[begin:]))._with_frames()
 
-    def with_frames(self) -> Graph:
-        """The same graph, with transforms for the nodes that need frames, if any are published."""
+    def _with_frames(self) -> Graph:
+        """The same graph, with transforms for the nodes that need frames, if any are published.
+
+        A node whose step takes transforms is given them as any other input.
+        """
+        published = {
+            port: f"/{port}"
+            for port in TRANSFORMS
+            if self.source is None or f"/{port}" in self.topics
+        }
 
         def framed(node: Node) -> Node:
-            known = TRANSFORMS if node.type.frames else {}
-            there = {port: f"/{port}" for port in known if port not in node.inputs}
-            there = {p: t for p, t in there.items() if self.source is None or t in self.topics}
-            return replace(node, inputs={**node.inputs, **there})
+            needs = node.type.frames and not TRANSFORMS.keys() & node.type.stepped.keys()
+            return replace(node, inputs={**published, **node.inputs}) if needs else node
 
-        return Graph(self.source, tuple(framed(node) for node in self.nodes))
+        return replace(self, nodes=tuple(framed(node) for node in self.nodes))
+
+    def _with_one_picture(self) -> Graph:
+        """The same graph; of a source and a node that show one picture, one is put aside.
+
+        That is the one with less to set.
+        """
+        passing = next((node for node in self.nodes if node.name == IMAGE_NODES[0]), None)
+        source = self.source
+        if source is None or passing is None or not {*passing.inputs.values()} & {*source.topics}:
+            return self
+        images = [kind for kind in source.type.outputs.values() if kind is Image]
+        live = [spec for spec in params.specs(source.params) if not spec.restart]
+        if live or source.type.actions or len(images) > 1:
+            nodes = (replace(one, aside=one is passing or one.aside) for one in self.nodes)
+            return replace(self, nodes=tuple(nodes))
+        return replace(self, source=replace(source, aside=True))
 
     def _beside_others(self, new: Node) -> Node:
-        """The same node; what somebody publishes already is called after it."""
+        """The same node; an output whose topic is taken is named after the node too."""
         outputs = {
             port: f"/{new.name}/{port}" if topic in self.topics else topic
             for port, topic in new.outputs.items()
@@ -246,7 +293,7 @@ class Graph:
         return replace(new, outputs=outputs)
 
     def _main_output(self, added: NodeType, before: Member) -> tuple[str, TopicSpec]:
-        """A topic of one node for the next: of a type that this takes, if there is any."""
+        """The topic of one node that the next takes: of a fitting type, if any."""
         there = list(before.topics.items())
         if not there:
             raise UsageError(
@@ -259,7 +306,7 @@ class Graph:
     def _inputs_of(
         self, added: NodeType, main: str, given: TopicSpec, topics: Mapping[str, str]
     ) -> dict[str, str]:
-        """Input -> topic of a node that is to come after another, whose main output this is."""
+        """Input -> topic of a node after another with this main output."""
         for port in topics.keys() - added.inputs.keys():
             raise UsageError(f"{added.name}: no input {port!r}{did_you_mean(port, added.inputs)}")
         found = dict(topics)
@@ -274,7 +321,7 @@ class Graph:
                 hint = f"add ,{port}=TOPIC to its name, with TOPIC one of {', '.join(fitting)}"
                 raise UsageError(
                     f"{added.name}: needs a topic of {kind.__name__} as {port};"
-                    f" {hint if fitting else 'there is none here'}"
+                    f" {hint if fitting else 'none is published'}"
                 )
         return found
 
@@ -287,8 +334,8 @@ def place(
     Args:
         declared: its type.
         inputs: input name -> topic.
-        outputs: output name -> topic; else as the node declares it, else a single output is named
-            after the node, and several keep their names.
+        outputs: output name -> topic; without, as declared; else a single output is named after
+            the node, and several keep their names.
     """
     single = len(declared.outputs) == 1
     named = {port: f"/{declared.name}" if single else f"/{port}" for port in declared.outputs}
@@ -296,14 +343,16 @@ def place(
     return Node(declared.name, declared, declared.params(), inputs, topics)
 
 
-def place_source(declared: SourceType) -> SourceNode:
-    """A source in a graph, on its usual topics, with its own parameters."""
+def place_source(
+    declared: SourceType, outputs: Mapping[str, str] = MappingProxyType({})
+) -> SourceNode:
+    """A source in a graph, with its own parameters, on its usual topics but for those given."""
     inputs = {port: f"/{port}" for port in declared.inputs}
-    outputs = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in declared.outputs}
-    return SourceNode(declared.name, declared, declared.params(), inputs, outputs)
+    usual = {port: SOURCE_TOPICS.get(port, f"/{port}") for port in declared.outputs}
+    return SourceNode(declared.name, declared, declared.params(), inputs, {**usual, **outputs})
 
 
 def _rewired(node: Node, before: str, now: str) -> Node:
-    """A node that listens to another topic instead of one."""
+    """A node that subscribes to ``now`` instead of ``before``."""
     inputs = {port: now if topic == before else topic for port, topic in node.inputs.items()}
     return replace(node, inputs=inputs)

@@ -1,16 +1,16 @@
-"""The pipelines that there are, as graphs of nodes."""
+"""How graphs are built: a source, the nodes that its images pass, and the path of its robot."""
 
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import ExitStack, closing
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 from ros_visualise.core.errors import OpenError, UsageError, did_you_mean
-from ros_visualise.core.params import specs
 from ros_visualise.data import (
     Image,
     NavSatFix,
@@ -19,8 +19,7 @@ from ros_visualise.data import (
     PoseWithCovarianceStamped,
     Transforms,
 )
-from ros_visualise.graph import Graph, Node, SourceNode, place, place_source
-from ros_visualise.graph.landmarks import TAGS, tags_of_world, with_landmarks
+from ros_visualise.graph import IMAGE_NODES, Graph, Node, SourceNode, place, place_source
 from ros_visualise.messages.calibrations import info_topic
 from ros_visualise.nodes import NODES, NodeType, SourceType, find_all, find_node, find_source
 from ros_visualise.nodes.player import player
@@ -28,14 +27,45 @@ from ros_visualise.nodes.streamer import film
 from ros_visualise.simulation.rendering import choose_backend
 from ros_visualise.simulation.robots import ROBOTS
 from ros_visualise.sources.frame_pairs import NamedPair, ask_for_pair, need_motion, parse_pair
+from ros_visualise.sources.opening import is_recording, open_recording
+from ros_visualise.sources.pictures import is_pictures
 from ros_visualise.sources.recordings import Recording
 from ros_visualise.sources.recordings.images import first_image
 from ros_visualise.vision.reshape import Size
 
 log = logging.getLogger(__name__)
 
-IMAGE_NODES = ("fps_control", "filters", "edge_detector")
-"""The nodes that images pass in the pipelines, in order."""
+
+def build(
+    source: SourceNode | str | None,
+    images: str = "",
+    path: Node | None = None,
+    through: Sequence[str | NodeType] = IMAGE_NODES,
+) -> Graph:
+    """A source, nodes that its images pass, and the path of its robot.
+
+    Args:
+        source: the source, or its name; None: messages come from outside.
+        images: topic of the images; empty: none.
+        path: the node `path` on its topics; None: none.
+        through: the nodes that images pass, or their names, in order.
+
+    Raises:
+        UsageError: two nodes of the same name, or one that takes no images.
+    """
+    added = [find_node(one) if isinstance(one, str) else one for one in through]
+    placed = source_named(source) if isinstance(source, str) else source
+    graph = Graph(placed, ()).chained(added if images else (), images)
+    return graph if path is None else graph.joined(path)
+
+
+def source_named(name: str, **settings: Any) -> SourceNode:
+    """The source of that name with these parameters.
+
+    Raises:
+        UsageError: no such source or parameter, or a value out of its range.
+    """
+    return place_source(find_source(name)).configured(settings)
 
 
 def image_pipeline(source: str, **settings: Any) -> Graph:
@@ -45,50 +75,20 @@ def image_pipeline(source: str, **settings: Any) -> Graph:
         source: name of a declared source of images.
         settings: its parameters.
     """
-    added = tuple(find_node(name) for name in IMAGE_NODES)
-    return chain(added, source).configured({source: settings})
+    return build(source, "/image_raw").configured({source: settings})
 
 
 def film_pipeline(path: str | Path, **settings: Any) -> Graph:
-    """A video file through the image nodes, and the way by the fixes that it comes with, if any.
+    """A video file through the image nodes, and the path of its GPS fixes, if any.
 
     Args:
         path: the file.
         settings: parameters of its source.
     """
     source = place_source(film(path))
-    nodes = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
-    if "fix" in source.outputs:
-        nodes += (place(find_node("path"), {"fix": source.outputs["fix"]}),)
-    graph = _told_apart(Graph(source, nodes)).with_frames()
+    fixes = source.outputs.get("fix")
+    graph = build(source, source.outputs["image"], _path({"fix": fixes}) if fixes else None)
     return graph.configured({source.name: {"path": str(path), **settings}})
-
-
-def chain(added: Sequence[NodeType], source: str | None = None) -> Graph:
-    """Nodes that pass on images, each to the next, from ``source`` or the topic ``/image_raw``.
-
-    Raises:
-        UsageError: two of the same name, or one whose input is not what comes before it.
-    """
-    graph = Graph(place_source(find_source(source)) if source else None, _chained(added))
-    return _told_apart(graph).with_frames()
-
-
-def _chained(added: Sequence[NodeType], topic: str = "/image_raw") -> tuple[Node, ...]:
-    """Nodes that pass on images, each to the next, the first from ``topic``."""
-    nodes: tuple[Node, ...] = ()
-    given = Image
-    for declared in added:
-        if any(node.name == declared.name for node in nodes):
-            raise UsageError(f"{declared.name}: is there twice")
-        if list(declared.stepped.values()) != [given]:
-            raise UsageError(f"{declared.name}: needs one input of type {given.__name__}")
-        inputs = {next(iter(declared.stepped)): topic}
-        node = place(declared, inputs)
-        nodes += (node,)
-        passed = [p for p, made in declared.outputs.items() if made is given]
-        topic = next((node.outputs[p] for p in passed if p not in declared.on_demand), topic)
-    return nodes
 
 
 def recording_pipeline(
@@ -97,21 +97,21 @@ def recording_pipeline(
     image: str | None = None,
     odom: str | None = None,
 ) -> Graph:
-    """A recording, one of its image topics through the image nodes, and its odometry to path.
+    """A recording, one of its image topics through the image nodes, and the path of its odometry.
 
-    A recorded topic that is called as one that a node publishes, or as that of the calibration that
-    goes with it, is played below ``/recorded``.
+    A recorded topic with the name of one that a node publishes, or of its calibration, is played
+    below ``/recorded``.
 
     Args:
         recording: it is open.
-        topics: of these alone; none: of all.
-        image: the topic of images; None: the first one of gray or colours, an empty text: none.
-        odom: the topic that the path is made of, or a pair of frames, as
+        topics: these alone; none: all.
+        image: the topic of images; None: the first in gray or colour; empty: none.
+        odom: the topic that the path is made of, or a pair of frames, see
             `ros_visualise.sources.frame_pairs.parse_pair`; None: the first of odometry, else of
-            poses, else of positions; an empty text: none.
+            poses, else of positions; empty: none.
 
     Raises:
-        UsageError: a topic is not there or not of the right type.
+        UsageError: a topic is missing or of an unsuitable type.
     """
     declared = player(recording, topics)
     if image is None:
@@ -121,98 +121,86 @@ def recording_pipeline(
         image = _choose(declared, "--image", image, (Image,))
     pair = _find_pair(recording, declared, odom) if odom else None
     odom = odom if pair else _choose(declared, "--odom", odom, tuple(_PATH_INPUTS))
-    added = [find_node(name) for name in IMAGE_NODES] if image else []
-    outputs = _kept_apart(declared.outputs, added, {"/path"} if odom else set())
-    source = SourceNode("player", declared, declared.params(), {}, outputs)
-    nodes = _chained(added, outputs[image]) if image else ()
+    outputs = _kept_apart(declared.outputs, IMAGE_NODES if image else (), odom)
+    path = None
     if pair:
-        nodes += (_following(pair, outputs),)
+        path = _following(pair, outputs)
     elif odom:
-        port = _PATH_INPUTS[declared.outputs[odom]]
-        nodes += (place(find_node("path"), {port: outputs[odom]}),)
-    return _told_apart(Graph(source, nodes))
+        path = _path({_PATH_INPUTS[declared.outputs[odom]]: outputs[odom]})
+    return build(place_source(declared, outputs), outputs[image] if image else "", path)
+
+
+def recorded_source(
+    recording: Recording, topics: Collection[str] = (), camera_info_url: str = ""
+) -> SourceNode:
+    """A recording, with topics of the same names; see `ros_visualise.nodes.player.player`."""
+    declared = player(recording, topics, camera_info_url=camera_info_url)
+    return place_source(declared, {name: name for name in declared.outputs})
+
+
+def open_input(path: str, undo: ExitStack, **robot: Any) -> SourceNode | Recording:
+    """The source that a person names: a robot, pictures, a video; or an open recording.
+
+    Args:
+        path: a robot's name, or a file or folder, which goes first.
+        undo: closes the recording.
+        robot: parameters of a robot.
+
+    Raises:
+        OpenError: the recording cannot be opened.
+    """
+    if path in ROBOTS.names() and not os.path.exists(path):
+        return source_named(path, **robot)
+    if is_pictures(path):
+        return source_named("pictures", path=path)
+    if not is_recording(path):
+        return source_named("streamer", path=path)
+    return undo.enter_context(closing(open_recording(path)))
 
 
 def made_topics() -> frozenset[str]:
-    """Topics on which nodes of ours publish: those in a recording went through them already."""
+    """Topics that nodes of this package publish: recorded ones went through them already."""
     nodes = [one for one in find_all() if isinstance(one, NodeType)]
     return frozenset(topic for node in nodes for topic in place(node, {}).topics)
 
 
-def _told_apart(graph: Graph) -> Graph:
-    """The same, of two nodes that show one picture that put aside which has less to set."""
-    passing = next((node for node in graph.nodes if node.name == IMAGE_NODES[0]), None)
-    source = graph.source
-    if source is None or passing is None or not set(passing.inputs.values()) & set(source.topics):
-        return graph
-    images = [kind for kind in source.type.outputs.values() if kind is Image]
-    live = [spec for spec in specs(source.params) if not spec.restart]
-    if live or source.type.actions or len(images) > 1:
-        nodes = (replace(node, aside=node is passing or node.aside) for node in graph.nodes)
-        return replace(graph, nodes=tuple(nodes))
-    return replace(graph, source=replace(source, aside=True))
-
-
-def _kept_apart(
-    recorded: Iterable[str], added: Sequence[NodeType], also_made: Collection[str]
-) -> dict[str, str]:
-    """Recorded topic -> its name in the graph, which none that is made there has."""
-    made = {topic for node in added for topic in place(node, {}).outputs.values()}
-    made |= {info_topic(topic) for topic in made} | set(also_made)
+def _kept_apart(recorded: Iterable[str], added: Iterable[str], odom: str | None) -> dict[str, str]:
+    """Recorded topic -> its name in the graph, unlike those of all topics made there."""
+    made = {topic for name in added for topic in place(find_node(name), {}).outputs.values()}
+    made |= {info_topic(topic) for topic in made} | ({"/path"} if odom else set())
     return {name: f"/recorded{name}" if name in made else name for name in recorded}
 
 
-def simulation_pipeline(
-    robot: str,
-    size: Size | None = None,
-    landmarks: bool = False,
-    navigate: bool = False,
-    **settings: Any,
-) -> Graph:
-    """A simulated robot, its images through the image nodes, and its odometry to path.
+def simulation_pipeline(robot: str, size: Size | None = None, **settings: Any) -> Graph:
+    """A simulated robot, its images through the image nodes, and the path of its odometry.
 
     Args:
         robot: name of a declared source that simulates one.
         size: (width, height) of its images; None: its own.
-        landmarks: look for tags in them, and put them into a map.
-        navigate: look for tags, and tell by them where the robot is.
         settings: its parameters.
 
     Raises:
-        UsageError: there is no such robot; those that there are are listed.
+        UsageError: no such robot; the known ones are listed.
     """
     ROBOTS.find(robot)
-    source = place_source(find_source(robot))
-    images = _chained([find_node(name) for name in IMAGE_NODES], source.outputs["image"])
-    path = place(find_node("path"), {"odom": source.outputs["odom"]})
+    source = source_named(robot)
     if size is not None:
         settings |= {"camera_width": size[0], "camera_height": size[1]}
-    graph = _told_apart(Graph(source, (*images, path))).configured({robot: settings})
-    if not (landmarks or navigate):
-        return graph
-    tags = {"tags": tags_of_world(settings.get("world", "field"))}
-    return with_landmarks(graph, source.outputs["image"], [TAGS], {TAGS: tags}, navigate)
+    graph = build(source, source.outputs["image"], _path({"odom": source.outputs["odom"]}))
+    return graph.configured({robot: settings})
 
 
-def demo_pipeline(
-    source: str | None = None,
-    size: Size | None = None,
-    landmarks: bool = False,
-    navigate: bool = False,
-) -> Graph:
+def demo_pipeline(source: str | None = None, size: Size | None = None) -> Graph:
     """A robot on its default mission, again and again, or a source of images that needs no file.
 
     Args:
         source: its name; None: the quadrotor, or the landscape where that cannot be simulated.
         size: (width, height) of the images; None: the source's own.
-        landmarks, navigate: of a robot, as with `simulation_pipeline`.
     """
     if source is None:
         source = _demo_source()
     if source in ROBOTS.names():
-        return simulation_pipeline(
-            source, size, landmarks, navigate, mission="default", repeat=True
-        )
+        return simulation_pipeline(source, size, mission="default", repeat=True)
     return image_pipeline(source, **({} if size is None else {"size": "{}x{}".format(*size)}))
 
 
@@ -234,11 +222,11 @@ _PATH_INPUTS: dict[type, str] = {
     PoseWithCovarianceStamped: "pose_cov",
     NavSatFix: "fix",
 }
-"""What path can follow -> its input, the best first."""
+"""Type of messages that path can follow -> its input, the best first."""
 
 
 def _find_pair(recording: Recording, played: SourceType, odom: str) -> NamedPair | None:
-    """The pair of frames that the path is to follow; None where it is to follow a topic."""
+    """The pair of frames that the path follows; None if it follows a topic."""
     if played.outputs.get(odom) is Transforms:
         raise UsageError(ask_for_pair(recording, f"--odom {odom}"))
     if ":" not in odom:
@@ -252,18 +240,22 @@ def _find_pair(recording: Recording, played: SourceType, odom: str) -> NamedPair
 
 
 def _following(pair: NamedPair, topics: Mapping[str, str]) -> Node:
-    """The path node on the topics of a pair of frames."""
+    """The node `path` on the topics of a pair of frames."""
     inputs = {"tf": topics[pair.topic]}
     if pair.static:
         inputs["tf_static"] = topics[pair.static]
     frames = {"tf_parent": pair.parent, "tf_child": pair.child}
-    return place(find_node("path"), inputs).configured(frames)
+    return _path(inputs).configured(frames)
+
+
+def _path(inputs: Mapping[str, str]) -> Node:
+    return place(find_node("path"), inputs)
 
 
 def _choose(
     source: SourceType, option: str, wanted: str | None, kinds: Sequence[type]
 ) -> str | None:
-    """The topic that is wanted, or the first one of these kinds."""
+    """The topic that is asked for, or the first of these kinds."""
     fitting = [name for kind in kinds for name, cls in source.outputs.items() if cls is kind]
     if wanted is None:
         return next(iter(fitting), None)
@@ -278,14 +270,14 @@ def _choose(
 def alone(declared: NodeType | SourceType) -> Graph:
     """One node by itself, on the topics that it has in the pipelines.
 
-    A node that is in none listens to topics that are called as its inputs.
+    A node that is in none takes topics with the names of its inputs.
     """
     if isinstance(declared, SourceType):
         return Graph(place_source(declared), ())
     if declared.name in IMAGE_NODES:
-        whole = chain([find_node(name) for name in IMAGE_NODES])
+        whole = build(None, "/image_raw")
         return Graph(None, tuple(node for node in whole.nodes if node.name == declared.name))
     is_ours = declared.name in NODES.builtin and find_node(declared.name) is declared
     if is_ours and Image in declared.stepped.values():
-        return chain([declared])
+        return build(None, "/image_raw", through=[declared])
     return Graph(None, (place(declared, {port: f"/{port}" for port in declared.inputs}),))

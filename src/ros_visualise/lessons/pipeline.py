@@ -1,41 +1,62 @@
-"""The graph of a lesson: a source, the steps, and what writes them down."""
+"""The graph of a lesson: a source, the steps, and the node that writes them down."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
 from ros_visualise.core.errors import UsageError
 from ros_visualise.graph import Graph, Node, SourceNode, place
+from ros_visualise.graph.pipelines import open_input, recorded_source, source_named
 from ros_visualise.lessons.handout import handout_of, image_of, text_of
 from ros_visualise.lessons.lesson import Lesson
 from ros_visualise.lessons.picture import picture_of
 from ros_visualise.nodes import NodeType
+from ros_visualise.simulation.robots import ROBOTS
+from ros_visualise.sources.recordings.images import image_topic
 
 
 def lesson_pipeline(
-    lesson: Lesson, source: SourceNode, topic: str, folder: Path, at_end: bool = False
+    lesson: Lesson, path: str | None, folder: Path, at_end: bool, undo: ExitStack
 ) -> Graph:
-    """A lesson on what a source gives.
+    """A lesson on a file of a person's own, or on its own sample.
 
     Args:
         lesson: what is explained.
-        source: where the messages come from.
-        topic: its images; of a lesson without a picture this says nothing.
+        path: a file, or the name of a robot; None: the sample.
         folder: where the lesson is written down.
         at_end: write it when the source ends.
+        undo: closes what is opened.
 
     Raises:
+        OpenError: the file cannot be opened.
         UsageError: the source has no topic that any step takes.
     """
+    source, topic = _source(lesson, path, undo)
     nodes = _of_streams(lesson, source) if lesson.streams else _of_picture(lesson, topic)
     names = {node.name: node.type.doc.rstrip(".") for node in nodes}
     declared = handout_of(lesson, names, folder, at_end).declared
     topics = {image_of(name): f"/{name}" for name in names}
     topics |= {text_of(name): f"/{name}/text" for name in names}
     handout = place(declared, topics, {"text": f"/{declared.name}/text"})
-    return Graph(replace(source, aside=True), (*nodes, handout)).with_frames()
+    return Graph(replace(source, aside=True), ()).joined(*nodes, handout)
+
+
+def _source(lesson: Lesson, path: str | None, undo: ExitStack) -> tuple[SourceNode, str]:
+    """The source, and its topic of images."""
+    if path is None:
+        name, settings = lesson.sample
+        return source_named(name, **settings), "/image_raw"
+    opened = open_input(path, undo, mission="default")
+    if not isinstance(opened, SourceNode):
+        topic = "" if lesson.streams else image_topic(opened, None)
+        return recorded_source(opened, [topic] if topic else ()), topic
+    if lesson.streams and opened.name not in ROBOTS.names():
+        robot = " or ".join(ROBOTS.names())
+        raise UsageError(f"{path}: not a recording; {lesson.name} takes one, {robot}, or no input")
+    return opened, "/image_raw"
 
 
 def _of_picture(lesson: Lesson, topic: str) -> list[Node]:
@@ -47,7 +68,7 @@ def _of_picture(lesson: Lesson, topic: str) -> list[Node]:
 
 
 def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
-    """The steps whose first input there is, each with the topics of the types that it takes."""
+    """The steps whose first input is published, each with the topics of the types that it takes."""
     nodes = []
     for step in lesson.steps:
         ports = step.declared.stepped
@@ -58,14 +79,12 @@ def _of_streams(lesson: Lesson, source: SourceNode) -> list[Node]:
     if not nodes:
         needed = [next(iter(step.declared.stepped.values())).__name__ for step in lesson.steps]
         kinds = " or ".join(dict.fromkeys(needed))
-        raise UsageError(
-            f"{lesson.name}: there is no topic of type {kinds} in it; give another file, or none"
-        )
+        raise UsageError(f"{lesson.name}: no topic of type {kinds}; give another file, or none")
     return nodes
 
 
 def _topic_for(port: str, kind: type, source: SourceNode) -> str | None:
-    """The topic of that type that is called most as the input is."""
+    """The topic of that type whose name is most like the input's."""
     fitting = [topic for topic, made in source.topics.items() if made.type is kind]
     if port == "truth":
         return next((topic for topic in fitting if "truth" in topic), None)
@@ -75,7 +94,7 @@ def _topic_for(port: str, kind: type, source: SourceNode) -> str | None:
 
 
 def _placed(declared: NodeType, inputs: Mapping[str, str]) -> Node:
-    """A node on these topics; its image is called as itself, the rest is below that."""
+    """A node on these topics; its image has the node's name, its other outputs are below that."""
     name = declared.name
     outputs = {p: f"/{name}" if p == "image" else f"/{name}/{p}" for p in declared.outputs}
     return place(declared, inputs, outputs)

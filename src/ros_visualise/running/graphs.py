@@ -1,35 +1,33 @@
-"""The graph that a playing command runs: of what was selected, with the nodes and parameters."""
+"""The graph that a command runs: of the source that a person selected, by the options given."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from ros_visualise.core.errors import ParameterError, UsageError
 from ros_visualise.core.params import specs
-from ros_visualise.data import Detections, Image
-from ros_visualise.graph import Graph
-from ros_visualise.graph.landmarks import NAVIGATOR, RECORDED_TAGS, TAGS, with_landmarks
-from ros_visualise.graph.pipelines import (
-    IMAGE_NODES,
-    film_pipeline,
-    image_pipeline,
-    recording_pipeline,
-)
+from ros_visualise.data import Image
+from ros_visualise.graph import IMAGE_NODES, Graph
+from ros_visualise.graph.landmarks import with_tags
+from ros_visualise.graph.pipelines import film_pipeline, image_pipeline, recording_pipeline
 from ros_visualise.graph.presets import preset
 from ros_visualise.nodes import choose_node
 from ros_visualise.nodes.path import PathParams
-from ros_visualise.running.options import NodeOptions, SettingOptions
+from ros_visualise.running.options import NodeOptions, PlayingOptions, SettingOptions
+from ros_visualise.runtime.local import LocalRuntime
 from ros_visualise.runtime.saving import load
 from ros_visualise.sources.calibration import read_calibration
-from ros_visualise.sources.opening import open_recording
+from ros_visualise.sources.opening import is_recording, open_recording
 
 _NONE = "none"
 _PATH = "path"
+_OF_RECORDINGS = ("tf_parent", "tf_child")
+"""Parameters of a node that hold for one recording alone."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class Selection:
     Attributes:
         name: a few words for the title of the page.
         graph: makes its graph: the source, and the nodes that every run of it has. What it opens
-            goes on the stack, which closes it where no run comes of it.
+            goes on the stack, which closes it if no run comes of it.
         path: its file, folder or device; empty: none.
         size: that images are scaled to, also those of what is opened in its place.
         is_recording: its topics are chosen by options.
@@ -68,7 +66,8 @@ def recording(
 
     def graph(undo: ExitStack) -> Graph:
         opened = undo.enter_context(closing(open_recording(path)))
-        return recording_pipeline(opened, topics, _topic(image), _topic(odom))
+        chosen = ["" if topic == _NONE else topic for topic in (image, odom)]
+        return recording_pipeline(opened, topics, *chosen)
 
     return Selection(Path(path).resolve().name, graph, path, is_recording=True)
 
@@ -90,61 +89,94 @@ def sized_to(size: str) -> dict[str, str]:
 
 
 def graph_of(selection: Selection, options: NodeOptions) -> Graph:
-    """The graph of a selection with all that options add and set.
+    """The graph of a selection, with all nodes and parameters that options give.
 
     Raises:
         OpenError: the source, a node's file or the file of parameters cannot be opened.
-        UsageError: an option asks for what is not there.
+        UsageError: an option does not fit the source.
     """
     with ExitStack() as undo:
-        graph = selection.graph(undo)
-        if options.landmarks or options.navigate is not None:
-            graph = _with_tags(graph, options.navigate)
-        graph = _with_options(graph, options, selection.is_recording)
-        undo.pop_all()  # what is open is the graph's now
+        graph = with_tags(selection.graph(undo), options.landmarks, options.navigate)
+        graph = _with_nodes(graph, options.node)
+        if options.preset:
+            graph = graph.configured(preset(options.preset, graph))
+        graph = with_settings(graph, options, selection.is_recording)
+        _check_path(graph)
+        url = getattr(graph.source.params, "camera_info_url", "") if graph.source else ""
+        if url:
+            read_calibration(url)  # a source would wait for the file
+        undo.pop_all()  # the graph closes what is open
         return graph
 
 
-def _with_tags(graph: Graph, navigate: str | None) -> Graph:
-    """The same with nodes that look for tags in the images that are processed, if not there.
+def following(
+    selection: Selection, options: PlayingOptions, path: Path, runtime: LocalRuntime
+) -> tuple[Selection, PlayingOptions, Graph]:
+    """A file that is opened from the page, its options, and its graph with the current parameters.
 
     Args:
-        navigate: the map to navigate by, an empty text for a new one; None: do not.
+        selection: what is shown.
+        options: those of what is shown.
+        path: the other file.
+        runtime: runs what is shown.
+
+    Raises:
+        OpenError: it cannot be opened.
+        UsageError: an option does not fit it.
     """
-    there = {node.name for node in graph.nodes}
-    first = next((node for node in graph.nodes if node.name == IMAGE_NODES[0]), None)
-    found = [name for name, topic in graph.topics.items() if topic.type is Detections]
-    if first is None and (navigate is None or not found):
-        option = "--landmarks" if navigate is None else "--navigate"
-        raise UsageError(f"{option}: there are no images to look for them in; leave it out")
-    if TAGS not in there:
-        topic, detector = (first.inputs["image"], TAGS) if first else (found[0], RECORDED_TAGS)
-        graph = with_landmarks(graph, topic, [detector], navigate=navigate is not None)
-    if navigate:
-        return graph.configured({NAVIGATOR: {"map": navigate, "mode": "frozen"}})
-    return graph
+    assert runtime.playback is not None
+    state, source = runtime.playback.state, runtime.graph.source
+    if selection.another is not None:
+        selected = selection.another(str(path))
+    elif is_recording(path):
+        selected = replace(recording(str(path)), size=selection.size)
+    else:
+        selected = film(str(path), selection.size)
+    options = replace(  # without what was for the first file, or is done
+        options,
+        start=None,
+        set=[],
+        params=None,
+        preset="",
+        record=[],
+        paused=not (state.playing or state.ended),
+        rate=state.rate,
+        loop=state.loop and not (source and source.type.seamless),
+    )
+    graph = graph_of(selected, options)
+    return selected, options, graph.configured(_current_settings(runtime, graph))
 
 
-def _with_options(graph: Graph, options: NodeOptions, is_recording: bool) -> Graph:
-    last = _where_nodes_go(graph)
-    for text in options.node:
+def _current_settings(runtime: LocalRuntime, graph: Graph) -> dict[str, dict[str, Any]]:
+    """Node -> its current parameters, of those that another graph has too."""
+    kinds = {node.name: type(node.params) for node in runtime.graph.nodes}
+    return {
+        node.name: {
+            name: value
+            for name, value in vars(runtime.parameters[node.name].current).items()
+            if name not in _OF_RECORDINGS
+        }
+        for node in graph.nodes
+        if kinds.get(node.name) is type(node.params)
+    }
+
+
+def _with_nodes(graph: Graph, texts: Sequence[str]) -> Graph:
+    """The graph with nodes of one's own: by default after filters, else after the source."""
+    names = [member.name for member in graph.members]
+    last = "filters" if "filters" in names else names[0]
+    for text in texts:
         wanted = parse_insertion(text)
         added = choose_node(wanted.node)
-        after = wanted.after or last
-        graph = graph.insert(added, after, wanted.topics)
+        graph = graph.insert(added, wanted.after or last, wanted.topics)
         passes_on = [*added.stepped.values()] in [[kind] for kind in added.outputs.values()]
         if passes_on and not wanted.after:
             last = added.name
-    if options.preset:
-        graph = graph.configured(preset(options.preset, graph))
-    graph = with_settings(graph, options, is_recording)
-    _refuse_unfed_pair(graph)
-    _refuse_missing_calibration(graph)
     return graph
 
 
 class Insertion(NamedTuple):
-    """A node, what it comes after, and topics for its inputs; None where it does not say."""
+    """A node, the one before it, and topics for its inputs; None if it does not say."""
 
     node: str
     after: str | None
@@ -152,12 +184,10 @@ class Insertion(NamedTuple):
 
 
 def parse_insertion(text: str) -> Insertion:
-    """``NODE[@AFTER][,INPUT=TOPIC ...]``, with as many inputs as one wants to choose.
-
-    NODE is as `ros_visualise.nodes.choose_node` takes it.
+    """``NODE[@AFTER][,INPUT=TOPIC ...]``, NODE as for `ros_visualise.nodes.choose_node`.
 
     Raises:
-        UsageError: it is not of that form.
+        UsageError: another form.
     """
     path, colon, rest = text.rpartition(":")
     name, *chosen = rest.split(",")
@@ -174,7 +204,7 @@ def with_settings(graph: Graph, options: SettingOptions, is_recording: bool = Fa
     Args:
         graph: what they are of.
         options: those two.
-        is_recording: there is an option ``--odom``, which a path follows.
+        is_recording: the command has ``--odom``, which a path follows.
 
     Raises:
         OpenError: the file of parameters cannot be opened.
@@ -195,31 +225,16 @@ def with_settings(graph: Graph, options: SettingOptions, is_recording: bool = Fa
 
 
 def _with_node(graph: Graph, param: str) -> str:
-    """What was probably meant by a parameter without its node."""
+    """A hint for a parameter without its node."""
     for member in graph.members:
         if param in {spec.name for spec in specs(member.type.params)}:
             return f"; did you mean {member.name}.{param}?"
     return ""
 
 
-def _where_nodes_go(graph: Graph) -> str:
-    """The node that one is inserted after, where nobody says: filters, else the source."""
-    is_there = any(member.name == "filters" for member in graph.members)
-    return "filters" if is_there else graph.members[0].name
-
-
-def stepped_topic(graph: Graph) -> str:
-    """What a person steps through in a recording: its images, where they are processed."""
-    if graph.source is None or not any(node.name == IMAGE_NODES[0] for node in graph.nodes):
-        return ""
-    taken = {topic for node in graph.nodes for topic in node.inputs.values()}
-    outputs, kinds = graph.source.outputs, graph.source.type.outputs
-    return next(port for port in outputs if kinds[port] is Image and outputs[port] in taken)
-
-
 def _configured(graph: Graph, settings: dict[str, dict[str, Any]], is_recording: bool) -> Graph:
-    is_there = any(node.name == _PATH for node in graph.nodes)
-    if _PATH in settings and not is_there and is_recording:
+    has_path = any(node.name == _PATH for node in graph.nodes)
+    if _PATH in settings and not has_path and is_recording:
         raise UsageError(
             "no node 'path' here: name what it is to follow by --odom TOPIC, or two frames by"
             " --odom /tf:PARENT.CHILD"
@@ -227,24 +242,22 @@ def _configured(graph: Graph, settings: dict[str, dict[str, Any]], is_recording:
     return graph.configured(settings)
 
 
-def _refuse_unfed_pair(graph: Graph) -> None:
-    """A path that is to follow a frame by tf, and gets none, would stay empty for ever."""
+def _check_path(graph: Graph) -> None:
+    """Reject a path of a frame without transforms, which would stay empty for ever."""
     for node in graph.nodes:
         if not isinstance(node.params, PathParams) or "tf" in node.inputs:
             continue
         if node.params.tf_parent or node.params.tf_child:
             raise UsageError(
-                f"{node.name}: no tf comes to it here, so leave tf_parent and tf_child empty; two"
-                " frames of a recording are followed by --odom /tf:PARENT.CHILD"
+                f"{node.name}: gets no tf, so leave tf_parent and tf_child empty; two frames of a"
+                " recording are followed by --odom /tf:PARENT.CHILD"
             )
 
 
-def _refuse_missing_calibration(graph: Graph) -> None:
-    """A source waits for a file that is not there yet; a person who types its name does not."""
-    url = getattr(graph.source.params, "camera_info_url", "") if graph.source else ""
-    if url:
-        read_calibration(url)
-
-
-def _topic(name: str | None) -> str | None:
-    return "" if name == _NONE else name
+def stepped_topic(graph: Graph) -> str:
+    """The topic that a person steps through in a recording: its processed images, if any."""
+    if graph.source is None or not any(node.name == IMAGE_NODES[0] for node in graph.nodes):
+        return ""
+    taken = {topic for node in graph.nodes for topic in node.inputs.values()}
+    outputs, kinds = graph.source.outputs, graph.source.type.outputs
+    return next(port for port in outputs if kinds[port] is Image and outputs[port] in taken)

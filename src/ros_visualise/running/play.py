@@ -16,8 +16,7 @@ from ros_visualise.core.paths import set_folder
 from ros_visualise.core.printing import answer_json, counted, say
 from ros_visualise.core.signals import STOPPED, Wish, noticed
 from ros_visualise.graph import Graph
-from ros_visualise.running.following import following
-from ros_visualise.running.graphs import Selection, graph_of, stepped_topic
+from ros_visualise.running.graphs import Selection, following, graph_of, stepped_topic
 from ros_visualise.running.interruptible import in_time, interruptible, opened_within
 from ros_visualise.running.options import OutputOptions, PlayingOptions
 from ros_visualise.runtime.local import LocalRuntime

@@ -10,7 +10,8 @@ from functools import partial
 
 from ros_visualise.core.errors import RosVisualiseError, UsageError
 from ros_visualise.core.supervision import status_of
-from ros_visualise.graph.pipelines import IMAGE_NODES, alone, chain
+from ros_visualise.graph import IMAGE_NODES
+from ros_visualise.graph.pipelines import alone, build
 from ros_visualise.nodes import NodeType, SourceType, choose, choose_node
 from ros_visualise.running.executables.managed import run_managed
 from ros_visualise.running.executables.options import (
@@ -81,8 +82,9 @@ def _run_pipeline(middleware: Middleware) -> int:
     With ``~managed`` it does nothing before a manager of ROS 2's managed nodes configures it.
     """
     names = str(middleware.option("nodes", " ".join(IMAGE_NODES))).split()
-    source = middleware.option("source", "none")
-    graph = chain([choose_node(name) for name in names], None if source == "none" else source)
+    source = str(middleware.option("source", "none"))
+    through = [choose_node(name) for name in names]
+    graph = build(None if source == "none" else source, "/image_raw", through=through)
     namespaces = {node.name: node.name for node in graph.members}
     if switch(middleware, "managed", False):
         return run_managed(middleware, graph, namespaces)

@@ -10,7 +10,7 @@ from functools import partial
 
 from ros_visualise.core.errors import OpenError, UsageError
 from ros_visualise.data import Image
-from ros_visualise.graph import Graph, SourceNode
+from ros_visualise.graph import Graph, place_source
 from ros_visualise.nodes import SourceType
 from ros_visualise.nodes.player import player
 from ros_visualise.running.executables.options import OPTIONS, named_in
@@ -44,7 +44,7 @@ def run_player(middleware: Middleware) -> int:
     wanted = str(middleware.option("image", "none"))
     if image := _chosen_image(recording, declared, wanted):
         outputs[image] = "/image_raw"
-    graph = Graph(SourceNode("player", declared, declared.params(), {}, outputs), ())
+    graph = Graph(place_source(declared, outputs), ())
     options = (*OPTIONS, "path", "topics", "image", "wait_for")
     awaited = named_in(middleware, "wait_for", "none")
     if "/image_raw" not in outputs.values():  # nobody is kept waiting for images that there are not
