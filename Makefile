@@ -1,17 +1,18 @@
-# `make demo` sets everything up and plays the demo; `make test` sets everything up and tests it.
-# `make fuzz` gives damaged input to the commands; ARGS=--help tells how.
-# `make soak` runs the program for two hours and tells whether anything of it grows.
-# `make test-oldest` runs the tests with the oldest versions of all dependencies that are allowed.
-# make demo ARGS='--port 8090'; make test TESTS=tests/test_rate.py
+# make demo         sets everything up and plays the demo; ARGS='--port 8090'
+# make test         sets everything up and runs all tests; TESTS=tests/core/test_rate.py runs these
+# make test QUICK=1 runs the tests that need nothing but Python, in two minutes
+# make test-oldest  runs the tests with the oldest versions of all dependencies
+# make fuzz         gives damaged input to the commands; ARGS=--help lists its options
+# make soak         runs the program for two hours and reports what grows
 PYTHON ?= python3
-# ROS 1 is there for the distribution's own python3 alone.
+# ROS 1 is packaged for the distribution's own python3 only.
 ROS_PYTHON := $(if $(filter file,$(origin PYTHON)),/usr/bin/python3,$(PYTHON))
-# The oldest one at hand that is supported.
+# The oldest supported one that is installed.
 OLDEST_PYTHON ?= $(firstword $(wildcard $(HOME)/.pyenv/versions/3.1[0-9].*/bin/python3 \
 	/usr/bin/python3.1[0-9]) $(PYTHON))
-# What the simulated camera draws with, where a Debian without a desktop has nothing for it.
+# The simulated camera's renderer, which a Debian without a desktop lacks.
 OPENGL := libegl1 libgl1 libgl1-mesa-dri
-# Nobody is asked for a password who is not there to give it.
+# Without a terminal sudo does not ask for a password.
 AS_ROOT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || printf %s -n))
 
 .PHONY: demo test test-oldest fuzz soak clean
@@ -19,13 +20,17 @@ AS_ROOT := $(if $(filter 0,$(shell id -u)),,sudo $$(test -t 0 || printf %s -n))
 demo: .venv/.ready
 	@.venv/bin/ros-visualise demo $(ARGS) || test $$? -eq 130  # which is Ctrl-C
 
-test: .venv-test/.ready
+# Folders of tests that need nothing but Python and take no longer than two minutes together.
+QUICK_TESTS := tests/test_imports.py tests/test_documents.py $(addprefix tests/,core geometry \
+	messages vision sources sinks plotting nodes lessons package)
+
+test: $(if $(QUICK),.venv-test/.quick,.venv-test/.ready)
 	.venv-test/bin/ruff format --check
 	.venv-test/bin/ruff check
 	.venv-test/bin/mypy
-	.venv-test/bin/pytest -n 2 --dist loadfile $(TESTS)
+	.venv-test/bin/pytest -n 2 --dist loadfile $(or $(TESTS),$(if $(QUICK),$(QUICK_TESTS)))
 
-# Without those of ROS, whose packages are a distribution's, and of the newest packages.
+# Without ROS, whose packages are the distribution's, and without the newest packages.
 test-oldest: .venv-oldest/.ready
 	.venv-oldest/bin/pytest -n 2 --dist loadfile --ignore=tests/ros1 --ignore=tests/ros2 \
 		--ignore=tests/test_newcomer.py $(TESTS)
@@ -42,19 +47,34 @@ soak: .venv-test/.ready
 	@.venv/bin/pip install --quiet --disable-pip-version-check -e '.[headless,sim]' \
 		>.venv/pip.log 2>&1 || { echo 'cannot install the Python packages, which takes a' \
 		'network the first time; the reason is in .venv/pip.log' >&2; exit 1; }
-	@.venv/bin/python -c '$(RENDER)' 2>/dev/null || { $(call apt_install,$(OPENGL)); }
+	@.venv/bin/python -c '$(RENDER)' 2>/dev/null || $(call apt_install,$(OPENGL)) || true
 	@touch $@
 
+# With what the tests use beside Python, if it can be installed: a browser, a screen, FFmpeg, ROS 1.
 .venv-test/.ready: pyproject.toml package.xml tests/constraints.txt tests/debian-packages.txt
-	sh tests/install-debian-packages.sh
+	@$(if $(MISSING),$(call apt_install,$(MISSING)) || \
+		{ echo 'the tests that need these are skipped'; test -z "$$CI"; })
 	if $(ROS_PYTHON) -c 'import rospy' 2>/dev/null; then \
 		$(call make_venv,$(ROS_PYTHON),--system-site-packages --clear .venv-test); \
 	else \
 		$(call make_venv,$(PYTHON),--clear .venv-test); \
 	fi
-	.venv-test/bin/pip install --quiet --disable-pip-version-check \
-		-c tests/constraints.txt -e '.[desktop,sim,detect,test]'
+	$(call install_for_tests,desktop)
+	.venv-test/bin/python -c 'import cv2' 2>/dev/null || { .venv-test/bin/pip uninstall --quiet \
+		--yes opencv-python; $(call install_for_tests,headless); }
+	touch .venv-test/.quick $@
+
+.venv-test/.quick: pyproject.toml package.xml tests/constraints.txt
+	@$(call make_venv,$(PYTHON),--clear .venv-test)
+	$(call install_for_tests,headless)
 	touch $@
+
+install_for_tests = .venv-test/bin/pip install --quiet --disable-pip-version-check \
+	-c tests/constraints.txt -e '.[$(1),sim,detect,test]'
+
+DEBIAN_PACKAGES = $(shell cat tests/debian-packages.txt)
+MISSING = $(filter-out $(shell dpkg-query -W -f '$${db:Status-Status}=$${Package}\n' \
+	$(DEBIAN_PACKAGES) 2>/dev/null | sed -n 's/^installed=//p'),$(DEBIAN_PACKAGES))
 
 .venv-oldest/.ready: pyproject.toml package.xml
 	$(call make_venv,$(OLDEST_PYTHON),--clear .venv-oldest)
@@ -66,7 +86,7 @@ soak: .venv-test/.ready
 
 # Debian's python3 makes no environments until python3-venv is installed.
 make_venv = $(1) -c '$(REQUIRED)' || exit 1; \
-	$(1) -c 'import ensurepip' 2>/dev/null || { $(call apt_install,python3-venv); }; \
+	$(1) -c 'import ensurepip' 2>/dev/null || $(call apt_install,python3-venv) || true; \
 	$(1) -m venv $(2)
 
 LEAST_PYTHON := $(shell sed -n 's/^requires-python = ">=3\.\([0-9]*\)"/\1/p' pyproject.toml)
@@ -74,15 +94,15 @@ REQUIRED := import sys; sys.exit(sys.version_info < (3, $(LEAST_PYTHON)) and "%s
 	older than 3.$(LEAST_PYTHON); name another one by PYTHON=..." % \
 	(sys.executable, sys.version.split()[0]))
 
-# Whether there is anything to draw with.
+# Fails without a renderer.
 RENDER := from ros_visualise.simulation.rendering import choose_backend; choose_backend()
 
-# Where packages cannot be installed, what needs them goes without, or says what it lacks.
-apt_install = echo 'to be installed by apt-get: $(1)'; \
-	{ $(CAN_INSTALL) && $(AS_ROOT) sh -c '$(INSTALL) $(1) || { apt-get update -q && $(INSTALL) $(1); }'; } \
-	|| echo 'not installed: $(1)'
+# Installs Debian packages, or fails.
+apt_install = { echo 'installing with apt-get: $(1)'; $(CAN_INSTALL) && \
+	$(AS_ROOT) sh -c '$(INSTALL) $(1) || { apt-get update -q && $(INSTALL) $(1); }'; } || \
+	{ echo 'not installed: $(1)'; false; }
 CAN_INSTALL := command -v apt-get >/dev/null$(if $(AS_ROOT), && command -v sudo >/dev/null)
-INSTALL := apt-get install -q -y --no-install-recommends
+INSTALL := DEBIAN_FRONTEND=noninteractive apt-get install -q -y --no-install-recommends
 
 clean:
 	rm -rf .venv .venv-test .venv-oldest

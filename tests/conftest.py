@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from ros_visualise.core.errors import OpenError
 from ros_visualise.core.supervision import PROCESS
 
 os.environ["BROWSER"] = "true"  # a command that does nothing, should a test open one
@@ -20,6 +21,17 @@ def recordings() -> Path:
             pytest.fail(f"no recordings in {folder}: set ROS_VISUALISE_DATA")
         pytest.skip(f"no recordings in {folder}: set ROS_VISUALISE_DATA to run this")
     return folder
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """OpenGL for simulated cameras; a test that needs it is skipped without."""
+    from ros_visualise.simulation.rendering import choose_backend
+
+    try:
+        choose_backend()
+    except OpenError as error:
+        pytest.fail(str(error)) if os.environ.get("CI") else pytest.skip(str(error))
 
 
 @pytest.fixture(autouse=True)

@@ -25,6 +25,7 @@ NEAREST = f"{EXAMPLES / '04_nearest_obstacle.py'}:nearest"
 BALL = f"{EXAMPLES / '05_own_source.py'}:Ball"
 
 
+@pytest.mark.usefixtures("opengl")
 def test_every_scan_is_joined_with_odometry_and_drawn():
     pytest.importorskip("mujoco")
     ros_visualise = Path(sys.executable).parent / "ros-visualise"

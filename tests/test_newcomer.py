@@ -32,6 +32,7 @@ def test_video_is_played(user: Newcomer, recordings: Path):
 
 
 @pytest.mark.timeout(300)
+@pytest.mark.usefixtures("opengl")
 def test_robot_is_simulated(user: Newcomer):
     printed = user.run(
         "ros-visualise sim quadrotor --view none --duration 1 --rate 0 --json 2>/dev/null"

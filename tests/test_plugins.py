@@ -142,6 +142,7 @@ def test_its_drawing_draws(sample):
     assert done.stdout == "Compass\n", done.stderr
 
 
+@pytest.mark.usefixtures("opengl")
 def test_robots_are_simulated_in_its_world_with_its_tags(sample):
     def in_hall(robot, *more):
         options = ("--duration", "1", "--rate", "0", "--view", "none", "--json")

@@ -1,4 +1,4 @@
-"""`make demo` on systems that lack something, with stand-ins for Python, sudo and apt-get."""
+"""`make demo` and `make test` on systems that lack something, with stand-ins for their programs."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-FILES = ("Makefile", "pyproject.toml", "package.xml")
-SYSTEM = ("make", "sh", "echo", "sed", "mkdir", "chmod", "touch")
+FILES = ("Makefile", "pyproject.toml", "package.xml", "tests/constraints.txt")
+PACKAGES = "tests/debian-packages.txt"
+SYSTEM = ("make", "sh", "echo", "sed", "mkdir", "chmod", "touch", "cat")
 OPENGL = "libegl1 libgl1 libgl1-mesa-dri"
 
 pytestmark = pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
@@ -21,12 +22,16 @@ PYTHON = """#!/bin/sh
 # Makes environments of its own kind: their pip and python end as $PIP and $DRAWING say.
 case "$1 $2" in
     "-m venv")
-        mkdir -p .venv/bin
-        printf '#!/bin/sh\\necho no route to host\\nexit %s' "$PIP" >.venv/bin/pip
-        printf '#!/bin/sh\\nexit %s' "$DRAWING" >.venv/bin/python
-        printf '#!/bin/sh\\necho the demo plays' >.venv/bin/ros-visualise
-        chmod +x .venv/bin/*
+        for folder; do :; done
+        mkdir -p $folder/bin
+        printf '#!/bin/sh\\necho no route to host\\nexit %s' "$PIP" >$folder/bin/pip
+        printf '#!/bin/sh\\nexit %s' "$DRAWING" >$folder/bin/python
+        printf '#!/bin/sh\\necho the demo plays' >$folder/bin/ros-visualise
+        for tool in ruff mypy; do printf '#!/bin/sh' >$folder/bin/$tool; done
+        printf '#!/bin/sh\\necho tests: "$@"' >$folder/bin/pytest
+        chmod +x $folder/bin/*
         ;;
+    "-c import rospy") exit 1 ;;
     "-c import ensurepip") exit "$VENV" ;;
     *) exec REAL "$@" ;;
 esac
@@ -40,8 +45,9 @@ class System:
         self.folder, self.bin = folder, folder / "bin"
         self.bin.mkdir()
         self.calls = folder / "calls"
-        for name in FILES:
-            shutil.copy(ROOT / name, folder)
+        (folder / "tests").mkdir()
+        for name in (*FILES, PACKAGES):
+            shutil.copy(ROOT / name, folder / name)
         for name in SYSTEM:
             (self.bin / name).symlink_to(str(shutil.which(name)))
         self.add("python3", PYTHON.replace("REAL", sys.executable))
@@ -61,10 +67,20 @@ class System:
         self, venv: int = 0, pip: int = 0, opengl: int = 0, python: str = "python3"
     ) -> tuple[int, list[str]]:
         """Status and lines of ``make demo``."""
+        environment = {"VENV": str(venv), "PIP": str(pip), "DRAWING": str(opengl)}
+        return self.make("demo", f"PYTHON={python}", **environment)
+
+    def test(self, *arguments: str, **environment: str) -> tuple[int, list[str]]:
+        """Status and lines of ``make test``."""
+        given = {"VENV": "0", "PIP": "0", "DRAWING": "0", **environment}
+        return self.make("test", "PYTHON=python3", "ROS_PYTHON=python3", *arguments, **given)
+
+    def make(self, *arguments: str, **environment: str) -> tuple[int, list[str]]:
+        """Status and lines of ``make``."""
         run = subprocess.run(
-            [self.bin / "make", "demo", f"PYTHON={python}"],
+            [self.bin / "make", *arguments],
             cwd=self.folder,
-            env={"PATH": str(self.bin), "VENV": str(venv), "PIP": str(pip), "DRAWING": str(opengl)},
+            env={"PATH": str(self.bin), **environment},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -106,7 +122,7 @@ def test_who_cannot_be_asked_is_not_and_the_demo_plays_without(system: System) -
     status, lines = system.demo(opengl=1)
     assert status == 0
     assert lines[1:] == [
-        f"to be installed by apt-get: {OPENGL}",
+        f"installing with apt-get: {OPENGL}",
         f"not installed: {OPENGL}",
         "the demo plays",
     ]
@@ -150,3 +166,53 @@ def test_packages_that_cannot_be_had_are_one_line_and_tried_again(system: System
     assert (system.folder / ".venv" / "pip.log").read_text() == "no route to host\n"
     assert not system.is_ready
     assert system.demo()[1][-1] == "the demo plays"
+
+
+DPKG = """#!/bin/sh
+# Every package is installed but these.
+shift 3
+for name; do case " $ABSENT " in *" $name "*) ;; *) echo installed=$name ;; esac; done
+"""
+
+
+def test_missing_packages_are_named_before_they_are_installed(system: System) -> None:
+    system.add("dpkg-query", DPKG)
+    system.add("sudo", '#!/bin/sh\nshift\nexec "$@"')
+    system.add_recorded("apt-get", "echo unpacking")
+    status, lines = system.test(ABSENT="xvfb chromium")
+    assert status == 0
+    assert lines[:2] == ["installing with apt-get: chromium xvfb", "unpacking"]
+    assert lines[-1] == "tests: -n 2 --dist loadfile"
+    [call] = system.called
+    assert call.endswith("chromium xvfb")
+    assert system.test(ABSENT="xvfb chromium")[1][-1] == lines[-1]
+    assert system.called == [call]
+
+
+@pytest.mark.parametrize("missing", ["sudo", "apt-get"])
+def test_without_packages_the_other_tests_run(system: System, missing: str) -> None:
+    system.add_recorded("apt-get" if missing == "sudo" else "sudo", "exit 1")
+    status, lines = system.test(ABSENT="xvfb")
+    assert status == 0
+    assert lines[1].startswith("not installed: ")
+    assert lines[2] == "the tests that need these are skipped"
+    assert lines[-1].startswith("tests: ")
+    assert not system.called
+
+
+def test_without_packages_ci_fails(system: System) -> None:
+    status, lines = system.test(CI="1")
+    assert status == 2
+    assert not any(line.startswith("tests: ") for line in lines)
+
+
+def test_quick_tests_install_no_packages(system: System) -> None:
+    system.add_recorded("sudo", "exit 1")
+    system.add_recorded("apt-get", "exit 1")
+    status, lines = system.test("QUICK=1")
+    assert status == 0
+    assert lines[-1].startswith("tests: -n 2 --dist loadfile tests/")
+    assert not system.called
+    assert system.test("QUICK=1", "TESTS=tests/core/test_rate.py")[1][-1].endswith(
+        " tests/core/test_rate.py"
+    )

@@ -182,6 +182,7 @@ def test_recorded_tags_without_a_calibration_have_no_poses_and_that_is_said_once
     assert caplog.text.count("no calibration of the camera comes with the tags") == 1
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path):
     out = tmp_path / "map.yaml"
     command = ["-m", "ros_visualise", "landmarks", "husky", "--model", "none", "--map", str(out)]
@@ -199,6 +200,7 @@ def test_a_run_that_is_stopped_keeps_its_map_or_says_that_there_is_none(tmp_path
         assert f"{out}: not written, as no landmark has a place in the map yet" in said
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
     out = tmp_path / "map.yaml"
     status, found, _ = find("husky", "--duration", 2, "--map", out, "--json")
@@ -221,6 +223,7 @@ def test_the_landmarks_of_a_simulated_world_are_mapped(find, tmp_path):
     assert find("husky", "--duration", 1, "--map", out)[0] == 2  # it is there
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_recording_with_its_own_landmarks_is_mapped_anew(find, tmp_path):
     run = tmp_path / "run.mcap"
     options = [

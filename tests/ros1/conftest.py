@@ -13,7 +13,7 @@ import pytest
 from catkin_workspace import Workspace
 from ros_graph import Heard, Master, Nodes
 
-_MISSING = "ROS 1 is not installed here; on Debian: sh tests/install-debian-packages.sh"
+_MISSING = "ROS 1 is not installed; on Debian `make test` installs it"
 
 
 class _WithoutRos(pytest.Module):

@@ -206,6 +206,7 @@ def test_where_a_calibration_ends_the_camera_is_said_to_have_none(tmp_path, name
     assert [info.K[0, 0] for info in infos[1:]] == [5, 0]
 
 
+@pytest.mark.usefixtures("opengl")
 def test_a_simulated_robots_camera_is_calibrated(tmp_path):
     pytest.importorskip("mujoco")
     from ros_visualise.graph.pipelines import simulation_pipeline

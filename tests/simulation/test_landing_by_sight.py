@@ -128,6 +128,7 @@ SMALL = replace(
 )
 
 
+@pytest.mark.usefixtures("opengl")
 def test_it_lands_on_a_pad_that_moves_in_wind():
     moving = replace(SMALL, wind=4.0, pad_motion=PadMotion.LINE, pad_reach=30.0, pad_x=-5.0)
     simulation, off_m, heights = fly(moving, 3)
@@ -137,6 +138,7 @@ def test_it_lands_on_a_pad_that_moves_in_wind():
     assert heights[-1] == pytest.approx(0.46, abs=0.02)
 
 
+@pytest.mark.usefixtures("opengl")
 def test_it_climbs_again_where_it_sees_the_pad_no_more():
     simulation, _, heights = fly(SMALL, 0, blind_from_s=7.0, longest_s=12.0)
     assert not simulation.finished

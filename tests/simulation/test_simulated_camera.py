@@ -85,6 +85,7 @@ def tilted(roll: float, pitch: float) -> np.ndarray:
 
 @pytest.mark.parametrize("R", [DOWN, tilted(0.2, -0.15)], ids=["level", "tilted"])
 @pytest.mark.parametrize("tag", ["tag_10", "tag_12", "tag_15"])
+@pytest.mark.usefixtures("opengl")
 def test_a_tag_on_the_ground_is_on_the_pixels_of_the_model(quadrotor, tag: str, R: np.ndarray):
     landmark = quadrotor.world.landmark(tag)
     place = np.add(landmark.position_xyz, (0.2, -0.1, 2.5))
@@ -95,6 +96,7 @@ def test_a_tag_on_the_ground_is_on_the_pixels_of_the_model(quadrotor, tag: str, 
 
 
 @pytest.mark.parametrize("tag", ["tag_0", "tag_3", "tag_6"])
+@pytest.mark.usefixtures("opengl")
 def test_an_upright_board_is_on_the_pixels_of_the_model(husky, tag: str):
     landmark = husky.world.landmark(tag)
     x, y, z = landmark.R_map_landmark.T
@@ -105,6 +107,7 @@ def test_an_upright_board_is_on_the_pixels_of_the_model(husky, tag: str):
     assert np.linalg.norm(corners_in(image)[landmark.tag_id] - expected, axis=1).max() < 0.5
 
 
+@pytest.mark.usefixtures("opengl")
 def test_calibration_goes_with_the_image(husky):
     found = collect(husky, 0.3)["image"]
     assert len(found) == 3
@@ -117,6 +120,7 @@ def test_calibration_goes_with_the_image(husky):
     assert info.P[:, :3].tolist() == info.K.tolist()
 
 
+@pytest.mark.usefixtures("opengl")
 def test_noise_is_as_declared_and_of_the_seed():
     settings = replace(QuadrotorParams(), camera_width=320, camera_height=240, camera_noise=3.0)
     runs = [

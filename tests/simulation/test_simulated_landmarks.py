@@ -35,7 +35,7 @@ def detected(image, sizes):
 
 
 @pytest.fixture(scope="module")
-def flight():
+def flight(opengl):
     """The quadrotor's own mission, and what its sensors tell over two tags."""
     begun = []
     settings = replace(QuadrotorParams(), camera_rate=2.0, gps=False)

@@ -138,6 +138,7 @@ def next_image(messages):
     return next(message for name, message in messages if name == "image")
 
 
+@pytest.mark.usefixtures("opengl")
 def test_sought_while_paused_the_image_of_that_time_is_shown():
     playback = Playback(rate=0, hold=True)
     messages = make("husky", playback, mission="square", **SEEING).messages()

@@ -7,10 +7,8 @@ from metrics import iou
 from pictures import render_world
 from worlds import CLASSES
 
-from ros_visualise.core.errors import OpenError
 from ros_visualise.landmarks.networks.candidates import SelectionRules
 from ros_visualise.nodes.landmark_detector import OWN_MODEL
-from ros_visualise.simulation.rendering import choose_backend
 
 pytest.importorskip("mujoco")
 pytest.importorskip("onnxruntime", reason="pip install 'ros_visualise[detect]' to run this")
@@ -27,12 +25,8 @@ def network():
 
 
 @pytest.fixture(scope="module")
-def views():
+def views(opengl):
     """Pictures of styles that it was not trained on, and what is to be seen in them."""
-    try:
-        choose_backend()
-    except OpenError as error:
-        pytest.skip(str(error))
     return [some[:2] for some in render_world((77, 0), 40, (640, 480), held_out=True)]
 
 

@@ -15,7 +15,6 @@ from shots import see, take_shot
 from worlds import CLASSES, OTHER, build_world
 
 from ros_visualise.core.errors import OpenError
-from ros_visualise.simulation.rendering import choose_backend
 
 pytest.importorskip("mujoco")
 SIZE = 320, 240
@@ -156,11 +155,8 @@ def test_a_file_without_a_body_says_what_it_lacks(tmp_path: Path):
         build_world(np.random.default_rng(0), own=[file])
 
 
+@pytest.mark.usefixtures("opengl")
 def test_the_same_seed_gives_the_same_pictures(tmp_path: Path):
-    try:
-        choose_backend()
-    except OpenError as error:
-        pytest.skip(str(error))
     for folder in ("a", "b"):
         write_world(tmp_path / folder, (3, 1), count=2, size=(96, 96))
     one, two = (json.loads((tmp_path / folder / "labels.json").read_text()) for folder in "ab")
@@ -171,10 +167,7 @@ def test_the_same_seed_gives_the_same_pictures(tmp_path: Path):
     shutil.rmtree(tmp_path / "a")
 
 
+@pytest.mark.usefixtures("opengl")
 def test_other_seeds_give_other_pictures():
-    try:
-        choose_backend()
-    except OpenError as error:
-        pytest.skip(str(error))
     first, second = (next(render_world((seed, 0), 1, (64, 64)))[0] for seed in (1, 2))
     assert np.abs(first.astype(int) - second).mean() > 5
