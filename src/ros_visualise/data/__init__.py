@@ -12,9 +12,10 @@ from ros_visualise.core.message import Message as Message
 from ros_visualise.data.cameras import CameraInfo as CameraInfo
 from ros_visualise.data.clouds import PointCloud as PointCloud
 from ros_visualise.data.detections import Detection as Detection
+from ros_visualise.data.detections import Detection3D as Detection3D
 from ros_visualise.data.detections import Detections as Detections
-from ros_visualise.data.detections_3d import Detection3D as Detection3D
-from ros_visualise.data.detections_3d import Detections3D as Detections3D
+from ros_visualise.data.detections import Detections3D as Detections3D
+from ros_visualise.data.detections import VisionInfo as VisionInfo
 from ros_visualise.data.diagnostics import DiagnosticArray as DiagnosticArray
 from ros_visualise.data.diagnostics import DiagnosticStatus as DiagnosticStatus
 from ros_visualise.data.diagnostics import Level as Level
@@ -36,7 +37,6 @@ from ros_visualise.data.markers import Marker as Marker
 from ros_visualise.data.markers import MarkerAction as MarkerAction
 from ros_visualise.data.markers import MarkerArray as MarkerArray
 from ros_visualise.data.markers import MarkerType as MarkerType
-from ros_visualise.data.numbers import Number as Number
 from ros_visualise.data.parameters import ParameterEvent as ParameterEvent
 from ros_visualise.data.paths import Path as Path
 from ros_visualise.data.paths import PoseArray as PoseArray
@@ -51,8 +51,8 @@ from ros_visualise.data.sensors import LaserScan as LaserScan
 from ros_visualise.data.sensors import MagneticField as MagneticField
 from ros_visualise.data.sensors import NavSatFix as NavSatFix
 from ros_visualise.data.sensors import TimeReference as TimeReference
-from ros_visualise.data.text import Text as Text
-from ros_visualise.data.vision_info import VisionInfo as VisionInfo
+from ros_visualise.data.values import Number as Number
+from ros_visualise.data.values import Text as Text
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")  # which makes its messages known

@@ -1,6 +1,6 @@
-"""Detections in the messages of AprilTag detectors, of which recordings are full.
+"""Detections in the messages of AprilTag detectors, which many recordings hold.
 
-Three are known: apriltag_msgs/ApriltagArrayStamped (Penn's detector, TagSLAM),
+Three are supported: apriltag_msgs/ApriltagArrayStamped (Penn's detector, TagSLAM),
 apriltag_msgs/AprilTagDetectionArray (apriltag_ros of ROS 2) and apriltag_ros/AprilTagDetectionArray
 (apriltag_ros of ROS 1). All go around a tag anticlockwise from its lower left, as we do.
 """
@@ -12,17 +12,18 @@ from typing import Any
 
 import numpy as np
 
+from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.fields import field_names
 from ros_visualise.data.header import Floats
 from ros_visualise.data.hypotheses import Hypothesis
-from ros_visualise.data.vectors import xyz, xyzw
 
 _FAMILY_OF_BITS = {4: "tag16h5", 5: "tag25h9", 6: "tag36h11"}  # in a row of the code
+_POSE = ros.pose_with_covariance("covariance")
 _HALF = 0.5  # of a pixel: AprilTag counts from the corner of the first one
 
 
 def tag_in(message: Any) -> dict[str, Any] | None:
-    """The fields of a `Detection` for one tag; None of a message that is none of a tag."""
+    """Attributes of a `Detection` for one tag; None if the message is no tag."""
     names = field_names(message.__class__)
     if "border" in names:
         return _of_penn(message)
@@ -68,16 +69,11 @@ def _posed(tag: Any) -> dict[str, Any]:
     """A tag, or a bundle of several, with a pose alone: no pixels, and no family."""
     name = "_".join(str(one) for one in tag.id)
     number = int(tag.id[0]) if len(tag.id) == 1 else -1
-    found = tag.pose.pose
-    pose = (
-        np.array(xyz(found.pose.position)),
-        np.array(xyzw(found.pose.orientation)),
-        np.array(found.covariance, np.float64).reshape(6, 6),
-    )
+    pose = _POSE.attributes_of(tag.pose.pose)
     nowhere = np.full(2, np.nan)
     return {
         "center_uv": nowhere,
         "size_uv": nowhere,
-        "hypotheses": (Hypothesis(f"tag_{name}", 1.0, *pose, number),),
+        "hypotheses": (Hypothesis(f"tag_{name}", 1.0, number=number, **pose),),
         "id": name,
     }

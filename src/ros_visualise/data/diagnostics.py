@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, ClassVar
 
-from ros_visualise.core.message import Message
-from ros_visualise.data.fields import Fields, header, read_header
+from ros_visualise.data import ros_fields as ros
+from ros_visualise.data.fields import Fields
 from ros_visualise.data.header import Header
+from ros_visualise.data.ros_fields import TabledMessage
 
 
 class Level(IntEnum):
@@ -57,29 +58,15 @@ class DiagnosticStatus:
 
 
 @dataclass(frozen=True)
-class DiagnosticArray(Message):
+class DiagnosticArray(TabledMessage):
     """The states of several parts of a robot."""
 
     type_name: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticArray"
     plotted: ClassVar[bool] = False
+    ros_fields: ClassVar[ros.RosFields] = {
+        "header": ros.HEADER,
+        "status": ros.several("statuses", DiagnosticStatus),
+    }
 
     statuses: tuple[DiagnosticStatus, ...]
     header: Header = Header()
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a diagnostic_msgs/msg/DiagnosticArray."""
-        kind = "diagnostic_msgs/msg/DiagnosticStatus"
-        return {
-            "header": header(self.header),
-            "status": [Fields(kind, one.fields()) for one in self.statuses],
-        }
-
-    @classmethod
-    def read(cls, message: Any) -> DiagnosticArray:
-        """The states in a diagnostic_msgs/msg/DiagnosticArray.
-
-        Raises:
-            ValueError: one has a level that there is not.
-        """
-        statuses = tuple(DiagnosticStatus.read(status) for status in message.status)
-        return cls(statuses, read_header(message.header))

@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from ros_visualise.core.limits import check_image
 from ros_visualise.core.message import Message
+from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.cameras import CameraInfo
 from ros_visualise.data.encodings import ENCODINGS, MEASUREMENTS, Deferred
 from ros_visualise.data.fields import header, read_header
 from ros_visualise.data.header import Header, Pixels, read_only
+from ros_visualise.data.ros_fields import TabledMessage
 from ros_visualise.data.yuv import planes_to_bgr, yuv422_to_bgr
 
 _ALSO_CALLED = {
@@ -128,25 +130,20 @@ class Image(Message):
 
 
 @dataclass(frozen=True, eq=False)
-class CompressedImage(Message):
+class CompressedImage(TabledMessage):
     """An image as JPEG or PNG; ``format`` is as image_transport writes it."""
 
     type_name: ClassVar[str] = "sensor_msgs/msg/CompressedImage"
     on_topics: ClassVar[bool] = False  # nodes see it as an `Image`
+    ros_fields: ClassVar[ros.RosFields] = {
+        "header": ros.HEADER,
+        **ros.plain(format=str),
+        "data": ros.array("data", -1, dtype=np.uint8),
+    }
 
     data: npt.NDArray[np.uint8]
     format: str
     header: Header = Header()
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a sensor_msgs/msg/CompressedImage."""
-        return {"header": header(self.header), "format": self.format, "data": self.data}
-
-    @classmethod
-    def read(cls, message: Any) -> CompressedImage:
-        """The compressed image in a sensor_msgs/msg/CompressedImage."""
-        data = np.frombuffer(message.data, np.uint8)
-        return cls(data, str(message.format), read_header(message.header))
 
 
 def _pixels(message: Any, dtype: str, channels: int) -> Pixels:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from ros_visualise.core.message import Message
-from ros_visualise.data.fields import header, read_header
+from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.header import Floats, Header
+from ros_visualise.data.ros_fields import TabledMessage
 
 
 def _none() -> Floats:
@@ -18,10 +18,17 @@ def _none() -> Floats:
 
 
 @dataclass(frozen=True)
-class JointState(Message):
+class JointState(TabledMessage):
     """Positions (N,) in rad or m, velocities, and efforts in N m or N; each may be empty."""
 
     type_name: ClassVar[str] = "sensor_msgs/msg/JointState"
+    ros_fields: ClassVar[ros.RosFields] = {
+        "header": ros.HEADER,
+        "name": ros.Attribute("names", lambda names: tuple(map(str, names)), list),
+        "position": ros.array("positions", -1),
+        "velocity": ros.array("velocities", -1),
+        "effort": ros.array("efforts", -1),
+    }
 
     names: tuple[str, ...]
     positions: Floats
@@ -30,6 +37,7 @@ class JointState(Message):
     header: Header = Header()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for values in (self.positions, self.velocities, self.efforts):
             if len(values) not in (0, len(self.names)):
                 raise ValueError(f"{len(values)} values for {len(self.names)} joints")
@@ -39,21 +47,3 @@ class JointState(Message):
         """Joint -> its position, of those that have one."""
         pairs = zip(self.names, self.positions.tolist(), strict=False)
         return {name: position for name, position in pairs if np.isfinite(position)}
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a sensor_msgs/msg/JointState."""
-        return {
-            "header": header(self.header),
-            "name": list(self.names),
-            "position": self.positions,
-            "velocity": self.velocities,
-            "effort": self.efforts,
-        }
-
-    @classmethod
-    def read(cls, message: Any) -> JointState:
-        """The joints in a sensor_msgs/msg/JointState."""
-        values = (message.position, message.velocity, message.effort)
-        positions, velocities, efforts = (np.array(one, np.float64) for one in values)
-        names, stamped = tuple(map(str, message.name)), read_header(message.header)
-        return cls(names, positions, velocities, efforts, stamped)

@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ros_visualise.core.message import Message
+from ros_visualise.data import ros_fields as ros
 from ros_visualise.data.fields import Fields, header, read_header, read_time, time
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.vectors import columns, pose_fields, xyz, xyzw
+from ros_visualise.data.ros_fields import TabledMessage
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,20 +36,17 @@ class OccupancyGrid(Message):
     header: Header = Header()
 
     def __post_init__(self) -> None:
-        if self.cells.ndim != 2:
-            raise ValueError(f"OccupancyGrid.cells is {self.cells.shape}, not (height, width)")
-        keep(self, np.int8, cells=self.cells.shape)
+        keep(self, np.int8, cells=(-1, -1))
         keep(self, position_xyz=(3,), quat_xyzw=(4,))
 
     def fields(self) -> dict[str, Any]:
-        """The fields of a nav_msgs/msg/OccupancyGrid."""
         height, width = self.cells.shape
         info = {
             "map_load_time": time(self.loaded_ns),
             "resolution": self.resolution,
             "width": width,
             "height": height,
-            "origin": pose_fields(self.position_xyz, self.quat_xyzw),
+            "origin": ros.POSE.write(self),
         }
         return {
             "header": header(self.header),
@@ -58,11 +56,6 @@ class OccupancyGrid(Message):
 
     @classmethod
     def read(cls, message: Any) -> OccupancyGrid:
-        """The map in a nav_msgs/msg/OccupancyGrid.
-
-        Raises:
-            ValueError: it holds more or fewer cells than its size says.
-        """
         info = message.info
         height, width = int(info.height), int(info.width)
         cells = np.asarray(message.data, np.int8)
@@ -71,15 +64,14 @@ class OccupancyGrid(Message):
         return cls(
             cells=cells.reshape(height, width),
             resolution=float(info.resolution),
-            position_xyz=np.array(xyz(info.origin.position)),
-            quat_xyzw=np.array(xyzw(info.origin.orientation)),
             loaded_ns=read_time(info.map_load_time),
             header=read_header(message.header),
+            **ros.POSE.attributes_of(info.origin),
         )
 
 
 @dataclass(frozen=True, eq=False)
-class PolygonStamped(Message):
+class PolygonStamped(TabledMessage):
     """Corners (N, 3) in metres in the frame of the header; the last one joins the first.
 
     The outline of a robot on the ground is sent as such.
@@ -87,23 +79,13 @@ class PolygonStamped(Message):
 
     type_name: ClassVar[str] = "geometry_msgs/msg/PolygonStamped"
     plotted: ClassVar[bool] = False
+    ros_fields: ClassVar[ros.RosFields] = {
+        "header": ros.HEADER,
+        "polygon": ros.Part(
+            "geometry_msgs/msg/Polygon",
+            points=ros.rows("points_xyz", "geometry_msgs/msg/Point32", dtype=np.float32),
+        ),
+    }
 
     points_xyz: npt.NDArray[np.float32]
     header: Header = Header()
-
-    def __post_init__(self) -> None:
-        keep(self, np.float32, points_xyz=(len(self.points_xyz), 3))
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a geometry_msgs/msg/PolygonStamped."""
-        points = {"points": columns("geometry_msgs/msg/Point32", self.points_xyz)}
-        return {
-            "header": header(self.header),
-            "polygon": Fields("geometry_msgs/msg/Polygon", points),
-        }
-
-    @classmethod
-    def read(cls, message: Any) -> PolygonStamped:
-        """The corners in a geometry_msgs/msg/PolygonStamped."""
-        points = [xyz(point) for point in message.polygon.points]
-        return cls(np.array(points, np.float32).reshape(-1, 3), read_header(message.header))

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from ros_visualise.core.message import Message
-from ros_visualise.data.fields import Columns, Fields, duration, header, read_header, read_time
-from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.vectors import columns, named, pose_fields, xyz, xyzw
+from ros_visualise.data import ros_fields as ros
+from ros_visualise.data.fields import Fields, header
+from ros_visualise.data.header import Floats, Header
+from ros_visualise.data.ros_fields import TabledMessage
 
 Colors = npt.NDArray[np.float32]
+
+_COLOR = "std_msgs/msg/ColorRGBA"
+_NO_IMAGE = {"header": header(Header()), "format": "", "data": np.zeros(0, np.uint8)}
+_NO_FILE = {"filename": "", "data": np.zeros(0, np.uint8)}
 
 
 class MarkerType(IntEnum):
@@ -44,7 +48,7 @@ class MarkerAction(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Marker(Message):
+class Marker(TabledMessage):
     """A shape at a pose in the frame of the header.
 
     ``type`` is one of `MarkerType`, ``action`` one of `MarkerAction`. ``scale_xyz`` (3,) are its
@@ -60,6 +64,21 @@ class Marker(Message):
     """
 
     type_name: ClassVar[str] = "visualization_msgs/msg/Marker"
+    ros_fields: ClassVar[ros.RosFields] = {
+        "header": ros.HEADER,
+        **ros.plain(ns=str, id=int, type=int, action=int, frame_locked=bool),
+        "pose": ros.POSE,
+        "scale": ros.vector("scale_xyz"),
+        "color": ros.numbers("color_rgba", _COLOR, "rgba", np.float32),
+        "lifetime": ros.lifetime("lifetime_ns"),
+        "points": ros.rows("points_xyz", "geometry_msgs/msg/Point"),
+        "colors": ros.rows("colors_rgba", _COLOR, "rgba", np.float32),
+        **ros.plain(text=str, mesh_resource=str, mesh_use_embedded_materials=bool),
+        "texture_resource": ros.Unused(""),
+        "texture": ros.Unused(Fields("sensor_msgs/msg/CompressedImage", _NO_IMAGE)),
+        "uv_coordinates": ros.Unused([]),
+        "mesh_file": ros.Unused(Fields("visualization_msgs/msg/MeshFile", _NO_FILE)),
+    }
 
     type: int
     position_xyz: Floats = field(default_factory=lambda: np.zeros(3))
@@ -78,60 +97,16 @@ class Marker(Message):
     frame_locked: bool = False
     header: Header = Header()
 
-    def __post_init__(self) -> None:
-        keep(self, position_xyz=(3,), quat_xyzw=(4,), scale_xyz=(3,))
-        keep(self, points_xyz=(len(self.points_xyz), 3))
-        keep(self, np.float32, color_rgba=(4,), colors_rgba=(len(self.colors_rgba), 4))
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a visualization_msgs/msg/Marker."""
-        no_image = {"header": header(Header()), "format": "", "data": np.zeros(0, np.uint8)}
-        return {
-            "header": header(self.header),
-            **{name: getattr(self, name) for name in _AS_THEY_ARE},
-            "type": int(self.type),
-            "action": int(self.action),
-            "pose": pose_fields(self.position_xyz, self.quat_xyzw),
-            "scale": named("geometry_msgs/msg/Vector3", self.scale_xyz),
-            "color": Fields(_COLOR, dict(zip("rgba", self.color_rgba.tolist(), strict=True))),
-            "lifetime": duration(self.lifetime_ns),
-            "points": columns("geometry_msgs/msg/Point", self.points_xyz),
-            "colors": _write_colors(self.colors_rgba),
-            "texture_resource": "",
-            "texture": Fields("sensor_msgs/msg/CompressedImage", no_image),
-            "uv_coordinates": [],
-            "mesh_file": Fields(_MESH_FILE, {"filename": "", "data": np.zeros(0, np.uint8)}),
-        }
-
-    @classmethod
-    def read(cls, message: Any) -> Marker:
-        """The marker in a visualization_msgs/msg/Marker."""
-        return cls(
-            type=int(message.type),
-            position_xyz=np.array(xyz(message.pose.position)),
-            quat_xyzw=np.array(xyzw(message.pose.orientation)),
-            scale_xyz=np.array(xyz(message.scale)),
-            color_rgba=np.array(_rgba(message.color), np.float32),
-            points_xyz=np.array([xyz(one) for one in message.points], np.float64).reshape(-1, 3),
-            colors_rgba=np.array([_rgba(c) for c in message.colors], np.float32).reshape(-1, 4),
-            text=str(message.text),
-            mesh_resource=str(message.mesh_resource),
-            mesh_use_embedded_materials=bool(message.mesh_use_embedded_materials),
-            ns=str(message.ns),
-            id=int(message.id),
-            action=int(message.action),
-            lifetime_ns=read_time(message.lifetime),
-            frame_locked=bool(message.frame_locked),
-            header=read_header(message.header),
-        )
-
 
 @dataclass(frozen=True, eq=False)
-class MarkerArray(Message):
+class MarkerArray(TabledMessage):
     """Several markers that were sent at once."""
 
     type_name: ClassVar[str] = "visualization_msgs/msg/MarkerArray"
     plotted: ClassVar[bool] = False
+    ros_fields: ClassVar[ros.RosFields] = {
+        "markers": ros.several("markers", Marker),
+    }
 
     markers: tuple[Marker, ...]
 
@@ -141,25 +116,3 @@ class MarkerArray(Message):
         added = (one for one in self.markers if one.action == MarkerAction.ADD)
         first = next(added, self.markers[0] if self.markers else None)
         return Header() if first is None else first.header
-
-    def fields(self) -> dict[str, Any]:
-        """The fields of a visualization_msgs/msg/MarkerArray."""
-        return {"markers": [Fields(Marker.type_name, one.fields()) for one in self.markers]}
-
-    @classmethod
-    def read(cls, message: Any) -> MarkerArray:
-        """The markers in a visualization_msgs/msg/MarkerArray."""
-        return cls(tuple(map(Marker.read, message.markers)))
-
-
-_COLOR = "std_msgs/msg/ColorRGBA"
-_MESH_FILE = "visualization_msgs/msg/MeshFile"
-_AS_THEY_ARE = ("ns", "id", "text", "mesh_resource", "mesh_use_embedded_materials", "frame_locked")
-
-
-def _rgba(color: Any) -> tuple[float, float, float, float]:
-    return color.r, color.g, color.b, color.a
-
-
-def _write_colors(rgba: Colors) -> Columns:
-    return Columns(_COLOR, len(rgba), dict(zip("rgba", rgba.T.tolist(), strict=True)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import repeat
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +21,10 @@ from ros_visualise.data.fields import (
     times,
 )
 from ros_visualise.data.header import Floats, Header, keep
-from ros_visualise.data.vectors import columns, xyz, xyzw
+from ros_visualise.data.ros_fields import columns
+
+_POSITION = attrgetter("position.x", "position.y", "position.z")
+_ORIENTATION = attrgetter("orientation.x", "orientation.y", "orientation.z", "orientation.w")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +112,7 @@ class PoseArray(Message):
 def _write_poses(positions_xyz: Floats, quats_xyzw: Floats) -> Columns:
     poses = {
         "position": columns("geometry_msgs/msg/Point", positions_xyz),
-        "orientation": columns("geometry_msgs/msg/Quaternion", quats_xyzw),
+        "orientation": columns("geometry_msgs/msg/Quaternion", quats_xyzw, "xyzw"),
     }
     return Columns("geometry_msgs/msg/Pose", len(positions_xyz), poses)
 
@@ -116,6 +120,6 @@ def _write_poses(positions_xyz: Floats, quats_xyzw: Floats) -> Columns:
 def _read_poses(poses: Sequence[Any]) -> tuple[Floats, Floats]:
     """Positions (N, 3) and quaternions (N, 4)."""
     return (
-        np.array([xyz(one.position) for one in poses], np.float64).reshape(-1, 3),
-        np.array([xyzw(one.orientation) for one in poses], np.float64).reshape(-1, 4),
+        np.array([_POSITION(one) for one in poses], np.float64).reshape(-1, 3),
+        np.array([_ORIENTATION(one) for one in poses], np.float64).reshape(-1, 4),
     )

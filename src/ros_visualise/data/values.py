@@ -1,0 +1,39 @@
+"""Single numbers and texts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from ros_visualise.data import ros_fields as ros
+from ros_visualise.data.header import Header
+from ros_visualise.data.ros_fields import TabledMessage
+
+
+@dataclass(frozen=True)
+class Number(TabledMessage):
+    """A number, as std_msgs/Float64; the header is left behind on a ROS graph."""
+
+    type_name: ClassVar[str] = "std_msgs/msg/Float64"
+    has_header: ClassVar[bool] = False
+    ros_fields: ClassVar[ros.RosFields] = {
+        "data": ros.Attribute("number", float),
+    }
+
+    number: float
+    header: Header = Header()
+
+
+@dataclass(frozen=True)
+class Text(TabledMessage):
+    """A text, as std_msgs/String; the header is left behind on a ROS graph."""
+
+    type_name: ClassVar[str] = "std_msgs/msg/String"
+    has_header: ClassVar[bool] = False
+    plotted: ClassVar[bool] = False
+    ros_fields: ClassVar[ros.RosFields] = {
+        "data": ros.Attribute("text", str),
+    }
+
+    text: str
+    header: Header = Header()
