@@ -24,7 +24,9 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class DiagnosticStatus:
-    """The state of one part of a robot: in a sentence, and in values by name."""
+    """The state of one part of a robot: a sentence, and values by name."""
+
+    type_name: ClassVar[str] = "diagnostic_msgs/msg/DiagnosticStatus"
 
     name: str
     level: Level = Level.OK

@@ -24,13 +24,17 @@ from ros_visualise.data.header import keep_all
 T = TypeVar("T", bound="TabledMessage")
 
 
+def _as_is(value: Any) -> Any:
+    return value
+
+
 class Attribute:
     """One field of a ROS message, held by an attribute of ours.
 
     Args:
         name: the attribute.
         read: value of the field -> value of the attribute.
-        write: the reverse.
+        write: the reverse; None: the value is written as it is.
         shape: shape of an array, -1 for any length; None: it is no array.
         dtype: type of the array.
     """
@@ -43,7 +47,7 @@ class Attribute:
         shape: tuple[int, ...] | None = None,
         dtype: npt.DTypeLike = np.float64,
     ) -> None:
-        self.name, self._read, self._write = name, read, write or read
+        self.name, self._read, self._write = name, read, write or _as_is
         self.shape, self.dtype = shape, np.dtype(dtype)
 
     def read(self, value: Any, found: dict[str, Any]) -> None:

@@ -1,0 +1,38 @@
+"""A message of any kind, with a value in each field of its ROS message."""
+
+from __future__ import annotations
+
+from itertools import count
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+
+from ros_visualise.core.message import Message
+from ros_visualise.messages import from_message
+from ros_visualise.messages.definitions import Definitions
+
+_TYPES = Definitions("cdr").types
+_FIELDS = Definitions("cdr").store.fielddefs
+
+
+def sample(kind: type[Message]) -> Message:
+    """Each number is another one."""
+    return from_message(_message(kind.type_name, count(1)), kind)
+
+
+def _message(type_name: str, numbers: Any) -> Any:
+    return _TYPES[type_name](*(_value(field, numbers) for _, field in _FIELDS[type_name][1]))
+
+
+def _value(field: Any, numbers: Any) -> Any:
+    sort, about = field
+    if sort == Nodetype.NAME:
+        return _message(about, numbers)
+    if sort == Nodetype.BASE:
+        number = next(numbers)
+        return {"string": f"ä {number}", "bool": True}.get(about[0], number)
+    one, size = about
+    several = [_value(one, numbers) for _ in range(size or 3)]
+    is_array = one[0] == Nodetype.BASE and one[1][0] != "string"
+    return np.array(several, one[1][0]) if is_array else several
