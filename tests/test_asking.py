@@ -4,12 +4,15 @@ import os
 import subprocess
 import sys
 from argparse import ArgumentParser
-from dataclasses import MISSING, fields
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from ros_visualise.commands import COMMANDS, main
+from ros_visualise.running.arguments import add_arguments, argument, option
 
 PROGRAM = Path(sys.executable).with_name("ros-visualise")
 
@@ -54,11 +57,57 @@ def test_it_says_what_was_probably_meant(capsys, words, meant):
 
 
 @pytest.mark.parametrize("name", COMMANDS.builtin)
-def test_the_options_of_a_command_are_its_arguments(name):
-    parser, command = ArgumentParser(add_help=False), COMMANDS.find(name)
-    command.add_arguments(parser)
-    options = {one.name for one in fields(command.options) if one.default is MISSING}
-    assert options == {one.dest for one in parser._actions}
+def test_what_runs_a_command_is_found(name):
+    module, _, function = str(COMMANDS.find(name).run).partition(":")
+    assert module.startswith("<function") or callable(getattr(import_module(module), function))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shared:
+    GROUP = "shared"
+
+    loud: bool | None = option(None, "speak up")
+    name: Sequence[str] = option([], "a name; repeatable", flag="--called")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options(Shared):
+    source: Path = argument("the file")
+    times: int = option(1, "how often")
+    share: float | None = option(None, "how much")
+    colors: bool = option(True, "without colours")
+    quick: bool = option(False, "hurry")
+    hidden: str = "no argument"
+
+
+def read(*words):
+    parser = ArgumentParser()
+    add_arguments(parser, Options)
+    return Options(**vars(parser.parse_args(words)))
+
+
+def test_arguments_are_the_fields_of_options():
+    assert read("a.txt") == Options(source=Path("a.txt"))
+    words = "a.txt --times 2 --share .5 --no-colors --quick --no-loud --called x --called y"
+    assert read(*words.split()) == Options(
+        source=Path("a.txt"),
+        times=2,
+        share=0.5,
+        colors=False,
+        quick=True,
+        loud=False,
+        name=["x", "y"],
+    )
+    assert read("a.txt") == Options(source=Path("a.txt"))  # lists are not shared
+
+
+def test_a_group_of_options_has_its_heading():
+    parser = ArgumentParser()
+    add_arguments(parser, Options)
+    own, shared = parser.format_help().split("shared:")
+    assert "--times" in own
+    assert "--called" not in own.partition("options:")[2]
+    assert "--loud, --no-loud" in shared
 
 
 def test_of_a_file_it_tells_the_one_that_is_there(capsys, tmp_path):

@@ -286,8 +286,10 @@ def test_what_fails_is_reported_and_costs_nobody_else(packages, tmp_path):
 def test_a_name_belongs_to_one_package(packages):
     text = "[ros_visualise.commands]\nlook = {}\n"
     command = (
+        "from dataclasses import make_dataclass\n"
         "from ros_visualise.commands import Command\n"
-        "COMMAND = Command('looks', lambda parser: None, dict, lambda options: print('{}') or 0)"
+        "Options = make_dataclass('Options', [])\n"
+        "COMMAND = Command('looks', Options, lambda options: print('{}') or 0)"
     )
     packages.add("one", text.format("of_one"), of_one=command.format("one"))
     packages.add("two", text.format("of_two"), of_two=command.format("two"))

@@ -13,6 +13,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Generic, NoReturn, TypeVar
 
@@ -24,6 +25,7 @@ from ros_visualise.core.printing import say, say_what_is_logged
 from ros_visualise.core.registry import Registry, holding
 from ros_visualise.core.signals import interrupt
 from ros_visualise.core.supervision import status_of
+from ros_visualise.running.arguments import add_arguments
 from ros_visualise.running.options import MemoryOptions
 
 T = TypeVar("T")
@@ -51,16 +53,22 @@ class Command(Generic[T]):
 
     Attributes:
         help: a line about it.
-        add_arguments: adds its arguments to a parser.
-        options: frozen dataclass with a field for each argument, by its ``dest``; a field with a
-            default needs none.
-        run: does it; gives the exit status. RosVisualiseErrors end it with one line.
+        options: frozen dataclass with a field for each argument, see
+            `ros_visualise.running.arguments`.
+        run: does it; gives the exit status. RosVisualiseErrors end it with one line. As
+            ``MODULE:FUNCTION`` it is imported when it is called.
     """
 
     help: str
-    add_arguments: Callable[[argparse.ArgumentParser], None]
-    options: Callable[..., T]
-    run: Callable[[T], int]
+    options: type[T]
+    run: Callable[[T], int] | str
+
+    def __call__(self, options: T) -> int:
+        """Do it; the exit status."""
+        if not isinstance(self.run, str):
+            return self.run(options)
+        module, _, function = self.run.partition(":")
+        return int(getattr(import_module(module), function)(options))
 
 
 COMMANDS = Registry(
@@ -101,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         check_installation()
         say_what_is_logged()
         interrupt()
-        return status_of(command.run(options))
+        return status_of(command(options))
     except RosVisualiseError as error:
         say(f"ros-visualise: {error}")
         return error.exit_status
@@ -156,7 +164,7 @@ def _parser(given: Sequence[str] = ()) -> argparse.ArgumentParser:
         commands.add_parser(name, help=_about(name) if is_listed else "")
     if named in names:
         command, chosen = COMMANDS.find(named), commands.choices[named]
-        command.add_arguments(chosen)
+        add_arguments(chosen, command.options)
         if named not in COMMANDS.builtin:
             chosen.description = command.help
     return parser

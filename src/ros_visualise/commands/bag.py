@@ -2,51 +2,32 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.running.options import PlayingOptions, add_playing_options
+from ros_visualise.running.arguments import argument, option
+from ros_visualise.running.options import PlayingOptions
 
 
 @dataclass(frozen=True, kw_only=True)
 class BagOptions(PlayingOptions):
     """Options of ``bag`` and ``kitti``."""
 
-    input: str
-    topics: Sequence[str]
-    image: str | None
-    odom: str | None
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which recording, which of its topics, and how they are played."""
-    add_playing_options(parser)
-    parser.add_argument("input", metavar="PATH", help="the recording")
-    add_topic_options(parser)
-
-
-def add_topic_options(parser: ArgumentParser) -> None:
-    """Which topics of a recording, and what is made of them."""
-    parser.add_argument(
-        "--topics",
-        action="extend",
-        nargs="+",
-        default=[],
-        metavar="TOPIC",
-        help="play only these topics",
+    input: str = argument("the recording", metavar="PATH")
+    topics: Sequence[str] = option(
+        [], "play only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
-    parser.add_argument(
-        "--image",
+    image: str | None = option(
+        None,
+        "topic whose images go through the nodes (default: the first in gray or colour)",
         metavar="TOPIC|none",
-        help="topic whose images go through the nodes (default: the first in gray or colour)",
     )
-    parser.add_argument(
-        "--odom",
-        metavar="TOPIC|none",
-        help="topic that the path is drawn from (default: the first odometry), or two frames as"
+    odom: str | None = option(
+        None,
+        "topic that the path is drawn from (default: the first odometry), or two frames as"
         " /tf:PARENT.CHILD",
+        metavar="TOPIC|none",
     )
 
 
@@ -60,7 +41,6 @@ def run(options: BagOptions) -> int:
 
 COMMAND = Command(
     "play a recording: .bag, .mcap, a ROS 2 folder, a flight log (.ulg, .SRT)",
-    add_arguments,
     BagOptions,
     run,
 )

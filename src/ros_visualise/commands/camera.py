@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.commands.video import VideoOptions
 from ros_visualise.core.errors import UsageError
-from ros_visualise.running.options import add_playing_options, add_size_option
+from ros_visualise.running.arguments import argument
+from ros_visualise.running.options import SizedOptions
 
 if TYPE_CHECKING:
     from ros_visualise.graph import Graph
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which camera, and how it is shown."""
-    add_playing_options(parser)
-    parser.add_argument(
-        "input",
-        metavar="DEVICE|URL|test",
-        nargs="?",
+@dataclass(frozen=True, kw_only=True)
+class CameraOptions(SizedOptions):
+    """Options of ``camera``."""
+
+    input: str = argument(
+        "path or number of a device (default: 0), URL of a stream, or test for a test pattern",
         default="0",
-        help="path or number of a device (default: 0), URL of a stream, or test for a test pattern",
+        nargs="?",
+        metavar="DEVICE|URL|test",
     )
-    add_size_option(parser)
 
 
-def run(options: VideoOptions) -> int:
+def run(options: CameraOptions) -> int:
     """Show the camera until it is ended."""
     from ros_visualise.graph.pipelines import image_pipeline
     from ros_visualise.running.graphs import Selection, sized_to
@@ -42,4 +41,4 @@ def run(options: VideoOptions) -> int:
     return play(Selection("camera", graph, options.input, options.size), options)
 
 
-COMMAND = Command("show a live camera", add_arguments, VideoOptions, run)
+COMMAND = Command("show a live camera", CameraOptions, run)

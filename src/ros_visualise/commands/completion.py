@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
 from ros_visualise.core.completion import SHELLS, shell_code
 from ros_visualise.core.printing import answer
+from ros_visualise.running.arguments import argument
 
 
 @dataclass(frozen=True)
 class CompletionOptions:
     """Options of ``completion``."""
 
-    shell: str
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """For which shell."""
-    parser.add_argument("shell", choices=SHELLS, help='for bash and zsh: eval "$(...)"')
+    shell: str = argument('for bash and zsh: eval "$(...)"', choices=SHELLS)
 
 
 def run(options: CompletionOptions) -> int:
@@ -30,7 +25,6 @@ def run(options: CompletionOptions) -> int:
 
 COMMAND = Command(
     "print what a shell needs to complete commands and options",
-    add_arguments,
     CompletionOptions,
     run,
 )

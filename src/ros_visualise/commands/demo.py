@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
-from ros_visualise.running.options import PlayingOptions, add_playing_options, add_size_option
+from ros_visualise.running.arguments import argument
+from ros_visualise.running.options import SizedOptions
 from ros_visualise.simulation.robots import ROBOTS
 
 if TYPE_CHECKING:
@@ -15,23 +15,15 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemoOptions(PlayingOptions):
+class DemoOptions(SizedOptions):
     """Options of ``demo``."""
 
-    scene: str | None
-    size: str
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which scene, and how it is played."""
-    add_playing_options(parser)
-    parser.add_argument(
-        "scene",
+    scene: str | None = argument(
+        "a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
+        default=None,
         nargs="?",
         choices=(*ROBOTS.builtin, "landscape"),
-        help="a simulated robot, or a drawn landscape, which needs no MuJoCo (default: quadrotor)",
     )
-    add_size_option(parser)
 
 
 def run(options: DemoOptions) -> int:
@@ -47,6 +39,4 @@ def run(options: DemoOptions) -> int:
     return play(Selection(options.scene or "demo", graph, size=options.size), options)
 
 
-COMMAND = Command(
-    "play a simulated quadrotor: the quickest way to see it all", add_arguments, DemoOptions, run
-)
+COMMAND = Command("play a simulated quadrotor: the quickest way to see it all", DemoOptions, run)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import OpenError
 from ros_visualise.core.printing import answer, answer_json, say
-from ros_visualise.running.options import PlayingOptions, add_playing_options
+from ros_visualise.running.arguments import argument, option
+from ros_visualise.running.options import PlayingOptions
 from ros_visualise.simulation.robots import OURS, ROBOTS
 
 if TYPE_CHECKING:
@@ -24,28 +24,19 @@ if TYPE_CHECKING:
 class ExplainOptions(PlayingOptions):
     """Options of ``explain``."""
 
-    topic: str | None
-    input: str | None
-    export: Path | None
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which lesson, on what, and how it is given."""
-    add_playing_options(parser)
-    parser.add_argument(
-        "topic", metavar="TOPIC", nargs="?", help="the lesson; without it, all lessons are listed"
+    topic: str | None = argument(
+        "the lesson; without it, all lessons are listed", default=None, nargs="?", metavar="TOPIC"
     )
-    parser.add_argument(
-        "input",
-        metavar="FILE",
+    input: str | None = argument(
+        f"a picture, a film, a recording, {OURS} (default: a sample that fits the lesson)",
+        default=None,
         nargs="?",
-        help=f"a picture, a film, a recording, {OURS} (default: a sample that fits the lesson)",
+        metavar="FILE",
     )
-    parser.add_argument(
-        "--export",
-        type=Path,
+    export: Path | None = option(
+        None,
+        "write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
         metavar="DIR",
-        help="write the lesson to this folder: one HTML page, and its figures as PNG and SVG",
     )
 
 
@@ -136,7 +127,6 @@ def _list(as_json: bool) -> None:
 
 COMMAND = Command(
     "lessons: how it works, step by step, on your own picture or recording",
-    add_arguments,
     ExplainOptions,
     run,
 )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from argparse import ArgumentParser
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from ros_visualise.commands import Command
 from ros_visualise.core.printing import answer, answer_json, counted, shown, sized
-from ros_visualise.running.options import MemoryOptions, add_memory_option
+from ros_visualise.running.arguments import argument, option
+from ros_visualise.running.options import MemoryOptions
 
 _COLUMN = 13
 _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
@@ -20,19 +20,9 @@ _FIRST_DATE_S = 365 * 86_400  # times before 1971 are those of no calendar
 class InfoOptions(MemoryOptions):
     """Options of ``info``."""
 
-    input: str
-    check: bool
-    json: bool
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which file, and how much of it is read."""
-    parser.add_argument("input", metavar="FILE", help="a recording or a video")
-    parser.add_argument(
-        "--check", action="store_true", help="read the whole file, and report what is damaged"
-    )
-    parser.add_argument("--json", action="store_true", help="print it as one JSON object")
-    add_memory_option(parser)
+    input: str = argument("a recording or a video", metavar="FILE")
+    check: bool = option(False, "read the whole file, and report what is damaged")
+    json: bool = option(False, "print it as one JSON object")
 
 
 def run(options: InfoOptions) -> int:
@@ -146,4 +136,4 @@ def _time(seconds: float) -> str:
     return f"{day}.{hundredths % 100:02d} {time.strftime('%Z', local)} ({hundredths / 100:.2f})"
 
 
-COMMAND = Command("tell what is in a recording or a video", add_arguments, InfoOptions, run)
+COMMAND = Command("tell what is in a recording or a video", InfoOptions, run)

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
+from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.commands.bag import BagOptions, add_topic_options, run
-from ros_visualise.running.options import add_playing_options
+from ros_visualise.commands.bag import BagOptions, run
+from ros_visualise.running.arguments import argument
 
 
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which drive, which of its topics, and how they are played."""
-    add_playing_options(parser)
-    parser.add_argument(
-        "input", metavar="DIR", help="folder of a drive, or of a date with one drive"
-    )
-    add_topic_options(parser)
+@dataclass(frozen=True, kw_only=True)
+class KittiOptions(BagOptions):
+    """Options of ``kitti``."""
+
+    input: str = argument("folder of a drive, or of a date with one drive", metavar="DIR")
 
 
-COMMAND = Command("play a drive of the KITTI data set", add_arguments, BagOptions, run)
+COMMAND = Command("play a drive of the KITTI data set", KittiOptions, run)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from ros_visualise.commands import Command
 from ros_visualise.core.printing import answer, answer_json
+from ros_visualise.running.arguments import option
 
 if TYPE_CHECKING:
     from ros_visualise.core.params import Spec
@@ -19,12 +19,7 @@ if TYPE_CHECKING:
 class NodesOptions:
     """Options of ``nodes``."""
 
-    json: bool
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """How they are printed."""
-    parser.add_argument("--json", action="store_true", help="print it as one JSON object")
+    json: bool = option(False, "print it as one JSON object")
 
 
 def run(options: NodesOptions) -> int:
@@ -88,6 +83,4 @@ def _told(number: float) -> str:
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
-COMMAND = Command(
-    "list all nodes with their topics, actions and parameters", add_arguments, NodesOptions, run
-)
+COMMAND = Command("list all nodes with their topics, actions and parameters", NodesOptions, run)

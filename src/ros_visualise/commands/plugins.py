@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,18 +9,14 @@ from typing import Any
 from ros_visualise.commands import COMMANDS, Command
 from ros_visualise.core.printing import answer, answer_json, shown
 from ros_visualise.core.registry import GROUP, Plugin, Registry, unknown_groups
+from ros_visualise.running.arguments import option
 
 
 @dataclass(frozen=True)
 class PluginsOptions:
     """Options of ``plugins``."""
 
-    json: bool
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """How they are printed."""
-    parser.add_argument("--json", action="store_true", help="print it as one JSON array")
+    json: bool = option(False, "print it as one JSON array")
 
 
 def run(options: PluginsOptions) -> int:
@@ -63,7 +58,6 @@ def _lines(found: list[dict[str, str]]) -> Iterator[str]:
 
 COMMAND = Command(
     "list what other packages add, and what of it cannot be used",
-    add_arguments,
     PluginsOptions,
     run,
 )

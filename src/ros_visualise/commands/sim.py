@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ros_visualise.commands import Command
 from ros_visualise.core.errors import UsageError
-from ros_visualise.running.options import (
-    PlayingOptions,
-    WorldOptions,
-    add_playing_options,
-    add_size_option,
-    add_world_options,
-)
+from ros_visualise.running.arguments import argument
+from ros_visualise.running.options import SizedOptions, WorldOptions
 from ros_visualise.simulation.robots import OURS
 
 if TYPE_CHECKING:
@@ -22,19 +16,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimOptions(PlayingOptions, WorldOptions):
+class SimOptions(WorldOptions, SizedOptions):
     """Options of ``sim``."""
 
-    robot: str
-    size: str
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which robot, where, and how it is played."""
-    add_playing_options(parser)
-    parser.add_argument("robot", metavar="ROBOT", help=f"{OURS}, or one of another package")
-    add_world_options(parser, without_mission="wait for commands")
-    add_size_option(parser)
+    robot: str = argument(f"{OURS}, or one of another package", metavar="ROBOT")
 
 
 def run(options: SimOptions) -> int:
@@ -53,11 +38,10 @@ def run(options: SimOptions) -> int:
                 "the robot has nothing to do and would stand still for ever: add --mission "
                 "lawn_mower or --duration 60"
             )
-        scenario = {"world": options.world, "mission": mission, "seed": options.seed}
         size = parse_size(options.size)
-        return simulation_pipeline(options.robot, size, **scenario)
+        return simulation_pipeline(options.robot, size, **options.scenario)
 
     return play(Selection(options.robot, graph, size=options.size), options)
 
 
-COMMAND = Command(f"run a simulated robot: {OURS}", add_arguments, SimOptions, run)
+COMMAND = Command(f"run a simulated robot: {OURS}", SimOptions, run)

@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
-from ros_visualise.running.options import PlayingOptions, add_playing_options, add_size_option
+from ros_visualise.running.arguments import argument
+from ros_visualise.running.options import SizedOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class VideoOptions(PlayingOptions):
-    """Options of ``video`` and ``camera``."""
+class VideoOptions(SizedOptions):
+    """Options of ``video``."""
 
-    input: str
-    size: str
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which film, and how it is played."""
-    add_playing_options(parser)
-    parser.add_argument(
-        "input", metavar="FILE", help="any video that FFmpeg can read, or a folder of pictures"
-    )
-    add_size_option(parser)
+    input: str = argument("any video that FFmpeg can read, or a folder of pictures", metavar="FILE")
 
 
 def run(options: VideoOptions) -> int:
@@ -34,4 +24,4 @@ def run(options: VideoOptions) -> int:
     return play(film(options.input, options.size), options)
 
 
-COMMAND = Command("play a video file", add_arguments, VideoOptions, run)
+COMMAND = Command("play a video file", VideoOptions, run)

@@ -1,12 +1,7 @@
-"""Options that commands share: groups of them, each a dataclass with what adds it to a parser.
-
-A command's options are a frozen dataclass too, with a field for each argument; it inherits from
-the groups that the command has. Light to import.
-"""
+"""Options that commands share: a command's options inherit from the groups that it has."""
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, BooleanOptionalAction
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,11 +9,12 @@ from typing import Any
 
 from ros_visualise.core.limits import DEFAULT_MEMORY
 from ros_visualise.core.rate import MAX_RATE
-from ros_visualise.running.argument_types import (
+from ros_visualise.running.arguments import (
     count,
     folder,
     memory,
     not_negative,
+    option,
     port,
     positive,
     rate,
@@ -31,213 +27,112 @@ from ros_visualise.simulation.worlds import OURS
 class MemoryOptions:
     """How much memory an input may take."""
 
-    max_memory: int
-
-
-def add_memory_option(parser: ArgumentParser) -> None:
-    """How much memory an input may take, for each command that reads one."""
-    parser.add_argument(
-        "--max-memory",
+    max_memory: int = option(
+        DEFAULT_MEMORY,
+        f"memory that one input may take, such as 4G (default: {DEFAULT_MEMORY >> 30}G)",
         type=memory,
-        default=DEFAULT_MEMORY,
         metavar="SIZE",
-        help=f"memory that one input may take, such as 4G (default: {DEFAULT_MEMORY >> 30}G)",
     )
+
+
+def mission_option(otherwise: str) -> Any:
+    """An option ``--mission``; ``otherwise`` says what happens without it."""
+    shapes = "square, figure_of_eight, lawn_mower, default or a YAML file"
+    help = f"what the robot is to do: {shapes} (default: {otherwise})"
+    return option(None, help, metavar="SHAPE|FILE")
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorldOptions:
     """Where a simulated robot is, and what it does."""
 
-    world: str | None
-    seed: int | None
-    mission: str | None
+    world: str | None = option(None, f"{OURS}, or one of another package (default: field)")
+    seed: int | None = option(None, "seed of all random errors (default: 0)", type=seed)
+    mission: str | None = mission_option("wait for commands")
 
-
-def add_world_options(parser: Any, without_mission: str) -> None:
-    """Where a simulated robot is, and what it does; by default that, in words."""
-    parser.add_argument(
-        "--world", default="field", help=f"{OURS}, or one of another package (default: field)"
-    )
-    parser.add_argument(
-        "--seed", type=seed, default=0, help="seed of all random errors (default: 0)"
-    )
-    parser.add_argument(
-        "--mission",
-        metavar="SHAPE|FILE",
-        help="what the robot is to do: square, figure_of_eight, lawn_mower, default or a YAML file"
-        f" (default: {without_mission})",
-    )
+    @property
+    def scenario(self) -> dict[str, str | int]:
+        """Those that are given, by the parameters of a robot."""
+        given = {"world": self.world, "mission": self.mission, "seed": self.seed}
+        return {name: value for name, value in given.items() if value is not None}
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewingOptions:
-    """How it is shown."""
+    """How a run is shown."""
 
-    view: str
-    host: str
-    port: int
-    token: bool
-    open: bool | None
-    layout: Path | None
-    urdf: Path | None
-    allow_origin: Sequence[str]
+    GROUP = "viewing"
 
-
-def _add_viewing(parser: ArgumentParser) -> None:
-    group = parser.add_argument_group("viewing")
-    group.add_argument(
-        "--view",
+    view: str = option(
+        "web",
+        "show a web page (default), OpenCV windows, or nothing",
         choices=("web", "windows", "none"),
-        default="web",
-        help="show a web page (default), OpenCV windows, or nothing",
     )
-    group.add_argument(
-        "--host",
-        default="127.0.0.1",
-        help="address that the page listens on (default: %(default)s)",
+    host: str = option("127.0.0.1", "address that the page listens on (default: %(default)s)")
+    port: int = option(8080, "port of the page (default: %(default)s)", type=port)
+    token: bool = option(
+        True, "let everybody who reaches the page use it (default: its address holds a token)"
     )
-    group.add_argument(
-        "--port", type=port, default=8080, help="port of the page (default: %(default)s)"
+    open: bool | None = option(
+        None, "open the page in a browser (default: from a terminal on a desktop)"
     )
-    group.add_argument(
-        "--no-token",
-        dest="token",
-        action="store_false",
-        help="let everybody who reaches the page use it (default: its address holds a token)",
-    )
-    group.add_argument(
-        "--open",
-        action=BooleanOptionalAction,
-        help="open the page in a browser (default: from a terminal on a desktop)",
-    )
-    group.add_argument(
-        "--layout",
-        type=Path,
+    layout: Path | None = option(
+        None,
+        "arrange the page as this file says; 'save layout' on the page writes one",
         metavar="FILE.yaml",
-        help="arrange the page as this file says; 'save layout' on the page writes one",
     )
-    group.add_argument(
-        "--urdf",
-        type=Path,
-        metavar="FILE",
-        help="draw this robot in place of the one on /robot_description",
+    urdf: Path | None = option(
+        None, "draw this robot in place of the one on /robot_description", metavar="FILE"
     )
-    group.add_argument(
-        "--allow-origin",
-        action="append",
-        default=[],
+    allow_origin: Sequence[str] = option(
+        [],
+        "allow this web site to use the page, such as https://robot.example.org; repeatable",
         metavar="SITE",
-        help="allow this web site to use the page, such as https://robot.example.org; repeatable",
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartOptions:
-    """Which part of the source."""
+    """The part of the source that is played."""
 
-    start: float | None
-    duration: float | None
-    frames: int | None
+    GROUP = "playing"
 
-
-def add_part(group: Any) -> None:
-    """Which part of the source."""
-    group.add_argument(
-        "--start", type=not_negative, metavar="S", help="leave out the first S seconds"
-    )
-    group.add_argument("--duration", type=positive, metavar="S", help="stop after S seconds")
-    group.add_argument("--frames", type=count, metavar="N", help="stop after N images")
+    start: float | None = option(None, "skip the first S seconds", type=not_negative, metavar="S")
+    duration: float | None = option(None, "stop after S seconds", type=positive, metavar="S")
+    frames: int | None = option(None, "stop after N images", type=count, metavar="N")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PaceOptions(PartOptions):
-    """How fast, and which part of the source."""
+    """How fast the source is played, and which part of it."""
 
-    rate: float | None
-    loop: bool
-    paused: bool = False
-    """Whether it begins so; no argument."""
+    GROUP = "playing"
 
-
-def _add_pace(parser: ArgumentParser) -> None:
-    group = parser.add_argument_group("playing")
-    group.add_argument(
-        "--rate",
+    rate: float | None = option(
+        None,
+        f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
         type=rate,
-        help=f"playback speed, up to {MAX_RATE} (default: 1); 0: as fast as possible without loss",
     )
-    group.add_argument("--loop", action="store_true", help="start again at the end")
-    add_part(group)
+    loop: bool = option(False, "start again at the end")
+    paused: bool = False
+    """Begin paused; no argument."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SettingOptions:
     """Parameters of nodes."""
 
-    set: Sequence[str]
-    params: Path | None
+    GROUP = "nodes"
 
-
-def add_settings(group: Any) -> None:
-    """Parameters of nodes."""
-    group.add_argument(
-        "--set",
-        action="append",
-        default=[],
+    set: Sequence[str] = option(
+        [],
+        "set a parameter of a node; `ros-visualise nodes` lists them; repeatable",
         metavar="NODE.PARAM=VALUE",
-        help="set a parameter of a node; `ros-visualise nodes` lists them; repeatable",
     )
-    group.add_argument(
-        "--params",
-        type=Path,
+    params: Path | None = option(
+        None,
+        "set parameters from a file; 'save parameters' on the page writes one",
         metavar="FILE.yaml",
-        help="set parameters from a file; 'save parameters' on the page writes one",
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class NodeOptions(SettingOptions):
-    """Which nodes there are beside those of the source, and their parameters."""
-
-    landmarks: bool | None
-    preset: str
-    navigate: str | None
-    node: Sequence[str]
-
-
-def _add_nodes(parser: ArgumentParser) -> None:
-    group = parser.add_argument_group("nodes")
-    group.add_argument(
-        "--landmarks",
-        action=BooleanOptionalAction,
-        help="find tags in the images, and map them where the camera's pose is known (default:"
-        " on for simulated robots only)",
-    )
-    preset = group.add_argument(
-        "--preset",
-        default="",
-        metavar="NAME",
-        help="set the image nodes together: default, seed, soft, strong, automatic, gradient "
-        "or 'black and white'",
-    )
-    preset.completer = _presets  # type: ignore[attr-defined]  # of argcomplete
-    group.add_argument(
-        "--navigate",
-        nargs="?",
-        const="",
-        metavar="MAP.yaml",
-        help="find out where the robot is by the tags that it sees, with a saved map, or "
-        "building a new one",
-    )
-    add_settings(group)
-    group.add_argument(
-        "--node",
-        action="append",
-        default=[],
-        metavar="NODE[@AFTER][,INPUT=TOPIC]",
-        help="add a node: a built-in one, or your own as FILE.py:NAME; AFTER names the node "
-        "whose output it takes (default: filters, or else the source); repeatable",
     )
 
 
@@ -248,47 +143,67 @@ def _presets(**_: object) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
+class NodeOptions(SettingOptions):
+    """Nodes beside those of the source, and their parameters."""
+
+    GROUP = "nodes"
+
+    landmarks: bool | None = option(
+        None,
+        "find tags in the images, and map them where the camera's pose is known (default:"
+        " on for simulated robots only)",
+    )
+    preset: str = option(
+        "",
+        "set the image nodes together: default, seed, soft, strong, automatic, gradient "
+        "or 'black and white'",
+        metavar="NAME",
+        completer=_presets,
+    )
+    navigate: str | None = option(
+        None,
+        "localize the robot by tags, in a saved map or in a new one",
+        nargs="?",
+        const="",
+        metavar="MAP.yaml",
+    )
+    node: Sequence[str] = option(
+        [],
+        "add a node: a built-in one, or your own as FILE.py:NAME; AFTER names the node "
+        "whose output it takes (default: filters, or else the source); repeatable",
+        metavar="NODE[@AFTER][,INPUT=TOPIC]",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class OutputOptions:
-    """What is written."""
+    """Files that a run writes."""
 
-    record: Sequence[str]
-    split: str | None
-    record_dir: Path
-    overwrite: bool
-    json: bool
+    GROUP = "output"
 
-
-def _add_output(parser: ArgumentParser) -> None:
-    group = parser.add_argument_group("output")
-    group.add_argument(
-        "--record",
-        action="append",
-        default=[],
-        metavar="OUT[@TOPIC,...]",
-        help="record to an .mcap, a .bag or a ROS 2 folder, or one topic of images to an .mp4 "
+    record: Sequence[str] = option(
+        [],
+        "record to an .mcap, a .bag or a ROS 2 folder, or one topic of images to an .mp4 "
         "(default: /edges); repeatable",
+        metavar="OUT[@TOPIC,...]",
     )
-    group.add_argument(
-        "--split",
+    split: str | None = option(
+        None,
+        "begin another file of a recording after so much, such as 1G or 10m",
         metavar="SIZE|TIME",
-        help="begin another file of a recording after so much, such as 1G or 10m",
     )
-    group.add_argument(
-        "--record-dir",
+    record_dir: Path = option(
+        Path(),
+        "folder of the files that the page reads and writes (default: the current one)",
         type=folder,
-        default=Path(),
         metavar="DIR",
-        help="folder of the files that the page reads and writes (default: the current one)",
     )
-    group.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="replace existing recordings, maps and calibrations, each as soon as the new one is"
+    overwrite: bool = option(
+        False,
+        "replace existing recordings, maps and calibrations, each as soon as the new one is"
         " complete",
     )
-    group.add_argument(
-        "--json", action="store_true", help="print a report of the run as JSON at the end"
-    )
+    json: bool = option(False, "print a report of the run as JSON at the end")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,15 +211,8 @@ class PlayingOptions(ViewingOptions, PaceOptions, NodeOptions, OutputOptions, Me
     """Options of a command that plays a source through nodes."""
 
 
-def add_playing_options(parser: ArgumentParser) -> None:
-    """All that can be asked of a command that plays a source through nodes."""
-    _add_viewing(parser)
-    _add_pace(parser)
-    _add_nodes(parser)
-    _add_output(parser)
-    add_memory_option(parser)
+@dataclass(frozen=True, kw_only=True)
+class SizedOptions(PlayingOptions):
+    """Options of a command whose images may be scaled."""
 
-
-def add_size_option(parser: ArgumentParser) -> None:
-    """To which size the images of a source are scaled."""
-    parser.add_argument("--size", metavar="WxH", default="", help="scale the images to this size")
+    size: str = option("", "scale the images to this size", metavar="WxH")

@@ -1,24 +1,18 @@
 """A command: the longest pause in each topic of a recording."""
 
-from argparse import ArgumentParser
 from contextlib import closing
 from dataclasses import dataclass
 
 from ros_visualise.commands import Command
+from ros_visualise.running.arguments import argument, option
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class GapsOptions:
     """A field for each argument."""
 
-    input: str
-    above: float
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """The recording, and what is a gap."""
-    parser.add_argument("input", metavar="FILE", help="the recording")
-    parser.add_argument("--above", type=float, default=0.0, metavar="S", help="only longer ones")
+    input: str = argument("the recording", metavar="FILE")
+    above: float = option(0.0, "only longer ones", metavar="S")
 
 
 def run(options: GapsOptions) -> int:
@@ -38,4 +32,4 @@ def run(options: GapsOptions) -> int:
     return int(options.above > 0 and max(found.values(), default=0) >= options.above)
 
 
-COMMAND = Command("the longest pause in each topic", add_arguments, GapsOptions, run)
+COMMAND = Command("the longest pause in each topic", GapsOptions, run)

@@ -2,126 +2,86 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ros_visualise.commands import Command
-from ros_visualise.running.argument_types import positive
-from ros_visualise.running.options import MemoryOptions, add_memory_option
+from ros_visualise.running.arguments import argument, option, positive
+from ros_visualise.running.options import MemoryOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrateOptions(MemoryOptions):
-    """Options of ``calibrate``."""
+class BoardOptions:
+    """The board."""
 
-    input: Sequence[str]
-    pattern: str
-    size: str
-    square: float | None
-    share: float | None
-    dictionary: str | None
-    board: Path | None
-    page: str
-    model: str
-    topic: str | None
-    duration: float | None
-    output: Path | None
-    name: str
-    plot: Path | None
-    overwrite: bool
-    json: bool
+    GROUP = "board"
 
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which pictures, which board, and what is written."""
-    parser.add_argument(
-        "input",
-        metavar="SRC",
-        nargs="*",
-        help="pictures, a folder of them, a video, a recording, or a camera: /dev/video0, 0, a URL",
-    )
-    _add_board(parser.add_argument_group("board"))
-    parser.add_argument(
-        "--model",
-        choices=("pinhole", "rational", "fisheye"),
-        default="pinhole",
-        help="lens: pinhole (plumb_bob), rational (rational_polynomial) or fisheye (equidistant)"
-        " (default: %(default)s)",
-    )
-    parser.add_argument("--topic", help="images of a recording (default: the first)")
-    parser.add_argument(
-        "--duration", type=positive, metavar="S", help="watch a camera for S seconds"
-    )
-    parser.add_argument(
-        "--output", type=Path, metavar="FILE", help="write the calibration as YAML, for ROS"
-    )
-    parser.add_argument(
-        "--name", default="camera", help="the camera's name in that file (default: %(default)s)"
-    )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw points and residuals: a .png or .svg"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace existing files")
-    parser.add_argument("--json", action="store_true", help="print a report as one JSON object")
-    add_memory_option(parser)
-
-
-def _add_board(group: Any) -> None:
-    group.add_argument(
-        "--pattern",
+    pattern: str = option(
+        "chessboard",
+        "what is on the board (default: %(default)s)",
         choices=("chessboard", "charuco", "aprilgrid"),
-        default="chessboard",
-        help="what is on the board (default: %(default)s)",
     )
-    group.add_argument(
-        "--size",
-        metavar="COLUMNSxROWS",
-        default="9x6",
-        help="inner corners of a chessboard, squares of ChArUco, tags of an AprilGrid"
+    size: str = option(
+        "9x6",
+        "inner corners of a chessboard, squares of ChArUco, tags of an AprilGrid"
         " (default: %(default)s); other readings are tried too",
+        metavar="COLUMNSxROWS",
     )
-    group.add_argument(
-        "--square",
+    square: float | None = option(
+        None,
+        "side of a square or tag in metres, for --board (default: what fits the page)",
         type=positive,
         metavar="M",
-        help="side of a square or tag in metres, for --board (default: what fits the page)",
     )
-    group.add_argument(
-        "--share",
+    share: float | None = option(
+        None,
+        "side of a ChArUco marker, as a fraction of a square's (default: 0.75); gap "
+        "between the tags of an AprilGrid, as a fraction of a tag's side (default: 0.3)",
         type=positive,
         metavar="S",
-        help="side of a ChArUco marker, as a fraction of a square's (default: 0.75); gap "
-        "between the tags of an AprilGrid, as a fraction of a tag's side (default: 0.3)",
     )
-    group.add_argument(
-        "--dictionary",
+    dictionary: str | None = option(
+        None,
+        "OpenCV's name of the markers (default: 5X5_1000; of an AprilGrid APRILTAG_36h11)",
         metavar="NAME",
-        help="OpenCV's name of the markers (default: 5X5_1000; of an AprilGrid APRILTAG_36h11)",
     )
-    group.add_argument(
-        "--board", type=Path, metavar="FILE", help="write the board for printing: a .pdf or .svg"
+    board: Path | None = option(
+        None, "write the board for printing: a .pdf or .svg", metavar="FILE"
     )
-    group.add_argument(
-        "--page",
-        default="A4",
-        metavar="PAGE",
-        help="A4, A3, Letter or WIDTHxHEIGHT in mm (default: %(default)s)",
+    page: str = option(
+        "A4", "A4, A3, Letter or WIDTHxHEIGHT in mm (default: %(default)s)", metavar="PAGE"
     )
 
 
-def run(options: CalibrateOptions) -> int:
-    """Print the board if that is asked for, and calibrate if there are images."""
-    from ros_visualise.commands.calibrate.work import calibrate_camera
+@dataclass(frozen=True, kw_only=True)
+class CalibrateOptions(BoardOptions, MemoryOptions):
+    """Options of ``calibrate``."""
 
-    return calibrate_camera(options)
+    input: Sequence[str] = argument(
+        "pictures, a folder of them, a video, a recording, or a camera: /dev/video0, 0, a URL",
+        nargs="*",
+        metavar="SRC",
+    )
+    model: str = option(
+        "pinhole",
+        "lens: pinhole (plumb_bob), rational (rational_polynomial) or fisheye (equidistant)"
+        " (default: %(default)s)",
+        choices=("pinhole", "rational", "fisheye"),
+    )
+    topic: str | None = option(None, "images of a recording (default: the first)")
+    duration: float | None = option(
+        None, "watch a camera for S seconds", type=positive, metavar="S"
+    )
+    output: Path | None = option(None, "write the calibration as YAML, for ROS", metavar="FILE")
+    name: str = option("camera", "the camera's name in that file (default: %(default)s)")
+    plot: Path | None = option(None, "draw points and residuals: a .png or .svg", metavar="FILE")
+    overwrite: bool = option(False, "replace existing files")
+    json: bool = option(False, "print a report as one JSON object")
 
 
 COMMAND = Command(
     "calibrate a camera by pictures of a board, or print the board",
-    add_arguments,
     CalibrateOptions,
-    run,
+    "ros_visualise.commands.calibrate.work:calibrate_camera",
 )

@@ -2,77 +2,46 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Literal
 
 from ros_visualise.commands import Command
-from ros_visualise.running.argument_types import not_negative, positive
-from ros_visualise.running.options import MemoryOptions, add_memory_option
-
-if TYPE_CHECKING:
-    from ros_visualise.sinks import Profile
+from ros_visualise.running.arguments import argument, not_negative, option, positive
+from ros_visualise.running.options import MemoryOptions
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConvertOptions(MemoryOptions):
     """Options of ``convert``."""
 
-    input: str
-    output: str
-    topics: Sequence[str]
-    start: float | None
-    duration: float | None
-    compression: str | None
-    profile: Profile | None
-    overwrite: bool
-    json: bool
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which part of a recording, and how it is written."""
-    parser.add_argument("input", metavar="SRC", help="the recording, of any kind")
-    parser.add_argument(
-        "output",
+    input: str = argument("the recording, of any kind", metavar="SRC")
+    output: str = argument(
+        "the new file, a .bag or .mcap; a name without either ending makes a ROS 2 folder",
         metavar="DST",
-        help="the new file, a .bag or .mcap; a name without either ending makes a ROS 2 folder",
     )
-    parser.add_argument(
-        "--topics",
-        action="extend",
-        nargs="+",
-        default=[],
-        metavar="TOPIC",
-        help="only these topics",
+    topics: Sequence[str] = option(
+        [], "only these topics", action="extend", nargs="+", metavar="TOPIC"
     )
-    parser.add_argument(
-        "--start", type=not_negative, metavar="S", help="leave out the first S seconds"
-    )
-    parser.add_argument("--duration", type=positive, metavar="S", help="take only S seconds")
-    parser.add_argument(
-        "--compression",
-        choices=("auto", "none", "lz4", "bz2", "zstd"),
-        help="for a .bag: none (default), lz4 or bz2; for .mcap and ROS 2: auto (default; zstd"
+    start: float | None = option(None, "skip the first S seconds", type=not_negative, metavar="S")
+    duration: float | None = option(None, "take only S seconds", type=positive, metavar="S")
+    compression: str | None = option(
+        None,
+        "for a .bag: none (default), lz4 or bz2; for .mcap and ROS 2: auto (default; zstd"
         " for small messages, lz4 for images), none, lz4 or zstd",
+        choices=("auto", "none", "lz4", "bz2", "zstd"),
     )
-    parser.add_argument(
-        "--profile",
+    profile: Literal["ros1", "ros2"] | None = option(
+        None,
+        "message types of an .mcap: ros2 (default), or ros1, which keeps a .bag's bytes",
         choices=("ros1", "ros2"),
-        help="message types of an .mcap: ros2 (default), or ros1, which keeps a .bag's bytes",
     )
-    parser.add_argument("--overwrite", action="store_true", help="replace DST if it exists")
-    parser.add_argument("--json", action="store_true", help="print a report as one JSON object")
-    add_memory_option(parser)
-
-
-def run(options: ConvertOptions) -> int:
-    """Copy a recording into a new file, and report what was lost."""
-    from ros_visualise.commands.convert.work import convert
-
-    return convert(options)
+    overwrite: bool = option(False, "replace DST if it exists")
+    json: bool = option(False, "print a report as one JSON object")
 
 
 COMMAND = Command(
-    "write a recording, or a part of it, in another format", add_arguments, ConvertOptions, run
+    "write a recording, or a part of it, in another format",
+    ConvertOptions,
+    "ros_visualise.commands.convert.work:convert",
 )

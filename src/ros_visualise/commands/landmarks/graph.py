@@ -53,15 +53,13 @@ def _source(options: LandmarksOptions, undo: ExitStack) -> tuple[SourceNode, str
     """The source, and the topic of images or detections."""
     if not options.input:
         raise UsageError(f"give a picture, a folder of pictures, a video, a recording, {OURS}")
-    asked = {"world": options.world, "mission": options.mission, "seed": options.seed}
-    scenario = {name: value for name, value in asked.items() if value is not None}
     try:
-        source = open_input(options.input, undo, **{"mission": _OWN, **scenario})
+        source = open_input(options.input, undo, **{"mission": _OWN, **options.scenario})
     except NoRecording:
         raise no_pictures(options.input) from None
     is_robot = isinstance(source, SourceNode) and source.name in ROBOTS.names()
-    if scenario and not is_robot:
-        raise UsageError(f"--{next(iter(scenario))}: only for a simulated robot; omit it")
+    if options.scenario and not is_robot:
+        raise UsageError(f"--{next(iter(options.scenario))}: only for a simulated robot; omit it")
     if not isinstance(source, SourceNode):
         return _recorded(source, options)
     if options.topic:

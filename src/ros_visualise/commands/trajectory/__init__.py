@@ -3,120 +3,14 @@
 from __future__ import annotations
 
 import re
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ros_visualise.commands import Command
-from ros_visualise.running.argument_types import not_negative
-from ros_visualise.running.options import MemoryOptions, add_memory_option
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrajectoryOptions(MemoryOptions):
-    """Options of ``trajectory``."""
-
-    input: str
-    output: Path | None
-    topic: Sequence[str]
-    beside: Sequence[str]
-    truth: str | None
-    align: str
-    max_difference: float
-    delta: tuple[float, str]
-    format: str
-    plot: Path | None
-    plane: str
-    overwrite: bool
-    json: bool
-
-
-def add_arguments(parser: ArgumentParser) -> None:
-    """Which trajectories, what they are compared with, and what is written."""
-    parser.add_argument(
-        "input",
-        metavar="SRC",
-        help="a recording of any kind, or a text file in the format of TUM or KITTI",
-    )
-    parser.add_argument(
-        "output",
-        metavar="OUT",
-        nargs="?",
-        type=Path,
-        help="text file to write the trajectory to (as --align moved it); without OUT it is "
-        "drawn in the terminal",
-    )
-    parser.add_argument(
-        "--topic",
-        action="append",
-        default=[],
-        help="topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD;"
-        " repeatable",
-    )
-    parser.add_argument(
-        "--with",
-        dest="beside",
-        action="append",
-        default=[],
-        metavar="FILE[@TOPIC,...]",
-        help="another text file or recording; repeatable",
-    )
-    _add_comparing(parser.add_argument_group("comparing"))
-    _add_output(parser.add_argument_group("output"))
-    add_memory_option(parser)
-
-
-def _add_comparing(group: Any) -> None:
-    group.add_argument(
-        "--truth",
-        metavar="TOPIC|FILE[@TOPIC]",
-        help="the true trajectory: print the errors ATE and RPE, as evo does",
-    )
-    group.add_argument(
-        "--align",
-        choices=("none", "origin", "se3", "sim3"),
-        default="none",
-        help="move the trajectory onto the truth first: by the first poses (origin), by all "
-        "positions (se3), also with a scale (sim3) (default: %(default)s)",
-    )
-    group.add_argument(
-        "--max-difference",
-        type=not_negative,
-        default=0.01,
-        metavar="S",
-        help="compare poses whose stamps differ by at most S seconds (default: %(default)s)",
-    )
-    group.add_argument(
-        "--delta",
-        type=_delta,
-        default="1f",
-        metavar="N",
-        help="how far apart the two poses are that RPE compares: 1f (from one pose to the "
-        "next), 10m, 5deg, 1s (default: %(default)s)",
-    )
-
-
-def _add_output(group: Any) -> None:
-    group.add_argument(
-        "--format",
-        choices=("tum", "kitti"),
-        default="tum",
-        help="format of OUT (default: %(default)s)",
-    )
-    group.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the trajectories to this .png or .svg"
-    )
-    group.add_argument(
-        "--plane",
-        choices=("auto", "xy", "xz", "yz", "all"),
-        default="auto",
-        help="the plane to draw (default: the one in which the robot moves, or all three if "
-        "there is none)",
-    )
-    group.add_argument("--overwrite", action="store_true", help="replace existing files")
-    group.add_argument("--json", action="store_true", help="print a report as one JSON object")
+from ros_visualise.running.arguments import argument, not_negative, option
+from ros_visualise.running.options import MemoryOptions
 
 
 def _delta(text: str) -> tuple[float, str]:
@@ -128,16 +22,83 @@ def _delta(text: str) -> tuple[float, str]:
     return amount, found[2]
 
 
-def run(options: TrajectoryOptions) -> int:
-    """Read trajectories, compare them, write and draw them, and print what they are."""
-    from ros_visualise.commands.trajectory.work import assess
+@dataclass(frozen=True, kw_only=True)
+class ComparisonOptions:
+    """How trajectories are compared."""
 
-    return assess(options)
+    GROUP = "comparing"
+
+    truth: str | None = option(
+        None,
+        "the true trajectory: print the errors ATE and RPE, as evo does",
+        metavar="TOPIC|FILE[@TOPIC]",
+    )
+    align: str = option(
+        "none",
+        "move the trajectory onto the truth first: by the first poses (origin), by all "
+        "positions (se3), also with a scale (sim3) (default: %(default)s)",
+        choices=("none", "origin", "se3", "sim3"),
+    )
+    max_difference: float = option(
+        0.01,
+        "compare poses whose stamps differ by at most S seconds (default: %(default)s)",
+        type=not_negative,
+        metavar="S",
+    )
+    delta: tuple[float, str] = option(
+        "1f",
+        "how far apart the two poses are that RPE compares: 1f (from one pose to the "
+        "next), 10m, 5deg, 1s (default: %(default)s)",
+        type=_delta,
+        metavar="N",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryOutputOptions:
+    """Files that are written, and what is drawn."""
+
+    GROUP = "output"
+
+    format: str = option("tum", "format of OUT (default: %(default)s)", choices=("tum", "kitti"))
+    plot: Path | None = option(None, "draw the trajectories to this .png or .svg", metavar="FILE")
+    plane: str = option(
+        "auto",
+        "the plane to draw (default: the one in which the robot moves, or all three if none)",
+        choices=("auto", "xy", "xz", "yz", "all"),
+    )
+    overwrite: bool = option(False, "replace existing files")
+    json: bool = option(False, "print a report as one JSON object")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrajectoryOptions(ComparisonOptions, TrajectoryOutputOptions, MemoryOptions):
+    """Options of ``trajectory``."""
+
+    input: str = argument(
+        "a recording of any kind, or a text file in the format of TUM or KITTI", metavar="SRC"
+    )
+    output: Path | None = argument(
+        "text file to write the trajectory to (as --align moved it); without OUT it is "
+        "drawn in the terminal",
+        default=None,
+        nargs="?",
+        metavar="OUT",
+    )
+    topic: Sequence[str] = option(
+        [],
+        "topic of poses, odometry, fixes or a path, or two frames as /tf:PARENT.CHILD; repeatable",
+    )
+    beside: Sequence[str] = option(
+        [],
+        "another text file or recording; repeatable",
+        flag="--with",
+        metavar="FILE[@TOPIC,...]",
+    )
 
 
 COMMAND = Command(
     "draw poses, compare them with the truth (ATE, RPE), write them for evo",
-    add_arguments,
     TrajectoryOptions,
-    run,
+    "ros_visualise.commands.trajectory.work:assess",
 )
